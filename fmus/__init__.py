@@ -1,0 +1,1 @@
+"""The components: each model with its interface, exported as an FMU."""

@@ -1,0 +1,64 @@
+"""Units: one table for the model descriptions, the names of columns and the checks of connections."""
+
+import math
+from dataclasses import dataclass, field
+
+STANDARD_GRAVITY = 9.80665
+"""Standard gravity [m/s²]; the default of every gravity parameter."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of a variable: exponents of SI base units and the units in which a person likes to read it.
+
+    Attributes
+    ----------
+    name : str
+        as FMI writes it ("m/s2")
+    suffix : str
+        how it stands in a column's name ("mps2"); empty for a pure number
+    exponents : dict
+        base unit to exponent, as in FMI's BaseUnit (kg, m, s, A, K, mol, cd, rad)
+    factor, offset : float
+        SI value = factor * value + offset
+    display : dict
+        display unit's name to factor: displayed value = factor * value
+    """
+
+    name: str
+    suffix: str
+    exponents: dict[str, int] = field(default_factory=dict)
+    factor: float = 1.0
+    offset: float = 0.0
+    display: dict[str, float] = field(default_factory=dict)
+
+
+UNITS = {
+    unit.name: unit
+    for unit in (
+        Unit("1", ""),
+        Unit("s", "s", {"s": 1}),
+        Unit("h", "h", {"s": 1}, factor=3600.0),
+        Unit("rad", "rad", {"rad": 1}, display={"deg": 180.0 / math.pi, "arcsec": 648000.0 / math.pi}),
+        Unit("rad/s", "radps", {"rad": 1, "s": -1}, display={"deg/s": 180.0 / math.pi}),
+        Unit("rad/s2", "radps2", {"rad": 1, "s": -2}, display={"deg/s2": 180.0 / math.pi}),
+        Unit("rad/h", "radph", {"rad": 1, "s": -1}, factor=1.0 / 3600.0),
+        Unit("m/s2", "mps2", {"m": 1, "s": -2}, display={"g": 1.0 / STANDARD_GRAVITY}),
+        Unit("degC", "degC", {"K": 1}, offset=273.15),
+        Unit("g", "g", {"m": 1, "s": -2}, factor=STANDARD_GRAVITY),
+        Unit("g/h", "gph", {"m": 1, "s": -3}, factor=STANDARD_GRAVITY / 3600.0),
+        Unit("1/g", "pg", {"m": -1, "s": 2}, factor=1.0 / STANDARD_GRAVITY),
+    )
+}
+"""Every unit that a variable of a component may have, by its FMI name."""
+
+
+def column_units() -> dict[str, tuple[str, float]]:
+    """Suffix of a column's name -> (unit, column's value = factor * value in that unit)."""
+    table = {unit.suffix: (unit.name, 1.0) for unit in UNITS.values() if unit.suffix}
+    spelling = {"deg": "deg", "arcsec": "arcsec", "degps": "deg/s", "degps2": "deg/s2"}
+    for suffix, display in spelling.items():
+        for unit in UNITS.values():
+            if display in unit.display:
+                table[suffix] = (unit.name, unit.display[display])
+    return table

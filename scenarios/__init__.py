@@ -1,0 +1,1 @@
+"""Scenario files, position programmes and their reference results."""

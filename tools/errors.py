@@ -1,0 +1,32 @@
+"""What is said to a user whose input cannot be used."""
+
+
+class InputError(Exception):
+    """The input cannot be used; the message is the one line that the user reads (exit status 2).
+
+    It names the file, the row and the column, or the option, and says what would be right.
+    """
+
+
+def nearest(name: str, known: list[str] | tuple[str, ...]) -> str:
+    """A phrase that names the known name nearest to a misspelt one, or lists what is known.
+
+    Parameters
+    ----------
+    name : str
+        what was written
+    known : sequence of str
+        what would be accepted
+
+    Returns
+    -------
+    str
+        "did you mean 'x'?" or "known: a, b, c"
+    """
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    shown = ", ".join(known[:12])
+    return f"known: {shown}{', ...' if len(known) > 12 else ''}" if known else "none are known"
