@@ -1,1 +1,77 @@
-"""The catalogue of effects."""
+"""The catalogue of effects: each stands in one file of this package, as its `EFFECT`."""
+
+import importlib
+import math
+import pkgutil
+from collections.abc import Mapping
+
+from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, Rows
+
+__all__ = [
+    "CATALOGUE",
+    "Effect",
+    "EffectParameter",
+    "EffectPlace",
+    "Rows",
+    "parameter_name",
+    "place_from_mapping",
+]
+
+
+def _read_catalogue() -> dict[str, Effect]:
+    names = sorted(module.name for module in pkgutil.iter_modules(__path__) if module.name != "definition")
+    effects = (importlib.import_module(f"{__name__}.{name}").EFFECT for name in names)
+    return {effect.name: effect for effect in effects}
+
+
+CATALOGUE: dict[str, Effect] = _read_catalogue()
+"""Every effect, by its name."""
+
+
+def parameter_name(place: EffectPlace, parameter: str) -> str:
+    """The name of the FMU variable that holds a parameter of an effect at its place."""
+    words = [place.effect, place.where]
+    if place.order is not None:
+        words.append(f"order_{place.order}")
+    if place.axes:
+        words.append("axes_" + "_".join(str(axis) for axis in place.axes))
+    return ".".join([*words, parameter]).replace("-", "_")
+
+
+def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict[str, float]]:
+    """Split an entry of a scenario's `effects` into the place and the values of its parameters.
+
+    Parameters
+    ----------
+    mapping : mapping
+        ``effect``, ``where``, where it has them ``order`` and ``axes``, and the parameters by name
+
+    Raises
+    ------
+    ValueError
+        one line: what is unknown, missing or of the wrong type, and what would be right
+    """
+    rest = dict(mapping)
+    name = rest.pop("effect", None)
+    effect = CATALOGUE.get(name) if isinstance(name, str) else None
+    if effect is None or effect.kernel is None:
+        known = ", ".join(entry.name for entry in CATALOGUE.values() if entry.kernel is not None)
+        raise ValueError(f"effect {name!r} is not one that extends a component; these do: {known}")
+    where, order, axes = rest.pop("where", None), rest.pop("order", None), rest.pop("axes", ())
+    place = next(
+        (p for p in effect.places if (p.where, p.order) == (where, order) and list(p.axes) == list(axes)),  # type: ignore[arg-type]
+        None,
+    )
+    if place is None:
+        known = "; ".join(p.title.removeprefix(effect.name).strip() for p in effect.places)
+        raise ValueError(f"effect {name!r} has no place {where!r} with order {order!r}; it has: {known}")
+    values: dict[str, float] = {}
+    for parameter in effect.parameters:
+        value = rest.pop(parameter.name, None)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ValueError(f"effect {name!r}: parameter {parameter.name!r} needs a finite number [{parameter.unit}]")
+        values[parameter.name] = float(value)
+    if rest:
+        known = ", ".join(parameter.name for parameter in effect.parameters)
+        raise ValueError(f"effect {name!r} has no parameter {min(rest)!r}; it has: {known}")
+    return place, values

@@ -1,0 +1,131 @@
+"""A component: its table of variables and the kernels that work on them."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+from trihedron.models.effects import EffectPlace
+
+Causality = Literal["parameter", "input", "output", "state", "work"]
+Variability = Literal["fixed", "tunable", "discrete", "continuous"]
+Type = Literal["real", "integer", "boolean", "enumeration"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A row of a component's table.
+
+    Attributes
+    ----------
+    name, description : str
+        the kernels' arguments have the same names
+    causality : str
+        "parameter", "input", "output"; "state" is the component's memory, "work" is space that a kernel works in
+    size : int
+        0 for a scalar, else the length of the array
+    unit : str
+        a key of `trihedron.fmus.units.UNITS`
+    display_unit : str or None
+        in which a person likes to read it
+    start : float or tuple of float
+        of parameters and inputs
+    minimum, maximum, nominal : float or None
+        in the variable's unit
+    items : tuple of str
+        names of the values 1, 2, ... of an enumeration
+    follows : tuple of str
+        inputs that an output follows at once, without a step
+    element_names : tuple of str
+        names of the elements where they are not name[1], name[2], ...
+    """
+
+    name: str
+    description: str
+    causality: Causality = "state"
+    size: int = 0
+    unit: str = "1"
+    display_unit: str | None = None
+    start: float | tuple[float, ...] = 0.0
+    variability: Variability = "continuous"
+    type: Type = "real"
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float | None = None
+    items: tuple[str, ...] = ()
+    follows: tuple[str, ...] = ()
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Start values of all elements."""
+        if isinstance(self.start, tuple):
+            return self.start
+        return (self.start,) * max(self.size, 1)
+
+    @property
+    def elements(self) -> tuple[str, ...]:
+        """Names of the scalars: the name itself, or name[1], name[2], ..."""
+        return tuple(f"{self.name}[{i + 1}]" for i in range(self.size)) if self.size else (self.name,)
+
+
+@dataclass(frozen=True)
+class Component:
+    """A model with its interface.
+
+    Attributes
+    ----------
+    name, description : str
+    variables : tuple of Variable
+        the table; value references count its scalars from 1 (0 is the time)
+    initialise, step : callable
+        kernels; each takes what it names: variables of the table, ``time``, ``step``, ``effect``; returns 0 or the
+        number of a message
+    respond : callable or None
+        kernel that recomputes the outputs that follow the inputs at once
+    messages : tuple of str
+        what message 1, 2, ... of the kernels says
+    equations : tuple of str
+        the model in lines of mathematics, for the documentation
+    source : str
+        where the model comes from
+    step_size, stop_time : float
+        of the default experiment [s]
+    effects : tuple of EffectPlace
+        the effects that it is extended with; their parameters stand last
+    """
+
+    name: str
+    description: str
+    variables: tuple[Variable, ...]
+    initialise: Callable[..., int]
+    step: Callable[..., int]
+    respond: Callable[..., None] | None
+    messages: tuple[str, ...]
+    equations: tuple[str, ...]
+    source: str
+    step_size: float
+    stop_time: float
+    effects: tuple[EffectPlace, ...] = field(default=())
+
+    @property
+    def kernels(self) -> dict[str, Callable[..., int | None]]:
+        """The kernels by their names: initialise, step and, where there is one, respond."""
+        kernels: dict[str, Callable[..., int | None]] = {"initialise": self.initialise, "step": self.step}
+        if self.respond is not None:
+            kernels["respond"] = self.respond
+        return kernels
+
+    @property
+    def interface(self) -> tuple[Variable, ...]:
+        """The variables that the world sees."""
+        return tuple(v for v in self.variables if v.causality in ("parameter", "input", "output"))
+
+    @property
+    def arguments(self) -> dict[str, tuple[str, ...]]:
+        """Names of each kernel's arguments, in order."""
+        return {name: tuple(inspect.signature(kernel).parameters) for name, kernel in self.kernels.items()}
+
+
+def identity_matrix() -> tuple[float, ...]:
+    """The mounting that leaves the axes as they are, row by row."""
+    return (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

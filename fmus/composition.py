@@ -1,0 +1,44 @@
+"""A component extended by effects: composing appends parameters and joins kernels to stages, nothing else."""
+
+import dataclasses
+from collections.abc import Sequence
+
+from trihedron.fmus.component import Component, Variable
+from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name
+
+
+def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
+    """The parameters that effects append to a component's table."""
+    return tuple(
+        Variable(
+            parameter_name(place, parameter.name),
+            f"{place.title}: {parameter.description}",
+            "parameter",
+            unit=parameter.unit,
+            variability="tunable",
+        )
+        for place in effects
+        for parameter in CATALOGUE[place.effect].parameters
+    )
+
+
+def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
+    """The component with effects composed into it.
+
+    Raises
+    ------
+    ValueError
+        an effect that belongs to another component, has no kernel, or is there already
+    """
+    for i, place in enumerate(effects):
+        effect = CATALOGUE[place.effect]
+        if effect.component != component.name:
+            home = effect.component or "no component"
+            raise ValueError(f"effect {place.title} extends {home}, not {component.name}")
+        if place in component.effects or place in effects[:i]:
+            raise ValueError(f"effect {place.title} is there already")
+    return dataclasses.replace(
+        component,
+        variables=component.variables + effect_variables(effects),
+        effects=component.effects + tuple(effects),
+    )

@@ -1,0 +1,96 @@
+"""One self-contained source from a component's kernels and the kernels of the effects that extend it."""
+
+import ast
+import inspect
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+from trihedron.fmus.component import Component
+from trihedron.models.effects import CATALOGUE
+
+
+def called_names(function: Callable[..., Any]) -> list[str]:
+    """Names that a kernel reads and does not bind itself, in order of appearance."""
+    tree = ast.parse(inspect.getsource(function))
+    bound = set(inspect.signature(function).parameters)
+    names: list[str] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            if isinstance(node.ctx, ast.Store):
+                bound.add(node.id)
+            elif node.id not in names:
+                names.append(node.id)
+    return [name for name in names if name not in bound]
+
+
+def hook_source(hook: Callable[..., None], component: Component) -> str:
+    """Source of a stage's hook that calls the kernels of the effects at that stage.
+
+    What each adds is evaluated on the un-extended values of the stage and summed, so their order does not matter.
+    """
+    names = list(inspect.signature(hook).parameters)
+    added = names[-1]
+    lines = [f"def {hook.__name__}({', '.join(names)}):"]
+    size = next(variable.size for variable in component.variables if variable.name == added)
+    lines += [f"    {added}[{i}] = 0.0" for i in range(size)]
+    at = 0
+    for place in component.effects:
+        effect = CATALOGUE[place.effect]
+        count = len(effect.parameters)
+        if effect.stage == hook.__name__ and effect.kernel is not None:
+            numbers = [str(number) for number in effect.place_numbers(place)]
+            values = [f"effect[{at + i}]" for i in range(count)]
+            arguments = ", ".join([*names[:2], *numbers, *values, added])
+            lines.append(f"    {effect.kernel.__name__}({arguments})")
+        at += count
+    return "\n".join(lines)
+
+
+def flat_source(component: Component) -> str:
+    """All kernels of a component, every function before its use, as one text that imports nothing but `math`.
+
+    Parameters
+    ----------
+    component : Component
+        with the effects that extend it
+
+    Raises
+    ------
+    TypeError
+        a kernel uses something that is not a kernel, a number or `math`
+    """
+    parts: dict[str, str] = {}
+    stages = {CATALOGUE[place.effect].stage for place in component.effects}
+
+    def include(function: Callable[..., Any]) -> None:
+        if function.__name__ in stages:
+            for place in component.effects:
+                effect = CATALOGUE[place.effect]
+                if effect.stage == function.__name__ and effect.kernel is not None:
+                    include_names(effect.kernel)
+                    parts.setdefault(effect.kernel.__name__, inspect.getsource(effect.kernel).rstrip())
+            parts[function.__name__] = hook_source(function, component)
+            return
+        include_names(function)
+        parts[function.__name__] = inspect.getsource(function).rstrip()
+
+    def include_names(function: Callable[..., Any]) -> None:
+        for name in called_names(function):
+            if name in parts:
+                continue
+            value = function.__globals__.get(name)
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                parts[name] = f"{name} = {value!r}"
+            elif inspect.isfunction(value):
+                include(value)
+            elif not (isinstance(value, ModuleType) and value.__name__ == "math") and name not in PERMITTED:
+                raise TypeError(f"kernel {function.__name__} uses {name}, which is not restricted Python")
+
+    for kernel in component.kernels.values():
+        include(kernel)
+    return "\n\n\n".join(parts.values()) + "\n"
+
+
+PERMITTED = frozenset({"range", "int", "float", "None", "Vector"})
+"""Names of Python that a kernel may use beside numbers, kernels and `math`."""

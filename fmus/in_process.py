@@ -1,0 +1,43 @@
+"""A component without FMI: run in this process, as plain Python or compiled by numba."""
+
+from collections.abc import Callable
+from typing import Any
+
+from trihedron.fmus.component import Component
+from trihedron.fmus.flat_source import flat_source
+from trihedron.fmus.instance import Instance
+
+
+def instance_rows(component: Component) -> tuple[tuple, ...]:
+    """The component's table as `Instance` takes it."""
+    return tuple(
+        (v.name, v.causality, v.size, v.starts, v.variability, v.minimum, v.maximum) for v in component.variables
+    )
+
+
+def effect_count(component: Component) -> int:
+    """How many parameters the effects of a component have."""
+    from trihedron.models.effects import CATALOGUE
+
+    return sum(len(CATALOGUE[place.effect].parameters) for place in component.effects)
+
+
+def kernel_functions(component: Component) -> dict[str, Callable[..., Any]]:
+    """The kernels of a component, with its effects, made from its flat source."""
+    namespace: dict[str, Any] = {}
+    source = "from __future__ import annotations\nimport math\n\n\n" + flat_source(component)
+    exec(compile(source, f"<kernels of {component.name}>", "exec"), namespace)
+    return {name: namespace[name] for name in component.kernels}
+
+
+def instantiate(component: Component) -> Instance:
+    """An instance of the component in plain Python."""
+    return Instance(
+        instance_rows(component), kernel_functions(component), component.arguments, effect_count(component)
+    )
+
+
+def references(component: Component) -> dict[str, int]:
+    """Value reference of each scalar, by its name."""
+    names = [element for v in component.interface for element in v.elements]
+    return {name: i + 1 for i, name in enumerate(names)}

@@ -1,0 +1,157 @@
+"""The PythonFMU flavour: one generated, self-contained script in an FMI 2.0 co-simulation FMU."""
+
+import hashlib
+import inspect
+import pprint
+import re
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+from pythonfmu.builder import FmuBuilder
+
+from trihedron.fmus import instance
+from trihedron.fmus.component import Component
+from trihedron.fmus.flat_source import flat_source
+from trihedron.fmus.in_process import effect_count, instance_rows
+from trihedron.fmus.model_description import model_description
+
+SCRIPT = '''"""{name}: {description}
+
+Made by Trihedron from the component's kernels and table; nothing outside this file and the embedded pythonfmu is run.
+"""
+{instance}
+
+import json
+import math
+
+from pythonfmu.enums import Fmi2Status
+from pythonfmu.fmi2slave import Fmi2Slave
+
+{kernels}
+
+VARIABLES = {variables}
+ARGUMENTS = {arguments}
+MESSAGES = {messages}
+EFFECTS = {effects}
+
+
+class {name}(Fmi2Slave):
+    """The FMI side of the component: value references, states of the interface, messages."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        kernels = {{name: globals()[name] for name in ARGUMENTS}}
+        self.model = Instance(VARIABLES, kernels, ARGUMENTS, EFFECTS)
+        self.start_time = 0.0
+
+    def setup_experiment(self, start_time, stop_time=None, tolerance=None):
+        self.start_time = start_time
+
+    def exit_initialization_mode(self):
+        self.check(self.model.initialise(self.start_time))
+
+    def do_step(self, current_time, step_size):
+        return self.report(self.model.do_step(current_time, step_size))
+
+    def report(self, message):
+        if message:
+            self.log(f"{{self.instance_name}}: {{MESSAGES[message - 1]}}", Fmi2Status.error, "logStatusError")
+        return message == 0
+
+    def check(self, message):
+        if not self.report(message):
+            raise ValueError(MESSAGES[message - 1])
+
+    def get_real(self, references):
+        return [self.model.get(reference) for reference in references]
+
+    def get_integer(self, references):
+        return [int(self.model.get(reference)) for reference in references]
+
+    def get_boolean(self, references):
+        return [self.model.get(reference) != 0.0 for reference in references]
+
+    def set_real(self, references, values):
+        for reference, value in zip(references, values):
+            try:
+                self.model.set(reference, value)
+            except ValueError as error:
+                self.log(f"{{self.instance_name}}: {{error}}", Fmi2Status.error, "logStatusError")
+                raise
+
+    set_integer = set_real
+    set_boolean = set_real
+
+    def _get_fmu_state(self):
+        return self.model.get_state()
+
+    def _set_fmu_state(self, state):
+        self.model.set_state(state)
+'''
+
+
+def script_source(component: Component) -> str:
+    """The script of the FMU."""
+    return SCRIPT.format(
+        name=component.name,
+        description=component.description,
+        instance=re.sub(r'^""".*?"""\n+', "", inspect.getsource(instance), flags=re.DOTALL),
+        kernels=flat_source(component),
+        variables=pprint.pformat(instance_rows(component), width=110, sort_dicts=False),
+        arguments=pprint.pformat(component.arguments, width=110, sort_dicts=False),
+        messages=pprint.pformat(component.messages, width=110),
+        effects=effect_count(component),
+    )
+
+
+def module_name(component: Component, source: str) -> str:
+    """Name of the script's module: two FMUs that differ never share a module of their host."""
+    words = re.sub(r"(?<!^)(?=[A-Z])", "_", component.name).lower()
+    return f"{words}_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+
+
+def build_python_fmu(component: Component, folder: Path) -> Path:
+    """Build the FMU into `folder`; the same component gives the same bytes.
+
+    Parameters
+    ----------
+    component : Component
+    folder : Path
+        made when it is missing
+
+    Returns
+    -------
+    Path
+        ``<folder>/<component's name>.fmu``
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    source = script_source(component)
+    path = folder / f"{component.name}.fmu"
+    with tempfile.TemporaryDirectory(prefix="trihedron-") as scratch:
+        script = Path(scratch) / f"{module_name(component, source)}.py"
+        script.write_text(source, encoding="utf-8")
+        before = list(sys.path)
+        try:
+            built = FmuBuilder.build_FMU(script, dest=scratch, needsExecutionTool=False)
+        finally:
+            sys.path[:] = before
+            sys.modules.pop(script.stem, None)
+        rewrite_archive(Path(built), path, model_description(component, source.encode()))
+    return path
+
+
+def rewrite_archive(built: Path, path: Path, description: bytes) -> None:
+    """Copy an FMU in a fixed order with fixed dates, with our model description in place of the builder's."""
+    with zipfile.ZipFile(built) as archive:
+        members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
+    members["modelDescription.xml"] = description
+    beside = path.with_suffix(".fmu.part")
+    with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
+            entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, members[name])
+    beside.replace(path)

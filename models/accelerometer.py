@@ -1,0 +1,162 @@
+"""The accelerometer block: scale factors that depend on the sign of the input, misalignment, bias, errors.
+
+Source: Golovan, Matasov, Tarygin 2022, (1.1): f' = (I + Γ) f_z + Δf⁰ + Δfˢ with Γ_pp = Γ⁺ or Γ⁻ by the sign of the
+input of accelerometer p. Γ and the bias are fractions of gravity's model value, as in the paper.
+"""
+
+from trihedron.models.random_numbers import seed_generator, symmetric
+from trihedron.models.restricted import CONTEXT_SIZE, HOURS, INPUT, SENSE_INPUT, TEMPERATURE, Vector
+
+
+def reading_effects(context: Vector, n: Vector, effect: Vector, added: Vector) -> None:
+    """Stage "reading": what effects add to the readings (3,) [g]; the nominal block adds nothing."""
+    added[0] = 0.0
+    added[1] = 0.0
+    added[2] = 0.0
+
+
+def nominal_reading(
+    n: Vector,
+    scale_error_plus: Vector,
+    scale_error_minus: Vector,
+    gamma_21: float,
+    gamma_31: float,
+    gamma_12: float,
+    gamma_32: float,
+    gamma_13: float,
+    gamma_23: float,
+    bias: Vector,
+    reading: Vector,
+) -> None:
+    """Readings (3,) [g] of a block without fluctuation at the inputs n (3,) [g]: n + Γn + b."""
+    reading[0] = n[0] + gamma_12 * n[1] + gamma_13 * n[2] + bias[0]
+    reading[1] = n[1] + gamma_21 * n[0] + gamma_23 * n[2] + bias[1]
+    reading[2] = n[2] + gamma_31 * n[0] + gamma_32 * n[1] + bias[2]
+    for p in range(3):
+        if n[p] > 0.0:
+            reading[p] = reading[p] + scale_error_plus[p] * n[p]
+        else:
+            reading[p] = reading[p] + scale_error_minus[p] * n[p]
+
+
+def respond(
+    specific_force: Vector,
+    temperature: float,
+    gravity: float,
+    scale_error_plus: Vector,
+    scale_error_minus: Vector,
+    gamma_21: float,
+    gamma_31: float,
+    gamma_12: float,
+    gamma_32: float,
+    gamma_13: float,
+    gamma_23: float,
+    bias: Vector,
+    effect: Vector,
+    reading: Vector,
+    error: Vector,
+    hours: Vector,
+    senses: Vector,
+    n: Vector,
+    context: Vector,
+    added: Vector,
+) -> None:
+    """Readings (3,) [m/s²] that follow the inputs at once, with the error [g] that the last step drew."""
+    for p in range(3):
+        n[p] = specific_force[p] / gravity
+    for i in range(CONTEXT_SIZE):
+        context[i] = 0.0
+    context[HOURS] = hours[0]
+    context[TEMPERATURE] = temperature
+    for p in range(3):
+        context[INPUT + p] = n[p]
+        context[SENSE_INPUT + p] = senses[p]
+    nominal_reading(
+        n,
+        scale_error_plus,
+        scale_error_minus,
+        gamma_21,
+        gamma_31,
+        gamma_12,
+        gamma_32,
+        gamma_13,
+        gamma_23,
+        bias,
+        reading,
+    )
+    reading_effects(context, n, effect, added)
+    for p in range(3):
+        reading[p] = gravity * (reading[p] + added[p] + error[p])
+
+
+def draw_error(noise_bound: float, held_fraction: float, held: Vector, generator: Vector, error: Vector) -> None:
+    """Draw the error (3,) [g] of a sample: held part plus white part, never more than `noise_bound`."""
+    for p in range(3):
+        white = symmetric(generator)
+        error[p] = noise_bound * (held_fraction * held[p] + (1.0 - held_fraction) * white)
+
+
+def initialise(
+    time: float,
+    specific_force: Vector,
+    dwell: float,
+    gravity: float,
+    noise_bound: float,
+    held_fraction: float,
+    seed: float,
+    error: Vector,
+    held: Vector,
+    generator: Vector,
+    held_dwell: Vector,
+    start: Vector,
+    hours: Vector,
+    senses: Vector,
+    previous_input: Vector,
+) -> int:
+    """Draw the first errors; returns 0 or the number of a message."""
+    if not gravity > 0.0:
+        return 1
+    start[0] = time
+    hours[0] = 0.0
+    seed_generator(seed, 2.0, generator)
+    for p in range(3):
+        held[p] = symmetric(generator)
+        senses[p] = 0.0
+        previous_input[p] = specific_force[p]
+    held_dwell[0] = dwell
+    draw_error(noise_bound, held_fraction, held, generator, error)
+    return 0
+
+
+def step(
+    time: float,
+    step: float,
+    specific_force: Vector,
+    dwell: float,
+    noise_bound: float,
+    held_fraction: float,
+    error: Vector,
+    held: Vector,
+    generator: Vector,
+    held_dwell: Vector,
+    start: Vector,
+    hours: Vector,
+    senses: Vector,
+    previous_input: Vector,
+) -> int:
+    """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
+    for p in range(3):
+        if not specific_force[p] - specific_force[p] == 0.0:
+            return 2
+        if specific_force[p] > previous_input[p]:
+            senses[p] = 1.0
+        if specific_force[p] < previous_input[p]:
+            senses[p] = -1.0
+        previous_input[p] = specific_force[p]
+    hours[0] = (time + step - start[0]) / 3600.0
+    if dwell != held_dwell[0]:
+        held_dwell[0] = dwell
+        for p in range(3):
+            held[p] = symmetric(generator)
+    draw_error(noise_bound, held_fraction, held, generator, error)
+    return 0

@@ -1,0 +1,40 @@
+"""The restricted Python in which kernels are written.
+
+A kernel runs unchanged as plain Python, is compiled by numba, is carried by a PythonFMU FMU and can be translated to
+C. So it uses nothing but
+
+* float scalars, integer indices and flat arrays of floats (`Vector`: a list in plain Python, an array elsewhere);
+* ``+ - * /``, comparisons, ``if``, ``for ... in range``, ``while``;
+* ``math.sqrt``, ``math.sin``, ``math.cos``, ``math.atan2``, ``math.floor``, ``math.fabs``, ``math.pi``;
+* calls to other kernels and module constants in capitals;
+
+and no ``**``, ``%``, ``//``, ``round``, objects, slices or keyword arguments. What a kernel changes is an array, even
+of one element; what it only reads may be a scalar. Working arrays are arguments too: a kernel allocates nothing.
+
+Context
+-------
+Effects read the circumstances of a reading from one fixed vector; these constants are its places.
+"""
+
+from collections.abc import MutableSequence
+
+Vector = MutableSequence[float]
+
+HOURS = 0
+"""time since the start [h]"""
+TEMPERATURE = 1
+"""temperature [degC]"""
+ALPHA = 2
+"""true angle of the outer axis [rad]"""
+BETA = 3
+"""true angle of the inner axis [rad]"""
+SENSE_ALPHA = 4
+"""sense of the last move of the outer axis (+1, -1, 0: none yet)"""
+SENSE_BETA = 5
+"""sense of the last move of the inner axis"""
+SENSE_INPUT = 6
+"""senses of the last change of each accelerometer's input (three places)"""
+INPUT = 9
+"""inputs of the accelerometers [g] (three places)"""
+CONTEXT_SIZE = 12
+"""length of the context"""

@@ -1,0 +1,101 @@
+"""Rotations as quaternions, scalar first: q takes body components to the reference, v_ref = q v_body q*."""
+
+import math
+
+from trihedron.models.restricted import Vector
+
+
+def set_quaternion(w: float, x: float, y: float, z: float, result: Vector) -> None:
+    """Write four numbers into a quaternion (4,)."""
+    result[0] = w
+    result[1] = x
+    result[2] = y
+    result[3] = z
+
+
+def multiply(p: Vector, q: Vector, result: Vector) -> None:
+    """Quaternion product p ∘ q; `result` (4,) may be one of the factors."""
+    set_quaternion(
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+        result,
+    )
+
+
+def turn(q: Vector, axis: int, angle: float, factor: Vector) -> None:
+    """Turn the frame further by `angle` [rad] about its own axis 0, 1 or 2: q becomes q ∘ (cos, sin) of the half angle.
+
+    `factor` (4,) is working space.
+    """
+    set_quaternion(math.cos(0.5 * angle), 0.0, 0.0, 0.0, factor)
+    factor[1 + axis] = math.sin(0.5 * angle)
+    multiply(q, factor, q)
+
+
+def turn_by_vector(q: Vector, x: float, y: float, z: float, factor: Vector) -> None:
+    """Turn the frame further by the rotation vector (x, y, z) [rad]; the frame rotation is exp(-[v×])."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    half = 0.5 * angle
+    if angle < 1e-5:
+        scale = 0.5 - half * half / 12.0
+    else:
+        scale = math.sin(half) / angle
+    set_quaternion(math.cos(half), x * scale, y * scale, z * scale, factor)
+    multiply(q, factor, q)
+
+
+def to_body(q: Vector, x: float, y: float, z: float, result: Vector) -> None:
+    """Components in the body of a vector (x, y, z) given in the reference: q* v q; `result` (3,)."""
+    tx = 2.0 * (q[3] * y - q[2] * z)
+    ty = 2.0 * (q[1] * z - q[3] * x)
+    tz = 2.0 * (q[2] * x - q[1] * y)
+    result[0] = x + q[0] * tx + (q[3] * ty - q[2] * tz)
+    result[1] = y + q[0] * ty + (q[1] * tz - q[3] * tx)
+    result[2] = z + q[0] * tz + (q[2] * tx - q[1] * ty)
+
+
+def normalise(q: Vector) -> None:
+    """Bring a quaternion (4,) back to the unit sphere."""
+    scale = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    for i in range(4):
+        q[i] = q[i] * scale
+
+
+def quaternion_of_matrix(r: Vector, result: Vector) -> None:
+    """Quaternion of the frame whose direction-cosine matrix is r: χ_body = r χ_ref, row by row (9,).
+
+    The largest of the four squared components is found first, so that nothing is divided by a small number.
+    """
+    trace = r[0] + r[4] + r[8]
+    if trace >= r[0] and trace >= r[4] and trace >= r[8]:
+        set_quaternion(1.0 + trace, r[5] - r[7], r[6] - r[2], r[1] - r[3], result)
+    elif r[0] >= r[4] and r[0] >= r[8]:
+        set_quaternion(r[5] - r[7], 1.0 + r[0] - r[4] - r[8], r[1] + r[3], r[2] + r[6], result)
+    elif r[4] >= r[8]:
+        set_quaternion(r[6] - r[2], r[1] + r[3], 1.0 + r[4] - r[0] - r[8], r[5] + r[7], result)
+    else:
+        set_quaternion(r[1] - r[3], r[2] + r[6], r[5] + r[7], 1.0 + r[8] - r[0] - r[4], result)
+    normalise(result)
+
+
+def is_rotation(r: Vector) -> float:
+    """1.0 when the matrix (9,) is orthogonal with determinant +1 to 1e-6, else 0.0."""
+    proper = 1.0
+    for i in range(3):
+        for j in range(3):
+            product = r[3 * i] * r[3 * j] + r[3 * i + 1] * r[3 * j + 1] + r[3 * i + 2] * r[3 * j + 2]
+            expected = 0.0
+            if i == j:
+                expected = 1.0
+            if not math.fabs(product - expected) <= 1e-6:
+                proper = 0.0
+    determinant = (
+        r[0] * (r[4] * r[8] - r[5] * r[7])
+        - r[1] * (r[3] * r[8] - r[5] * r[6])
+        + r[2] * (r[3] * r[7] - r[4] * r[6])
+    )
+    if not determinant > 0.0:
+        proper = 0.0
+    return proper
