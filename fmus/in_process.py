@@ -32,9 +32,7 @@ def kernel_functions(component: Component) -> dict[str, Callable[..., Any]]:
 
 def instantiate(component: Component) -> Instance:
     """An instance of the component in plain Python."""
-    return Instance(
-        instance_rows(component), kernel_functions(component), component.arguments, effect_count(component)
-    )
+    return Instance(instance_rows(component), kernel_functions(component), component.arguments, effect_count(component))
 
 
 def references(component: Component) -> dict[str, int]:

@@ -41,7 +41,12 @@ class Algorithm:
 
 ALGORITHMS = (
     Algorithm(
-        1, "two-sample-rodrigues", "two samples, modified Rodrigues parameters", "Chelnokov et al. 2016, (22)", 2, 4
+        1,
+        "two-sample-rodrigues",
+        "two samples, modified Rodrigues parameters",
+        "Chelnokov et al. 2016, (22)",
+        2,
+        4,
     ),
     Algorithm(2, "mean-rate", "one sample, mean angular rate", "Chelnokov et al. 2016, (7.18)", 1, 2),
 )
@@ -61,24 +66,18 @@ def quaternion_of_rodrigues(x: Vector, result: Vector) -> None:
     """Quaternion (4,) of tan(φ/4) e (3,)."""
     square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
     scale = 1.0 / (1.0 + square)
-    set_quaternion(
-        (1.0 - square) * scale, 2.0 * x[0] * scale, 2.0 * x[1] * scale, 2.0 * x[2] * scale, result
-    )
+    set_quaternion((1.0 - square) * scale, 2.0 * x[0] * scale, 2.0 * x[1] * scale, 2.0 * x[2] * scale, result)
 
 
 def quaternion_of_mean_rate(increment: Vector, result: Vector) -> None:
     """Quaternion (4,) of a turn at constant rate: equation (7.18)."""
-    angle = math.sqrt(
-        increment[0] * increment[0] + increment[1] * increment[1] + increment[2] * increment[2]
-    )
+    angle = math.sqrt(increment[0] * increment[0] + increment[1] * increment[1] + increment[2] * increment[2])
     half = 0.5 * angle
     if angle < 1e-4:
         scale = 0.5 - half * half / 12.0
     else:
         scale = math.sin(half) / angle
-    set_quaternion(
-        math.cos(half), scale * increment[0], scale * increment[1], scale * increment[2], result
-    )
+    set_quaternion(math.cos(half), scale * increment[0], scale * increment[1], scale * increment[2], result)
 
 
 def initialise(

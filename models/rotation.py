@@ -92,9 +92,7 @@ def is_rotation(r: Vector) -> float:
             if not math.fabs(product - expected) <= 1e-6:
                 proper = 0.0
     determinant = (
-        r[0] * (r[4] * r[8] - r[5] * r[7])
-        - r[1] * (r[3] * r[8] - r[5] * r[6])
-        + r[2] * (r[3] * r[7] - r[4] * r[6])
+        r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) + r[2] * (r[3] * r[7] - r[4] * r[6])
     )
     if not determinant > 0.0:
         proper = 0.0

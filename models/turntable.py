@@ -46,7 +46,13 @@ def encoder_effects(context: Vector, angles: Vector, effect: Vector, added: Vect
 
 
 def attitude_in_base(
-    alpha: float, beta: float, kappa: float, epsilon: float, mounting_attitude: Vector, attitude: Vector, work: Vector
+    alpha: float,
+    beta: float,
+    kappa: float,
+    epsilon: float,
+    mounting_attitude: Vector,
+    attitude: Vector,
+    work: Vector,
 ) -> None:
     """Attitude (4,) of the block against the base at the true angles; `work` (4,) is working space."""
     set_quaternion(math.cos(0.5 * kappa), 0.0, math.sin(0.5 * kappa), 0.0, attitude)
@@ -201,7 +207,14 @@ def initialise(
         if not (max_rate[axis] > 0.0 and max_acceleration[axis] > 0.0):
             return 2
         plan_move(
-            plan, axis, time, initial_angle[axis], 0.0, initial_angle[axis], max_rate[axis], max_acceleration[axis]
+            plan,
+            axis,
+            time,
+            initial_angle[axis],
+            0.0,
+            initial_angle[axis],
+            max_rate[axis],
+            max_acceleration[axis],
         )
         rate[axis] = 0.0
         senses[axis] = 0.0

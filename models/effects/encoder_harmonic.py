@@ -18,6 +18,14 @@ def encoder_harmonic(
     added[axis] = added[axis] + amplitude * math.sin(order * angles[axis] + phase)
 
 
+def encoder_error(place: EffectPlace, alpha: NDArray[np.float64], beta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Errors (N, 2, 2) of both encoders per amplitude·cos(phase) and amplitude·sin(phase)."""
+    angle = (place.order or 1) * (alpha if place.index == 0 else beta)
+    errors = np.zeros((len(angle), 2, 2))
+    errors[:, place.index] = np.stack((np.sin(angle), np.cos(angle)), axis=1)
+    return errors
+
+
 def signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     """Change of the readings with amplitude·cos(phase) and amplitude·sin(phase).
 
@@ -47,4 +55,5 @@ EFFECT = Effect(
         f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec, {place.order} "
         f"time{'s' if place.order != 1 else ''} a turn"
     ),
+    encoder_error=encoder_error,
 )

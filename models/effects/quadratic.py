@@ -27,7 +27,6 @@ EFFECT = Effect(
     signature=lambda place, rows: accelerometer_column(place, rows.n[:, place.index] ** 2),
     from_coefficients=only_coefficient,
     sentence=lambda place, values: (
-        f"accelerometer {place.index + 1} responds to the square of its input: "
-        f"{values['coefficient']:+.2e} n² (n in g)"
+        f"accelerometer {place.index + 1} responds to the square of its input: {values['coefficient']:+.2e} n² (n in g)"
     ),
 )

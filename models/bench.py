@@ -1,0 +1,263 @@
+"""The bench at rest: what an accelerometer block on a two-axis turntable reads, exactly.
+
+    reading / g = n + Γ n + G(n) n + b,    n = exp(θ̂) Q up(α_true, β_true) (1 − Δg/g)
+
+Two sets of coordinates are used. `ELEMENTARY` are the 24 physical parameters of stand and block. They cannot be told
+apart one by one; what readings can determine at all is the 18 `TARGETS`, of which the reading is an exact function too:
+Δg and Δβ drop out. Frames, each by an exact turn of the frame: base -> κ about axis 2 -> α about the outer axis (1) ->
+ε about axis 2 -> β about the inner axis (3) -> mounting Q -> mounting error θ.
+
+Every function takes any number of positions and complex numbers (for derivatives by a complex step).
+
+Source: Golovan, Matasov, Tarygin 2022, section 1; case (A1), Γ without diagonal lower triangular. To first order these
+are (1.3) and (1.11).
+"""
+
+from math import factorial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+ELEMENTARY = (
+    *("kappa", "epsilon", "alpha_offset", "beta_offset", "alpha_star", "gravity_error"),
+    *("mounting_error_1", "mounting_error_2", "mounting_error_3"),
+    *("scale_error_plus_1", "scale_error_plus_2", "scale_error_plus_3"),
+    *("scale_error_minus_1", "scale_error_minus_2", "scale_error_minus_3"),
+    *("gamma_21", "gamma_31", "gamma_12", "gamma_32", "gamma_13", "gamma_23"),
+    *("bias_1", "bias_2", "bias_3"),
+)
+"""The 24 elementary parameters: κ, ε, Δα, Δβ, α* [rad], Δg/g, θ [rad], Γ⁺ and Γ⁻, the six Γ_ij, the biases [g]."""
+
+TARGETS = (
+    *("X1", "X2", "X3", "X4", "X5", "X9", "X10", "X14", "X15"),
+    *("X6+X8", "X7+X12", "X11+X13", "X8", "-X12", "X13", "X16", "X17", "X18"),
+)
+"""The 18 targets of case (A1) in the order of the paper, list (a) to (e): what readings can determine."""
+
+SYMMETRIC_PAIRS = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
+"""Scale targets of an accelerometer for positive and negative input, equal for a symmetric block."""
+
+_OFF_DIAGONAL = {name: (int(name[6]) - 1, int(name[7]) - 1) for name in ELEMENTARY if name.startswith("gamma_")}
+_PLUS, _MINUS = slice(3, 9, 2), slice(4, 9, 2)
+_TERMS = 22
+_SINE = tuple((-1.0) ** k / factorial(2 * k + 1) for k in range(_TERMS))
+_COSINE = tuple((-1.0) ** k / factorial(2 * k + 2) for k in range(_TERMS))
+
+
+def hat(vector: NDArray) -> NDArray:
+    """θ̂ of (1.2): [[0, θ3, −θ2], [−θ3, 0, θ1], [θ2, −θ1, 0]].
+
+    Parameters
+    ----------
+    vector : (..., 3) array
+
+    Returns
+    -------
+    (..., 3, 3) array
+    """
+    vector = np.asarray(vector)
+    matrix = np.zeros((*vector.shape, 3), vector.dtype)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[..., i, j] = vector[..., k]
+        matrix[..., j, i] = -vector[..., k]
+    return matrix
+
+
+def small_turn(vector: ArrayLike) -> NDArray:
+    """exp(θ̂): the frame turned by the rotation vector θ [rad] (..., 3), as direction cosines (..., 3, 3).
+
+    The power series of sin(θ)/θ and (1 − cos θ)/θ² in θ², good to rounding for turns up to 2π: there is no special
+    case at zero, and complex steps pass through.
+    """
+    vector = np.asarray(vector)
+    square = np.sum(vector * vector, axis=-1)[..., None, None]
+    sine = np.zeros_like(square) + _SINE[-1]
+    cosine = np.zeros_like(square) + _COSINE[-1]
+    for s, c in zip(_SINE[-2::-1], _COSINE[-2::-1], strict=True):
+        sine = sine * square + s
+        cosine = cosine * square + c
+    generator = hat(vector)
+    return np.eye(3) + sine * generator + cosine * (generator @ generator)
+
+
+def up(alpha: ArrayLike, beta: ArrayLike, kappa: ArrayLike = 0.0, epsilon: ArrayLike = 0.0) -> NDArray:
+    """The vertical, upwards, in the axes j of the inner frame.
+
+    Parameters
+    ----------
+    alpha, beta : array (...)
+        true angles of the outer and the inner axis [rad], α less α*
+    kappa, epsilon : array (...)
+        κ, the outer axis below the horizon, and ε, the inner axis towards the positive outer one [rad]
+
+    Returns
+    -------
+    (..., 3) array
+        unit vectors; (sin α sin β, sin α cos β, cos α) for a perfect table
+    """
+    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
+    first, third = -np.sin(kappa), np.cos(kappa)
+    second, third = third * sin_a, third * cos_a
+    first, third = (
+        first * np.cos(epsilon) - third * np.sin(epsilon),
+        first * np.sin(epsilon) + third * np.cos(epsilon),
+    )
+    return np.stack(np.broadcast_arrays(first * cos_b + second * sin_b, second * cos_b - first * sin_b, third), axis=-1)
+
+
+def elementary(**values: float) -> NDArray:
+    """The vector (24,) of elementary parameters with these values and zeros elsewhere."""
+    vector = np.zeros(len(ELEMENTARY))
+    for name, value in values.items():
+        vector[ELEMENTARY.index(name)] = value
+    return vector
+
+
+def elementary_reading(
+    parameters: ArrayLike,
+    alpha: ArrayLike,
+    beta: ArrayLike,
+    mounting: ArrayLike,
+    sign: ArrayLike | None = None,
+) -> NDArray:
+    """The exact reading of the block over the model's g, from the elementary parameters.
+
+    Parameters
+    ----------
+    parameters : (24,) array
+        in the order of `ELEMENTARY`
+    alpha, beta : (N,) array
+        encoder readings [rad]
+    mounting : (3, 3) or (N, 3, 3) array
+        Q: components in the block's axes from those in the inner frame
+    sign : (N, 3) array, optional
+        signs of the inputs that choose between Γ⁺ and Γ⁻; by default those of the exact inputs (zero counts as plus)
+
+    Returns
+    -------
+    (N, 3) array
+    """
+    p = dict(zip(ELEMENTARY, np.asarray(parameters), strict=True))
+    theta = np.stack([p["mounting_error_1"], p["mounting_error_2"], p["mounting_error_3"]])
+    vertical = up(
+        np.asarray(alpha) - p["alpha_offset"] - p["alpha_star"],
+        np.asarray(beta) - p["beta_offset"],
+        p["kappa"],
+        p["epsilon"],
+    )
+    turned = small_turn(theta) @ np.asarray(mounting)
+    n = (1.0 - p["gravity_error"]) * np.squeeze(turned @ vertical[..., None], -1)
+    plus = np.stack([p[f"scale_error_plus_{i}"] for i in (1, 2, 3)])
+    minus = np.stack([p[f"scale_error_minus_{i}"] for i in (1, 2, 3)])
+    gamma = np.zeros((3, 3), n.dtype)
+    for name, place in _OFF_DIAGONAL.items():
+        gamma[place] = p[name]
+    positive = n.real >= 0.0 if sign is None else np.asarray(sign) >= 0
+    return n + n @ gamma.T + np.where(positive, plus, minus) * n + np.stack([p[f"bias_{i}"] for i in (1, 2, 3)])
+
+
+def target_values(parameters: ArrayLike, mounting: ArrayLike) -> NDArray:
+    """True values of the 18 targets, exact, from elementary parameters of case (A1).
+
+    Parameters
+    ----------
+    parameters : (24,) array
+        in the order of `ELEMENTARY`, gamma_12, gamma_13 and gamma_23 zero
+    mounting : (3, 3) array
+        Q
+
+    Returns
+    -------
+    (18,) array
+        in the order of `TARGETS`: X1 = κ, X2 = Δα + α*, X3 = ε; (1 + Γ±)(1 − Δg/g) − 1; Γ21, Γ31, Γ32 times
+        (1 − Δg/g); (X13, −X12, X8) = rotation vector of exp(θ̂) Q R₃(−Δβ) Qᵀ; the biases
+
+    Raises
+    ------
+    ValueError
+        when Γ is not lower triangular
+    """
+    p = dict(zip(ELEMENTARY, np.asarray(parameters, dtype=float), strict=True))
+    if any(p[name] != 0.0 for name in ("gamma_12", "gamma_13", "gamma_23")):
+        raise ValueError("the exact targets are those of a lower triangular Γ: gamma_12, gamma_13, gamma_23 must be 0")
+    mounting = np.asarray(mounting, dtype=float)
+    theta = np.array([p["mounting_error_1"], p["mounting_error_2"], p["mounting_error_3"]])
+    offset = small_turn(np.array([0.0, 0.0, -p["beta_offset"]]))
+    turn = rotation_vector(small_turn(theta) @ mounting @ offset @ mounting.T)
+    true_g = 1.0 - p["gravity_error"]
+    scale = [
+        p[f"scale_error_{sense}_{i}"] * true_g - p["gravity_error"] for i in (1, 2, 3) for sense in ("plus", "minus")
+    ]
+    shear = [true_g * p[name] for name in ("gamma_21", "gamma_31", "gamma_32")]
+    bias = [p["bias_1"], p["bias_2"], p["bias_3"]]
+    return np.array([p["kappa"], p["alpha_offset"] + p["alpha_star"], p["epsilon"], *scale, *shear, *turn[::-1], *bias])
+
+
+def rotation_vector(matrix: ArrayLike) -> NDArray:
+    """The rotation vector θ [rad] (3,) with exp(θ̂) equal to a matrix of direction cosines (3, 3); |θ| < π."""
+    r = np.asarray(matrix, dtype=float)
+    twice_sine = np.array([r[1, 2] - r[2, 1], r[2, 0] - r[0, 2], r[0, 1] - r[1, 0]])
+    sine = 0.5 * np.linalg.norm(twice_sine)
+    angle = np.arctan2(sine, 0.5 * (np.trace(r) - 1.0))
+    return 0.5 * twice_sine * (angle / sine if sine > 1e-8 else 1.0)
+
+
+def input_direction(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
+    """Unit vector of the specific force in the block's axes: the accelerometers' inputs n over (1 − Δg/g).
+
+    Parameters
+    ----------
+    targets : (18,) or (N, 18) array
+        in the order of `TARGETS`, one for all positions or one for each
+    alpha, beta : (N,) array
+        encoder readings [rad]
+    mounting : (3, 3) or (N, 3, 3) array
+        Q
+
+    Returns
+    -------
+    (N, 3) array
+    """
+    x = np.asarray(targets)
+    vertical = up(np.asarray(alpha) - x[..., 1], np.asarray(beta), x[..., 0], x[..., 2])
+    turned = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
+    return np.squeeze(turned @ vertical[..., None], -1)
+
+
+def target_reading(
+    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, sign: ArrayLike | None = None
+) -> NDArray:
+    """The exact reading over the model's g (N, 3) as a function of the 18 targets; arguments as `input_direction`.
+
+    `sign` (N, 3) chooses between the targets of positive and negative input; by default the exact inputs' own signs.
+    """
+    x = np.asarray(targets)
+    m = input_direction(x, alpha, beta, mounting)
+    positive = m.real >= 0.0 if sign is None else np.asarray(sign) >= 0
+    reading = m + np.where(positive, x[..., _PLUS], x[..., _MINUS]) * m + x[..., 15:18]
+    reading[..., 1] += x[..., 9] * m[..., 0]
+    reading[..., 2] += x[..., 10] * m[..., 0] + x[..., 11] * m[..., 1]
+    return reading
+
+
+def target_jacobian(
+    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, sign: ArrayLike | None = None
+) -> NDArray:
+    """Derivatives (N, 3, 18) of `target_reading` by the targets, exact to rounding (complex step)."""
+    return _complex_step(target_reading, targets, alpha, beta, mounting, sign)
+
+
+def input_jacobian(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
+    """Derivatives (N, 3, 18) of `input_direction` by the targets, exact to rounding (complex step)."""
+    return _complex_step(input_direction, targets, alpha, beta, mounting)
+
+
+def _complex_step(function, targets: ArrayLike, alpha: ArrayLike, *arguments) -> NDArray:
+    x = np.broadcast_to(np.asarray(targets, dtype=complex), (len(np.asarray(alpha)), len(TARGETS)))
+    step = 1e-30
+    columns = []
+    for k in range(len(TARGETS)):
+        moved = x.copy()
+        moved[:, k] += 1j * step
+        columns.append(function(moved, alpha, *arguments).imag / step)
+    return np.stack(columns, axis=-1)

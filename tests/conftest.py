@@ -1,0 +1,50 @@
+"""Fixtures that several tests share."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the FMU of every component."""
+    from trihedron.fmus import build, component_names
+
+    folder = tmp_path_factory.mktemp("fmus")
+    for name in component_names():
+        build(name, folder)
+    return folder
+
+
+@pytest.fixture()
+def slaves() -> Iterator[object]:
+    """`slaves(path, name)` instantiates an FMU through FMPy; everything is freed at the end of the test."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+
+    opened: list[FMU2Slave] = []
+    folders: list[str] = []
+
+    def open_slave(path: Path, name: str = "instance") -> FMU2Slave:
+        description = fmpy.read_model_description(path)
+        assert description.coSimulation is not None
+        folder = str(fmpy.extract(path))
+        slave = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=folder,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        slave.instantiate()
+        slave.description = description  # type: ignore[attr-defined]
+        opened.append(slave)
+        folders.append(folder)
+        return slave
+
+    yield open_slave
+    for slave in opened:
+        slave.freeInstance()
+    for folder in folders:
+        shutil.rmtree(folder, ignore_errors=True)

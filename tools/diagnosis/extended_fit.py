@@ -1,0 +1,162 @@
+"""The bench model together with a set of effects, fitted to a record."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.linearisation import Linearisation
+from trihedron.calibration.parametrisation import Positions, predicted_input, predicted_reading, reading_jacobian
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+
+MAX_ITERATIONS = 12
+CONVERGED = 1e-12
+"""Parameters [1], [rad] that move by less than this do not move."""
+
+
+@dataclass(frozen=True)
+class ExtendedFit:
+    """The model with effects, linearised at its fit.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+        the effects
+    point : (P,) array
+        parameters of the bench, as in the linearisation of the nominal model
+    coefficients : (K,) array
+        linear coefficients of the effects, one effect after the other
+    residual, bound : (M,) array
+        exact residuals at the fit, bounds of the readings' errors; fractions of g
+    jacobian : (M, P + K) array
+        derivatives by parameters and coefficients
+    radius : float
+        least max |residual| / bound
+    centre : (P + K,) array
+        step from the fit to where the radius is attained
+    duals : (M,) array
+        proof of the radius
+    """
+
+    places: tuple[EffectPlace, ...]
+    point: NDArray
+    coefficients: NDArray
+    residual: NDArray
+    bound: NDArray
+    jacobian: NDArray
+    radius: float
+    centre: NDArray
+    duals: NDArray
+
+
+def true_angles(
+    here: Linearisation, point: NDArray, places: Sequence[EffectPlace], coefficients: NDArray
+) -> Positions:
+    """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
+    at = here.positions
+    alpha, beta = at.alpha, at.beta
+    shift = point[here.symbols.index("X2")]
+    for _ in range(6):
+        error = np.zeros((len(at.alpha), 2))
+        first = 0
+        for place in places:
+            effect = CATALOGUE[place.effect]
+            count = coefficient_count(place)
+            if effect.encoder_error is not None:
+                error += effect.encoder_error(place, alpha - shift, beta) @ coefficients[first : first + count]
+            first += count
+        alpha, beta = at.alpha - error[:, 0], at.beta - error[:, 1]
+    return Positions(alpha, beta, at.mounting)
+
+
+def rows_at(here: Linearisation, point: NDArray, at: Positions, hours: NDArray) -> Rows:
+    """What the signatures see at these positions; derivatives by a complex step."""
+    step = 1e-30
+    by_alpha = predicted_reading(here.parametrisation, point, Positions(at.alpha + 1j * step, at.beta, at.mounting))
+    by_beta = predicted_reading(here.parametrisation, point, Positions(at.alpha, at.beta + 1j * step, at.mounting))
+    return Rows(
+        hours=hours,
+        alpha=at.alpha - point[here.symbols.index("X2")],
+        beta=at.beta,
+        n=predicted_input(here.parametrisation, point, at),
+        by_alpha=by_alpha.imag / step,
+        by_beta=by_beta.imag / step,
+    )
+
+
+def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
+    """Signatures (3 N, K) of all effects, side by side."""
+    columns = [CATALOGUE[place.effect].signature(place, rows).reshape(3 * len(rows.hours), -1) for place in places]
+    return np.hstack(columns) if columns else np.zeros((3 * len(rows.hours), 0))
+
+
+def coefficient_count(place: EffectPlace) -> int:
+    """Number of linear coefficients of an effect: it has as many parameters."""
+    return len(CATALOGUE[place.effect].parameters)
+
+
+def extended_reading(
+    here: Linearisation, point: NDArray, places: Sequence[EffectPlace], coefficients: NDArray, hours: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Predicted readings (3 N,) over g with the effects, and their signatures (3 N, K) there."""
+    at = true_angles(here, point, places, coefficients)
+    rows = rows_at(here, point, at, hours)
+    columns = signature_columns(places, rows)
+    reading = predicted_reading(here.parametrisation, point, at, here.sign).ravel()
+    first = 0
+    for place in places:
+        count = coefficient_count(place)
+        if CATALOGUE[place.effect].encoder_error is None:
+            reading = reading + columns[:, first : first + count] @ coefficients[first : first + count]
+        first += count
+    return reading, columns
+
+
+def least_squares_step(jacobian: NDArray, residual: NDArray, bound: NDArray) -> NDArray:
+    """Step of least weighted squares, of least length where the measurements leave it open."""
+    weighted = jacobian / bound[:, None]
+    size = np.linalg.norm(weighted, axis=0)
+    size[size == 0.0] = 1.0
+    u, values, directions = np.linalg.svd(weighted / size, full_matrices=False)
+    kept = values > 1e-8 * values.max(initial=0.0)
+    return (directions[kept].T @ ((u[:, kept].T @ (residual / bound)) / values[kept])) / size
+
+
+def fit_extended(here: Linearisation, hours: NDArray, places: Sequence[EffectPlace]) -> ExtendedFit:
+    """Fit the bench together with effects: least squares, relinearised, then the Chebyshev programme.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model at its fit
+    hours : (N,) array
+        time of each row since the first of the record
+    places : sequence of EffectPlace
+        the effects
+
+    Returns
+    -------
+    ExtendedFit
+    """
+    point = here.point
+    coefficients = np.zeros(sum(coefficient_count(place) for place in places))
+    reading = here.reading.ravel()
+    jacobian = np.zeros((len(reading), 0))
+    for _ in range(MAX_ITERATIONS):
+        predicted, columns = extended_reading(here, point, places, coefficients, hours)
+        at = true_angles(here, point, places, coefficients)
+        bench = reading_jacobian(here.parametrisation, point, at, here.sign).reshape(len(reading), -1)
+        jacobian = np.hstack((bench, columns))
+        step = least_squares_step(jacobian, reading - predicted, here.bound)
+        if np.abs(step).max(initial=0.0) < CONVERGED:
+            break
+        point = point + step[: len(point)]
+        coefficients = coefficients + step[len(point) :]
+    predicted, _ = extended_reading(here, point, places, coefficients, hours)
+    residual = reading - predicted
+    radius, centre, duals = chebyshev_radius(jacobian, residual, here.bound)
+    return ExtendedFit(
+        tuple(places), point, coefficients, residual, here.bound, jacobian, radius, centre, duals
+    )

@@ -1,0 +1,260 @@
+"""The simulation with and without the effect that was found, run again over positions that were not used."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.linearisation import Linearisation, linearise
+from trihedron.calibration.parametrisation import Positions
+from trihedron.calibration.result import component_parameters
+from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, least_squares_step, true_angles
+from trihedron.fmus import build
+from trihedron.models.bench import TARGETS
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.orchestrator import simulate
+from trihedron.scenario import Scenario
+
+HELD_OUT_EVERY = 4
+"""One position in so many is held out."""
+MAX_LEVERAGE = 3.0
+"""A held-out reading is scored when its prediction is at most so many times as uncertain as a reading."""
+FAST = 1e3
+"""Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What the extension does to readings that were not used to find its size.
+
+    Attributes
+    ----------
+    positions : (H,) array of int
+        rows of the record that were held out
+    scored : (H, 3) array of bool
+        readings that the others predict well enough to be scored
+    before, after : (H, 3) array
+        measurement less simulation, fractions of g, without and with the effect
+    """
+
+    positions: NDArray
+    scored: NDArray
+    before: NDArray
+    after: NDArray
+
+    def summary(self) -> dict[str, float]:
+        """Root mean square and maximum of the scored errors, before and after."""
+        before, after = self.before[self.scored], self.after[self.scored]
+        return {
+            "held_out_rms_before": float(np.sqrt(np.mean(before**2))),
+            "held_out_rms_after": float(np.sqrt(np.mean(after**2))),
+            "held_out_max_before": float(np.abs(before).max()),
+            "held_out_max_after": float(np.abs(after).max()),
+        }
+
+
+def subset(here: Linearisation, rows: NDArray) -> Linearisation:
+    """The linearisation of some rows (n,) of int of the record, at the same point."""
+    at = here.positions
+    measured = (3 * rows[:, None] + np.arange(3)).ravel()
+    return linearise(
+        here.parametrisation,
+        Positions(at.alpha[rows], at.beta[rows], at.mounting[rows]),
+        here.reading[rows],
+        here.point,
+        here.bound[measured],
+        here.sign[rows],
+    )
+
+
+def held_out_rows(here: Linearisation, fit: ExtendedFit) -> tuple[NDArray, NDArray] | None:
+    """Rows to hold out and which of their readings (H, 3) can be scored; None where the others would not do.
+
+    Of the ways to hold out every fourth position the one with most scored readings is taken: the others must keep the
+    rank of the extended model.
+    """
+    count = len(here.reading)
+    jacobian = fit.jacobian / np.abs(fit.jacobian).max(axis=0, initial=1e-300)
+    rank = np.linalg.matrix_rank(jacobian, tol=1e-8 * np.linalg.norm(jacobian, 2))
+    best: tuple[NDArray, NDArray] | None = None
+    for offset in range(HELD_OUT_EVERY):
+        out = np.arange(offset, count, HELD_OUT_EVERY)
+        kept = np.setdiff1d(np.arange(count), out)
+        used = jacobian.reshape(count, 3, -1)[kept].reshape(-1, jacobian.shape[1])
+        if len(out) == 0 or len(used) <= rank:
+            continue
+        if np.linalg.matrix_rank(used, tol=1e-8 * np.linalg.norm(used, 2)) < rank:
+            continue
+        weights = jacobian.reshape(count, 3, -1)[out] @ np.linalg.pinv(used, rcond=1e-8)
+        scored = np.abs(weights).sum(axis=2) <= MAX_LEVERAGE
+        if best is None or scored.sum() > best[1].sum():
+            best = (out, scored)
+    if best is None or best[1].sum() < 3:
+        return None
+    return best
+
+
+def measure_gain(here: Linearisation, hours: NDArray, fit: ExtendedFit, gravity: float) -> Gain | None:
+    """Fit without every fourth position, simulate those by the orchestrator without and with the effect, compare.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model at its fit
+    hours : (N,) array
+        time of each row since the first
+    fit : ExtendedFit
+        the model with the effect
+    gravity : float
+        the model's g [m/s²]
+
+    Returns
+    -------
+    Gain or None
+        None where too few positions remain to judge
+    """
+    chosen = held_out_rows(here, fit)
+    if chosen is None:
+        return None
+    out, scored = chosen
+    kept = np.setdiff1d(np.arange(len(here.reading)), out)
+    errors = []
+    for places in ((), fit.places):
+        places = tuple(place for place in places if CATALOGUE[place.effect].kernel is not None)
+        trained = fit_extended(subset(here, kept), hours[kept], places)
+        simulated = simulate_rows(here, trained, hours, out, gravity)
+        errors.append(here.reading[out] - simulated)
+    return Gain(out, scored, errors[0], errors[1])
+
+
+def simulate_rows(
+    here: Linearisation, fit: ExtendedFit, hours: NDArray, rows: NDArray, gravity: float
+) -> NDArray:
+    """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
+    simulated = np.zeros((len(rows), 3))
+    at = true_angles(here, fit.point, fit.places, fit.coefficients)
+    commands = np.stack((at.alpha, at.beta), axis=1)
+    p = here.parametrisation
+    for index in range(len(p.mountings)):
+        mine = here.positions.mounting[rows] == index
+        if mine.any():
+            values = dict(zip(TARGETS, p.selection[index] @ fit.point, strict=True))
+            parameters = component_parameters(values, p.matrices[index], gravity)
+            simulated[mine] = (
+                simulate_table(parameters, effect_entries(fit), commands[rows[mine]], hours[rows[mine]]) / gravity
+            )
+    return simulated
+
+
+def effect_entries(fit: ExtendedFit) -> list[dict[str, object]]:
+    """Effects of a fit as a scenario writes them."""
+    entries: list[dict[str, object]] = []
+    first = 0
+    for place in fit.places:
+        effect = CATALOGUE[place.effect]
+        count = len(effect.parameters)
+        values = effect.from_coefficients(fit.coefficients[first : first + count])
+        first += count
+        entry: dict[str, object] = {"effect": place.effect, "where": place.where}
+        if place.order is not None:
+            entry["order"] = place.order
+        if place.axes:
+            entry["axes"] = list(place.axes)
+        named = zip((parameter.name for parameter in effect.parameters), values, strict=True)
+        entries.append({**entry, **dict(named)})
+    return entries
+
+
+def extended_scenario(
+    parameters: Mapping[str, Mapping[str, object]],
+    effects: Sequence[Mapping[str, object]],
+    commands: NDArray,
+    hours: NDArray,
+) -> Scenario:
+    """A scenario in which table and block, calibrated and extended, stand at each position at its time.
+
+    Parameters
+    ----------
+    parameters : mapping
+        component -> variable -> value
+    effects : sequence of mapping
+        as in a scenario file
+    commands : (n, 2) array
+        commanded angles [rad]
+    hours : (n,) array
+        when each position is read, increasing
+    """
+    seconds = 3600.0 * hours
+    gap = float(np.diff(seconds).min()) if len(seconds) > 1 else 8.0
+    step = gap / 8.0
+    # The table moves half a gap before each reading, so that the steps about it are at rest there.
+    begin = np.maximum(seconds - 0.5 * gap, 0.0)
+    begin[0] = 0.0
+    steps = int(np.ceil((seconds[-1] + step) / step))
+    table = {
+        "time_s": begin.tolist(),
+        "alpha_rad": commands[:, 0].tolist(),
+        "beta_rad": commands[:, 1].tolist(),
+    }
+    belongs = {component: [dict(e) for e in effects if home(e) == component] for component in parameters}
+    return Scenario.model_validate(
+        {
+            "schema": "trihedron.scenario/1",
+            "title": "the positions of a record, simulated again",
+            "run": {"step_s": step, "stop_s": steps * step},
+            "fmus": {
+                "table": {
+                    "component": "TurntableMotion",
+                    "effects": belongs["TurntableMotion"],
+                    "parameters": {
+                        **parameters["TurntableMotion"],
+                        "encoder_fluctuation_bound": 0.0,
+                        "earth_rotation": False,
+                        "max_rate": [FAST, FAST],
+                        "max_acceleration": [FAST, FAST],
+                        "initial_angle": commands[0].tolist(),
+                    },
+                },
+                "block": {
+                    "component": "AccelerometerBlock",
+                    "effects": belongs["AccelerometerBlock"],
+                    "parameters": {**parameters["AccelerometerBlock"], "noise_bound": 0.0},
+                },
+            },
+            "connections": [{"from": "table.specific_force", "to": "block.specific_force"}],
+            "stimuli": [
+                {
+                    "table": table,
+                    "columns": {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"},
+                }
+            ],
+            "record": {"columns": {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)}},
+        }
+    )
+
+
+def home(entry: Mapping[str, object]) -> str | None:
+    """Component that an entry of a scenario's effects extends."""
+    return CATALOGUE[str(entry["effect"])].component
+
+
+def simulate_table(
+    parameters: Mapping[str, Mapping[str, object]],
+    effects: Sequence[Mapping[str, object]],
+    commands: NDArray,
+    hours: NDArray,
+) -> NDArray:
+    """Readings (n, 3) [m/s²] of the simulated bench at commanded angles (n, 2) [rad] and times (n,) [h]."""
+    run = simulate(extended_scenario(parameters, effects, commands, hours - hours[0])).table
+    time = run["time_s"].to_numpy()
+    return np.stack(
+        [np.interp(3600.0 * (hours - hours[0]), time, run[f"f{p}_mps2"].to_numpy()) for p in (1, 2, 3)], axis=1
+    )
+
+
+def export_extended(places: Sequence[EffectPlace], folder: Path) -> list[Path]:
+    """Write the FMUs of the components that effects extend into a folder."""
+    components = sorted({c for place in places if (c := CATALOGUE[place.effect].component) is not None})
+    return [build(c, folder, [p for p in places if CATALOGUE[p.effect].component == c]) for c in components]

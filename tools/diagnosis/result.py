@@ -1,0 +1,139 @@
+"""The result of a diagnosis, as an object and as JSON."""
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from trihedron.calibration.result import Calibration
+from trihedron.diagnosis.extension import Gain
+from trihedron.diagnosis.search import Candidate
+from trihedron.models.effects import CATALOGUE, EffectPlace
+
+SCHEMA = "trihedron.diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect that explains the record.
+
+    Attributes
+    ----------
+    place : EffectPlace
+        with the record's own position number for an outlier
+    equivalents : tuple of EffectPlace
+        what no measurement on this bench could tell from it
+    values : tuple of float
+        its parameters
+    intervals : tuple of (low, high)
+        what the measurements leave possible
+    radius : float
+        of the model with it
+    """
+
+    place: EffectPlace
+    equivalents: tuple[EffectPlace, ...]
+    values: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+    radius: float
+
+    @property
+    def sentence(self) -> str:
+        """What an engineer is told."""
+        effect = CATALOGUE[self.place.effect]
+        named = {p.name: value for p, value in zip(effect.parameters, self.values, strict=True)}
+        return effect.sentence(self.place, named)
+
+    def to_json(self) -> dict[str, Any]:
+        """The entry of `causes`."""
+        parameters = [
+            {
+                "name": parameter.name,
+                "unit": parameter.unit,
+                "estimate": value,
+                "low": low if math.isfinite(low) else None,
+                "high": high if math.isfinite(high) else None,
+            }
+            for parameter, value, (low, high) in zip(
+                CATALOGUE[self.place.effect].parameters, self.values, self.intervals, strict=True
+            )
+        ]
+        entry = place_json(self.place)
+        return {**entry, "equivalents": [place_json(e) for e in self.equivalents], "parameters": parameters}
+
+
+def place_json(place: EffectPlace) -> dict[str, Any]:
+    """An effect at its place as the contract writes it."""
+    entry: dict[str, Any] = {"effect": place.effect, "where": place.where}
+    if place.order is not None:
+        entry["order"] = place.order
+    if place.effect == "outlier":
+        entry["accelerometer"] = place.axes[0]
+    elif place.axes:
+        entry["axes"] = list(place.axes)
+    return entry
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a record says of the simulation's model.
+
+    Attributes
+    ----------
+    verdict : str
+        "consistent", "explained", "ambiguous", "unexplained" or "insufficient"
+    baseline : Calibration
+        of the nominal model
+    causes : tuple of Cause
+        the effect that was named, or the best of several
+    alternatives : tuple of Cause
+        the others
+    tried : tuple of Candidate
+        every effect that was tried, the least radius first
+    gain : Gain or None
+        None where nothing is named or too few positions remain
+    next_positions : tuple of dict
+        what to measure next
+    residual_structure : tuple of dict
+        of an unexplained residual
+    """
+
+    verdict: str
+    baseline: Calibration
+    causes: tuple[Cause, ...] = ()
+    alternatives: tuple[Cause, ...] = ()
+    tried: tuple[Candidate, ...] = ()
+    gain: Gain | None = None
+    next_positions: tuple[dict[str, Any], ...] = ()
+    residual_structure: tuple[dict[str, Any], ...] = field(default=())
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.diagnosis/1."""
+        content: dict[str, Any] = {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "noise_bound": self.baseline.noise_bound,
+            "noise_bound_basis": self.baseline.noise_bound_basis,
+            "baseline_model": self.baseline.baseline,
+            "baseline": {
+                "radius": self.baseline.radius,
+                "falsified": self.baseline.verdict == "falsified",
+                "witness": [{"position": n, "accelerometer": p} for n, p in self.baseline.witness],
+            },
+            "causes": [cause.to_json() for cause in self.causes],
+            "extended": {"radius": self.causes[0].radius} if self.causes else None,
+            "gain": self.gain.summary() if self.gain is not None else None,
+            "next_positions": list(self.next_positions),
+        }
+        if self.verdict == "ambiguous":
+            content["alternatives"] = [[cause.to_json()] for cause in self.alternatives]
+        if self.verdict == "unexplained":
+            content["residual_structure"] = list(self.residual_structure)
+        if self.verdict == "insufficient":
+            content["missing"] = [{"symbol": gap.symbol, "name": gap.name} for gap in self.baseline.missing]
+        content["warnings"] = list(self.baseline.warnings)
+        return content
+
+    def json_text(self) -> str:
+        """`to_json` as text."""
+        return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,258 @@
+"""Records with one hidden effect, made by simulation in time; the diagnosis gets the record and nothing else."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.linearisation import Linearisation, linearise
+from trihedron.calibration.parametrisation import Positions, parametrise
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.extended_fit import coefficient_count, rows_at, signature_columns
+from trihedron.errors import InputError, nearest
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.models.effects.outlier import place_of
+from trihedron.orchestrator import simulate
+from trihedron.records import PositionRecord, RawRecord
+from trihedron.records.rests import average_rests, find_rests
+from trihedron.scenario import Scenario
+
+NOISE_BOUND = 1e-5
+"""σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""
+ENCODER_FLUCTUATION = math.radians(0.4 / 3600.0)
+"""Bound of the fluctuation of each encoder [rad]; its effect on a reading stays below it, to 3 %."""
+BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
+"""Bound of the block's own error [g]."""
+STAND_BOUND, BLOCK_BOUND = 3e-3, 1e-2
+"""The paper's bounds of the stand's and the block's errors."""
+DWELL_S, STEP_S = 6.0, 0.25
+
+
+@dataclass(frozen=True)
+class HiddenCase:
+    """A bench with its secret.
+
+    Attributes
+    ----------
+    truth : dict
+        component -> variable -> value
+    place : EffectPlace or None
+        the hidden effect; None for a clean record
+    values : tuple of float
+        its parameters
+    alpha, beta : (N,) array
+        commanded angles [rad]
+    """
+
+    truth: dict[str, dict[str, Any]]
+    place: EffectPlace | None
+    values: tuple[float, ...]
+    alpha: NDArray
+    beta: NDArray
+
+    def answer(self) -> dict[str, Any]:
+        """The secret, for whoever wants to compare."""
+        if self.place is None:
+            return {"effect": None}
+        names = [parameter.name for parameter in CATALOGUE[self.place.effect].parameters]
+        entry: dict[str, Any] = {"effect": self.place.effect, "where": self.place.where}
+        if self.place.order is not None:
+            entry["order"] = self.place.order
+        if self.place.axes:
+            entry["accelerometer"] = self.place.axes[0]
+        return {**entry, "parameters": dict(zip(names, self.values, strict=True))}
+
+
+def bench_positions() -> tuple[NDArray, NDArray]:
+    """Commanded angles [rad] of 40 positions: 24 with all signs certain, 16 between them.
+
+    The extra ones lie where effects show that the first leave unseen: other angles of the inner axis, inputs near a half.
+    """
+    pairs = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
+    pairs += [(35 + 90 * k, beta) for k in range(4) for beta in (70, 115, 200, 325)]
+    angles = np.radians(np.array(pairs, dtype=float))
+    return angles[:, 0], angles[:, 1]
+
+
+def draw_truth(rng: np.random.Generator, *, symmetric: bool) -> dict[str, dict[str, Any]]:
+    """Parameters of table and block, uniform within the paper's bounds."""
+
+    def uniform(bound: float, size: int | None = None) -> Any:
+        value = rng.uniform(-bound, bound, size)
+        return value.tolist() if size else float(value)
+
+    plus = uniform(BLOCK_BOUND / 2, 3)
+    return {
+        "TurntableMotion": {
+            "kappa": uniform(STAND_BOUND),
+            "epsilon": uniform(STAND_BOUND),
+            "alpha_offset": uniform(STAND_BOUND / 2),
+            "alpha_star": uniform(STAND_BOUND / 2),
+            "beta_offset": uniform(STAND_BOUND / 2),
+            "gravity_error": uniform(BLOCK_BOUND / 10),
+            "mounting_error": uniform(STAND_BOUND, 3),
+        },
+        "AccelerometerBlock": {
+            "scale_error_plus": plus,
+            "scale_error_minus": plus if symmetric else uniform(BLOCK_BOUND / 2, 3),
+            "gamma_21": uniform(BLOCK_BOUND / 2),
+            "gamma_31": uniform(BLOCK_BOUND / 2),
+            "gamma_32": uniform(BLOCK_BOUND / 2),
+            "bias": uniform(BLOCK_BOUND, 3),
+        },
+    }
+
+
+def faultless_bench(alpha: NDArray, beta: NDArray, *, symmetric: bool) -> Linearisation:
+    """The model linearised at a faultless bench at some positions."""
+    p = parametrise({"identity": np.eye(3)}, symmetric=symmetric)
+    at = Positions(alpha, beta, np.zeros(len(alpha), dtype=int))
+    point = np.zeros(len(p.symbols))
+    return linearise(p, at, np.zeros((len(alpha), 3)), point, np.full(3 * len(alpha), NOISE_BOUND))
+
+
+def sure_size(here: Linearisation, hours: NDArray, place: EffectPlace, direction: NDArray) -> float:
+    """Size of an effect, along a direction (K,) of its coefficients, from which it is surely detected: 2 σ / distance.
+
+    The distance is that of the unit effect from all that the nominal model can say, in the maximum norm.
+    """
+    rows = rows_at(here, here.point, here.positions, hours)
+    unit = signature_columns([place], rows) @ direction
+    radius, _, _ = chebyshev_radius(here.jacobian, unit, np.ones(len(unit)))
+    return 2.0 * NOISE_BOUND / radius if radius > 1e-9 else math.inf
+
+
+def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> HiddenCase:
+    """Draw truth, effect and size.
+
+    Parameters
+    ----------
+    seed : int
+        the same seed gives the same case
+    effects : sequence of str, optional
+        names to draw from; an empty one gives a clean record; by default every effect that the baseline lacks
+    symmetric : bool
+        the block's scale factors do not depend on the sign
+
+    Raises
+    ------
+    InputError
+        an unknown name
+    """
+    rng = np.random.default_rng(seed)
+    truth = draw_truth(rng, symmetric=symmetric)
+    alpha, beta = bench_positions()
+    order = rng.permutation(len(alpha))
+    alpha, beta = alpha[order], beta[order]
+    baseline = "symmetric" if symmetric else "asymmetric"
+    usable = [e.name for e in CATALOGUE.values() if e.within != baseline]
+    for name in effects or ():
+        if name not in usable:
+            raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
+    names = usable if effects is None else list(effects)
+    if not names:
+        return HiddenCase(truth, None, (), alpha, beta)
+    name = names[rng.integers(len(names))]
+    if name == "outlier":
+        place = place_of(int(rng.integers(len(alpha))) + 1, int(rng.integers(3)) + 1)
+    else:
+        places = CATALOGUE[name].places
+        place = places[rng.integers(len(places))]
+    count = coefficient_count(place)
+    direction = rng.normal(size=count)
+    direction /= np.linalg.norm(direction)
+    here = faultless_bench(alpha, beta, symmetric=symmetric)
+    hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
+    size = rng.uniform(3.0, 6.0) * sure_size(here, hours, place, direction)
+    largest = CATALOGUE[name].parameters[0].largest
+    values = CATALOGUE[name].from_coefficients(min(size, largest) * direction)
+    return HiddenCase(truth, place, values, alpha, beta)
+
+
+def raw_record_scenario(case: HiddenCase, seed: int) -> Scenario:
+    """The scenario in which the bench, with its secret composed into the components, is measured."""
+    effects: dict[str, list[dict[str, Any]]] = {name: [] for name in case.truth}
+    if case.place is not None and (component := CATALOGUE[case.place.effect].component) is not None:
+        answer = case.answer()
+        effects[component].append({**answer.pop("parameters"), **answer})
+    return Scenario.model_validate(
+        {
+            "schema": "trihedron.scenario/1",
+            "title": "a measured record",
+            "run": {"step_s": STEP_S},
+            "fmus": {
+                "table": {
+                    "component": "TurntableMotion",
+                    "effects": effects["TurntableMotion"],
+                    "parameters": {
+                        **case.truth["TurntableMotion"],
+                        "encoder_fluctuation_bound": ENCODER_FLUCTUATION,
+                        "initial_angle": [float(case.alpha[0]), float(case.beta[0])],
+                        "seed": seed % 2**31,
+                    },
+                },
+                "block": {
+                    "component": "AccelerometerBlock",
+                    "effects": effects["AccelerometerBlock"],
+                    "parameters": {
+                        **case.truth["AccelerometerBlock"],
+                        "noise_bound": BLOCK_NOISE,
+                        "held_fraction": 0.8,
+                        "seed": seed % 2**31,
+                    },
+                },
+            },
+            "connections": [
+                {"from": "table.specific_force", "to": "block.specific_force"},
+                {"from": "table.dwell", "to": "block.dwell"},
+            ],
+            "stimuli": [
+                {
+                    "to": "table.command",
+                    "table": {
+                        "alpha_deg": np.degrees(case.alpha).tolist(),
+                        "beta_deg": np.degrees(case.beta).tolist(),
+                    },
+                    "dwell_s": DWELL_S,
+                }
+            ],
+            "record": {
+                "columns": {
+                    "alpha_deg": "table.angle_reading[1]",
+                    "beta_deg": "table.angle_reading[2]",
+                    **{f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
+                }
+            },
+        }
+    )
+
+
+def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionRecord:
+    """Simulate the bench in time and average its rests.
+
+    Parameters
+    ----------
+    case : HiddenCase
+    seed : int
+        of the errors
+
+    Returns
+    -------
+    PositionRecord
+        what a laboratory would hand over
+    """
+    run = simulate(raw_record_scenario(case, seed), progress=progress).table
+    raw = RawRecord(
+        time_s=run["time_s"].to_numpy(),
+        alpha=np.radians(run["alpha_deg"].to_numpy()),
+        beta=np.radians(run["beta_deg"].to_numpy()),
+        specific_force=np.stack([run[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1),
+    )
+    record = average_rests(raw, find_rests(raw))
+    if case.place is not None and case.place.effect == "outlier":
+        row = int(case.place.where.removeprefix("position-")) - 1
+        record.specific_force[row, case.place.axes[0] - 1] += case.values[0] * 9.80665
+    return record
