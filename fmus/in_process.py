@@ -39,3 +39,14 @@ def references(component: Component) -> dict[str, int]:
     """Value reference of each scalar, by its name."""
     names = [element for v in component.interface for element in v.elements]
     return {name: i + 1 for i, name in enumerate(names)}
+
+
+def parameter_starts(name: str) -> dict[str, float | list[float]]:
+    """Start values of a component's parameters, by variable."""
+    from trihedron.fmus import components
+
+    return {
+        v.name: list(v.starts) if v.size else v.starts[0]
+        for v in components()[name].interface
+        if v.causality == "parameter"
+    }

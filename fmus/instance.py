@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 
 class Instance:
@@ -24,7 +24,7 @@ class Instance:
         self,
         variables: Sequence[tuple],
         kernels: dict[str, Callable[..., int | None]],
-        arguments: dict[str, Sequence[str]],
+        arguments: Mapping[str, Sequence[str]],
         effect_count: int,
     ) -> None:
         self.kernels = kernels

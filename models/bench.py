@@ -152,7 +152,7 @@ def elementary_reading(
     gamma = np.zeros((3, 3), n.dtype)
     for name, place in _OFF_DIAGONAL.items():
         gamma[place] = p[name]
-    positive = n.real >= 0.0 if sign is None else np.asarray(sign) >= 0
+    positive = np.real(n) >= 0.0 if sign is None else np.asarray(sign) >= 0
     return n + n @ gamma.T + np.where(positive, plus, minus) * n + np.stack([p[f"bias_{i}"] for i in (1, 2, 3)])
 
 
@@ -233,7 +233,7 @@ def target_reading(
     """
     x = np.asarray(targets)
     m = input_direction(x, alpha, beta, mounting)
-    positive = m.real >= 0.0 if sign is None else np.asarray(sign) >= 0
+    positive = np.real(m) >= 0.0 if sign is None else np.asarray(sign) >= 0
     reading = m + np.where(positive, x[..., _PLUS], x[..., _MINUS]) * m + x[..., 15:18]
     reading[..., 1] += x[..., 9] * m[..., 0]
     reading[..., 2] += x[..., 10] * m[..., 0] + x[..., 11] * m[..., 1]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from trihedron.models.bench import up
 
 ASYMMETRIC_SLOTS = ((3, 7, 11), (5, 8, 12), (6, 10, 13))
-"""Places of X among the 18 (counted from 0) that carry Γ_pc n_c in accelerometer p's reading; on the diagonal the plus one."""
+"""Places of X among the 18 (from 0) that carry Γ_pc n_c in accelerometer p's reading; on the diagonal the plus one."""
 SYMMETRIC_SLOTS = ((3, 6, 9), (4, 7, 10), (5, 8, 11))
 """The same among the 15 parameters of the symmetric block."""
 

@@ -57,7 +57,7 @@ angle = st.floats(-6.3, 6.3)
 def test_specific_force_and_attitude_follow_the_exact_rotations(
     alpha, beta, kappa, epsilon, dalpha, dbeta, star, dg, theta, seed
 ):
-    q = Rotation.random(random_state=np.random.RandomState(seed)).as_matrix()
+    q = Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()
     model = table(
         initial_angle=(alpha, beta),
         kappa=kappa,

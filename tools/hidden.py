@@ -1,8 +1,10 @@
 """Records with one hidden effect, made by simulation in time; the diagnosis gets the record and nothing else."""
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +18,10 @@ from trihedron.errors import InputError, nearest
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 from trihedron.orchestrator import simulate
-from trihedron.records import PositionRecord, RawRecord
+from trihedron.records import PositionRecord, RawRecord, write_position_record
 from trihedron.records.rests import average_rests, find_rests
 from trihedron.scenario import Scenario
+from trihedron.writing import write_text
 
 NOISE_BOUND = 1e-5
 """σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""
@@ -29,6 +32,8 @@ BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
 STAND_BOUND, BLOCK_BOUND = 3e-3, 1e-2
 """The paper's bounds of the stand's and the block's errors."""
 DWELL_S, STEP_S = 6.0, 0.25
+RECORD_DECIMALS = 9
+"""Decimals of a record's numbers, as laboratories write them."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +74,10 @@ class HiddenCase:
 def bench_positions() -> tuple[NDArray, NDArray]:
     """Commanded angles [rad] of 40 positions: 24 with all signs certain, 16 between them.
 
-    The extra ones lie where effects show that the first leave unseen: other angles of the inner axis, inputs near a half.
+    The extra ones share no angle: harmonics of the encoders that look alike at equal steps of 45 degrees differ there.
     """
     pairs = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
-    pairs += [(35 + 90 * k, beta) for k in range(4) for beta in (70, 115, 200, 325)]
+    pairs += [((13 + 67 * k) % 360, (33 + 101 * k) % 360) for k in range(16)]
     angles = np.radians(np.array(pairs, dtype=float))
     return angles[:, 0], angles[:, 1]
 
@@ -256,3 +261,35 @@ def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionR
         row = int(case.place.where.removeprefix("position-")) - 1
         record.specific_force[row, case.place.axes[0] - 1] += case.values[0] * 9.80665
     return record
+
+
+def write_hidden_record(
+    path: Path,
+    seed: int,
+    answer: Path | None,
+    *,
+    effects: Sequence[str] | None = None,
+    symmetric: bool = False,
+    progress: bool = False,
+) -> None:
+    """Draw a case, measure it and write the record; the secret goes to `answer`, or nowhere.
+
+    Parameters
+    ----------
+    path : Path
+        position record (CSV)
+    seed : int
+        from 0 to 2**31 - 1
+    answer : Path or None
+        JSON file for the secret and the bench's true parameters
+    effects, symmetric
+        as for `draw_case`
+    """
+    if not 0 <= seed < 2**31:
+        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
+    case = draw_case(seed, effects=effects, symmetric=symmetric)
+    record = measure(case, seed, progress=progress)
+    write_position_record(record, path, decimals=RECORD_DECIMALS)
+    if answer is not None:
+        secret = {"hidden": case.answer(), "seed": seed, "truth": case.truth}
+        write_text(answer, json.dumps(secret, indent=2) + "\n")

@@ -1,1 +1,11 @@
-"""."""
+"""Calibration of an accelerometer block on a two-axis table, with guaranteed errors.
+
+>>> result = calibrate(record, noise_bound=1e-5)
+>>> result.to_json()["verdict"]
+'consistent'
+"""
+
+from trihedron.calibration.procedure import calibrate, fit_record
+from trihedron.calibration.result import Calibration, bench_parameters
+
+__all__ = ["Calibration", "bench_parameters", "calibrate", "fit_record"]

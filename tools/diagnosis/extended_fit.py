@@ -81,8 +81,8 @@ def rows_at(here: Linearisation, point: NDArray, at: Positions, hours: NDArray) 
         alpha=at.alpha - point[here.symbols.index("X2")],
         beta=at.beta,
         n=predicted_input(here.parametrisation, point, at),
-        by_alpha=by_alpha.imag / step,
-        by_beta=by_beta.imag / step,
+        by_alpha=np.imag(by_alpha) / step,
+        by_beta=np.imag(by_beta) / step,
     )
 
 

@@ -19,8 +19,8 @@ from trihedron.scenario import Scenario
 
 HELD_OUT_EVERY = 4
 """One position in so many is held out."""
-MAX_LEVERAGE = 3.0
-"""A held-out reading is scored when its prediction is at most so many times as uncertain as a reading."""
+MAX_LEVERAGE = 1.0
+"""A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
 FAST = 1e3
 """Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
 
@@ -88,7 +88,7 @@ def held_out_rows(here: Linearisation, fit: ExtendedFit) -> tuple[NDArray, NDArr
         if np.linalg.matrix_rank(used, tol=1e-8 * np.linalg.norm(used, 2)) < rank:
             continue
         weights = jacobian.reshape(count, 3, -1)[out] @ np.linalg.pinv(used, rcond=1e-8)
-        scored = np.abs(weights).sum(axis=2) <= MAX_LEVERAGE
+        scored = np.linalg.norm(weights, axis=2) <= MAX_LEVERAGE
         if best is None or scored.sum() > best[1].sum():
             best = (out, scored)
     if best is None or best[1].sum() < 3:
@@ -106,7 +106,7 @@ def measure_gain(here: Linearisation, hours: NDArray, fit: ExtendedFit, gravity:
     hours : (N,) array
         time of each row since the first
     fit : ExtendedFit
-        the model with the effect
+        the model with an effect that has a kernel
     gravity : float
         the model's g [m/s²]
 
@@ -122,7 +122,6 @@ def measure_gain(here: Linearisation, hours: NDArray, fit: ExtendedFit, gravity:
     kept = np.setdiff1d(np.arange(len(here.reading)), out)
     errors = []
     for places in ((), fit.places):
-        places = tuple(place for place in places if CATALOGUE[place.effect].kernel is not None)
         trained = fit_extended(subset(here, kept), hours[kept], places)
         simulated = simulate_rows(here, trained, hours, out, gravity)
         errors.append(here.reading[out] - simulated)

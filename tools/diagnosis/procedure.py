@@ -23,7 +23,7 @@ from trihedron.diagnosis.result import Cause, Diagnosis
 from trihedron.diagnosis.search import Candidate, catalogue_places, outlier_places, try_effects
 from trihedron.diagnosis.separation import separating_positions
 from trihedron.errors import InputError
-from trihedron.models.effects import EffectPlace
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 
 if TYPE_CHECKING:
@@ -70,7 +70,8 @@ def diagnose(
         # With no more measurements than parameters every record fits.
         enough = nominal.verdict == "consistent" and len(here.residual) > here.span.shape[1]
         positions = () if enough else nominal.next_positions
-        return Diagnosis("consistent" if enough else "insufficient", nominal, next_positions=positions)
+        verdict = "consistent" if enough else "insufficient"
+        return Diagnosis(verdict, nominal, record.position, next_positions=positions)
     resolution = record.resolution / gravity
     limit = radius_limit(nominal.noise_bound, resolution)
     try:
@@ -82,7 +83,7 @@ def diagnose(
     standing = [candidate for candidate in tried if candidate.possible and candidate.fit.radius <= limit]
     if not standing:
         structure = tuple(residual_structure(here, hours))
-        return Diagnosis("unexplained", nominal, tried=tuple(tried), residual_structure=structure)
+        return Diagnosis("unexplained", nominal, record.position, tried=tuple(tried), residual_structure=structure)
     groups = classes_of(here, standing)
     room = reading_uncertainty(resolution)
     causes = [cause_of(here, group, catalogue_places(baseline), record.position, room) for group in groups]
@@ -90,10 +91,12 @@ def diagnose(
         ahead = float(hours[-1] + (hours[-1] / max(len(hours) - 1, 1)))
         positions = separating_positions(here, ahead, [group[0] for group in groups], bounds)
         return Diagnosis(
-            "ambiguous", nominal, (causes[0],), tuple(causes[1:]), tuple(tried), next_positions=tuple(positions)
+            "ambiguous", nominal, record.position, (causes[0],), tuple(causes[1:]), tuple(tried), next_positions=tuple(positions)
         )
-    gain = measure_gain(here, hours, groups[0][0].fit, gravity) if rerun else None
-    return Diagnosis("explained", nominal, (causes[0],), tried=tuple(tried), gain=gain)
+    named = groups[0][0]
+    physical = CATALOGUE[named.place.effect].kernel is not None
+    gain = measure_gain(here, hours, named.fit, gravity) if rerun and physical else None
+    return Diagnosis("explained", nominal, record.position, (causes[0],), tried=tuple(tried), gain=gain)
 
 
 def classes_of(here: Linearisation, standing: Sequence[Candidate]) -> list[list[Candidate]]:

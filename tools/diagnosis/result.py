@@ -5,6 +5,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from numpy.typing import NDArray
+
 from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.extension import Gain
 from trihedron.diagnosis.search import Candidate
@@ -84,6 +86,8 @@ class Diagnosis:
         "consistent", "explained", "ambiguous", "unexplained" or "insufficient"
     baseline : Calibration
         of the nominal model
+    position_numbers : (N,) array of int
+        the record's own numbers of its rows
     causes : tuple of Cause
         the effect that was named, or the best of several
     alternatives : tuple of Cause
@@ -100,6 +104,7 @@ class Diagnosis:
 
     verdict: str
     baseline: Calibration
+    position_numbers: NDArray
     causes: tuple[Cause, ...] = ()
     alternatives: tuple[Cause, ...] = ()
     tried: tuple[Candidate, ...] = ()

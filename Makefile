@@ -1,0 +1,49 @@
+# `make demo` runs the whole loop, `make test` the tests; both set up what they need in .venv.
+SHELL := /bin/sh
+VENV ?= .venv
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+BIN = $(VENV)/bin
+READY = $(VENV)/.ready
+WORKERS ?= 2
+PYTEST = $(BIN)/python -m pytest
+
+.PHONY: demo test acceptance bench lint docs setup clean
+
+demo: $(READY)
+	$(BIN)/trihedron demo --out demo-results
+
+test: $(READY)
+	$(PYTEST) -n $(WORKERS) -m "not acceptance and not benchmark_ratio"
+
+acceptance: $(READY)
+	$(PYTEST) -n $(WORKERS) -m acceptance -s
+
+bench: $(READY)
+	$(PYTEST) tests/benchmarks -m benchmark_ratio -s
+
+lint: $(READY) build/typing/trihedron
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+docs: $(READY)
+	$(BIN)/python -m trihedron.reference docs/reference.md
+
+setup: $(READY)
+
+$(READY): pyproject.toml
+	@test -n "$(PYTHON)" || { echo "Trihedron needs Python 3.11 or newer; name one with PYTHON=..." >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
+	touch $(READY)
+
+# The packages under their import names, for the type checker: an editable install has them under their folders' names.
+build/typing/trihedron: $(wildcard tools/*) pyproject.toml
+	rm -rf build/typing
+	mkdir -p build/typing/trihedron
+	for entry in tools/*; do ln -s "../../../$$entry" build/typing/trihedron/; done
+	for name in models fmus scenarios; do ln -s "../../../$$name" build/typing/trihedron/; done
+
+clean:
+	rm -rf $(VENV) build demo-results .pytest_cache .hypothesis .ruff_cache *.egg-info

@@ -1,0 +1,53 @@
+"""FMUs that are none of ours: PythonFMU scripts, which the tests build."""
+
+import re
+import sys
+import warnings
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def build_foreign(script: str, folder: Path) -> Path:
+    """Build a script of this folder as an FMU; the process forgets that it imported it."""
+    from pythonfmu.builder import FmuBuilder
+
+    path, modules = list(sys.path), set(sys.modules)
+    sys.path.insert(0, str(HERE))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return FmuBuilder.build_FMU(HERE / f"{script}.py", dest=folder, needsExecutionTool=False)
+    finally:
+        sys.path[:] = path
+        for name in set(sys.modules) - modules:
+            if name.startswith("foreign_"):
+                del sys.modules[name]
+
+
+def rewritten(fmu: Path, target: Path, change: Callable[[str, bytes], tuple[str, bytes] | None]) -> Path:
+    """A copy of an FMU in which each member is changed, or left out where `change` gives None."""
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(target, "w") as new:
+        for member in old.infolist():
+            changed = change(member.filename, old.read(member))
+            if changed is not None:
+                new.writestr(*changed)
+    return target
+
+
+def declaring(fmu: Path, target: Path, attributes: dict[str, str]) -> Path:
+    """A copy of an FMU whose description declares more of some Real variables: name to `unit="rad" min="0"`."""
+
+    def change(name: str, content: bytes) -> tuple[str, bytes]:
+        if name != "modelDescription.xml":
+            return name, content
+        text = content.decode()
+        for variable, attribute in attributes.items():
+            pattern = rf'(<ScalarVariable[^>]*name="{re.escape(variable)}"[^>]*>\s*<Real)'
+            text, count = re.subn(pattern, rf"\1 {attribute}", text)
+            assert count == 1, variable
+        return name, text.encode()
+
+    return rewritten(fmu, target, change)

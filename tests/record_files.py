@@ -1,0 +1,44 @@
+"""Files of records for the tests: headers, a valid position record, ways to spoil it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from trihedron.errors import InputError
+from trihedron.records import read_record
+
+POSITION_HEADER = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"
+RAW_HEADER = "time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"
+STRAPDOWN_HEADER = "time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2"
+ROWS = ["1,10.0,0.0,0.0,0.01,0.02,9.80665", "2,20.0,90.0,0.0,0.01,9.80665,0.02", "4,30.5,90.0,270.0,-9.80665,0.01,0.02"]
+VALID = "\n".join([POSITION_HEADER, *ROWS, ""])
+
+
+def reader(path: Path) -> Callable:
+    """A function that writes what it is given to the path and reads it as a record."""
+
+    def read(content: str | bytes):
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return read_record(path)
+
+    return read
+
+
+def refused(read, content: str | bytes, *parts: str) -> str:
+    """Assert that the content is refused in one line that has these parts; give the line."""
+    with pytest.raises(InputError) as caught:
+        read(content)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "record.csv" in message
+    for part in parts:
+        assert part in message
+    return message
+
+
+def with_field(row: int, column: str, value: str, header: str = POSITION_HEADER, rows=ROWS) -> str:
+    """The valid record with one field replaced; `row` counts data rows from 0."""
+    lines = [line.split(",") for line in (header, *rows)]
+    lines[row + 1][lines[0].index(column)] = value
+    return "\n".join(",".join(line) for line in lines) + "\n"

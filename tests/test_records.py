@@ -1,0 +1,196 @@
+"""Records from files: each kind, in SI and radians, from CSV and Parquet; real ones where they are."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader
+from trihedron.records import (
+    PositionRecord,
+    RawRecord,
+    StrapdownRecord,
+    read_position_record,
+    read_record,
+)
+from trihedron.records.csv_table import significant_digits, written_resolution
+
+
+@pytest.fixture
+def record_of(tmp_path):
+    return reader(tmp_path / "record.csv")
+
+
+def test_a_position_record_is_read_in_si_and_radians(record_of):
+    record = record_of(VALID)
+    assert isinstance(record, PositionRecord)
+    assert record.position.tolist() == [1, 2, 4]
+    assert record.time_s.tolist() == [10.0, 20.0, 30.5]
+    np.testing.assert_array_equal(record.alpha, np.deg2rad([0.0, 90.0, 90.0]))
+    np.testing.assert_array_equal(record.beta, np.deg2rad([0.0, 0.0, 270.0]))
+    assert record.specific_force[2].tolist() == [-9.80665, 0.01, 0.02]
+    assert record.row.tolist() == [2, 3, 4]
+    assert record.resolution == pytest.approx(0.5e-5, rel=1e-12)
+    assert record.temperature is None
+    assert record.mounting is None
+    assert record.warnings == ()
+
+
+def test_the_ideal_bench_of_the_contract_reads_as_predicted(record_of):
+    record = record_of(VALID)
+    assert isinstance(record, PositionRecord)
+    up = np.stack(
+        [
+            np.sin(record.alpha) * np.sin(record.beta),
+            np.sin(record.alpha) * np.cos(record.beta),
+            np.cos(record.alpha),
+        ],
+        axis=1,
+    )
+    assert np.abs(record.specific_force - 9.80665 * up).max() < 0.03
+
+
+def test_optional_columns_are_read_in_any_order(record_of):
+    text = (
+        "mounting,f3_mps2,f2_mps2,f1_mps2,beta_deg,alpha_deg,time_s,position,approach_beta,approach_alpha,"
+        'temperature_degC\n"first, flat",9.8,0,0,10,20,1,1,-1,+1,21.5\nB,9.8,0,0,10,20,2,2,1,-1,21.6\n'
+    )
+    record = record_of(text)
+    assert record.mounting == ("first, flat", "B")
+    assert record.approach_alpha.tolist() == [1.0, -1.0]
+    assert record.approach_beta.tolist() == [-1.0, 1.0]
+    assert record.temperature.tolist() == [21.5, 21.6]
+    assert record.specific_force[0].tolist() == [0.0, 0.0, 9.8]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_line_ends_marks_comments_blanks_and_quotes(record_of, end, mark):
+    lines = [
+        "# comment",
+        "",
+        POSITION_HEADER.replace("position", '"position"'),
+        "#1,2,3",
+        '"1", 10.0 ,5,0,0,0,9.8',
+        "  ",
+    ]
+    record = record_of(mark + end.join([*lines, "2,20,170,0,0,0,-9.8"]))
+    assert record.row.tolist() == [5, 7]
+    assert record.time_s.tolist() == [10.0, 20.0]
+
+
+def test_each_kind_is_recognised_by_its_columns(record_of):
+    raw = record_of(f"{RAW_HEADER}\n0.0,20,0,0,0,9.8\n0.1,20,0,0,0,9.8\n")
+    assert isinstance(raw, RawRecord)
+    rates = record_of(f"{STRAPDOWN_HEADER},q0,q1,q2,q3\n0.0,1,2,3,0,0,9.8,,,,\n0.1,1,2,3,0,0,9.8,0,-1.0005,0,0\n")
+    assert isinstance(rates, StrapdownRecord)
+    assert rates.increment is None
+    assert rates.rate is not None
+    assert rates.rate[0].tolist() == [1.0, 2.0, 3.0]
+    assert rates.attitude is not None
+    assert np.isnan(rates.attitude[0]).all()
+    assert rates.attitude[1].tolist() == [0.0, -1.0, 0.0, 0.0]
+    increments = record_of(
+        "time_s,dtheta1_rad,dtheta2_rad,dtheta3_rad,f1_mps2,f2_mps2,f3_mps2\n1,0.1,0.2,0.3,0,0,9.8\n"
+    )
+    assert isinstance(increments, StrapdownRecord)
+    assert increments.rate is None
+    assert increments.increment is not None
+    assert increments.increment[0].tolist() == [0.1, 0.2, 0.3]
+    assert increments.attitude is None
+
+
+def test_parquet_is_read_like_csv(record_of, tmp_path):
+    record_of(VALID)
+    pl.read_csv(tmp_path / "record.csv").with_columns(mounting=pl.Series(["a", "a", "b"])).write_parquet(
+        tmp_path / "r.pq"
+    )
+    record = read_record(tmp_path / "r.pq")
+    assert isinstance(record, PositionRecord)
+    expected = record_of(VALID)
+    for name in ("position", "time_s", "alpha", "beta", "specific_force"):
+        np.testing.assert_array_equal(getattr(record, name), getattr(expected, name))
+    assert record.mounting == ("a", "a", "b")
+    assert record.row.tolist() == [1, 2, 3]
+    assert record.resolution == 0.0
+    record.specific_force[0, 0] = 1.0
+
+
+def test_unknown_columns_are_left_out_with_a_warning(record_of):
+    rows = [f"{row},,x" for row in ROWS]
+    record = record_of("\n".join([f"{POSITION_HEADER},temprature_degC,remark", *rows]))
+    assert len(record) == 3
+    assert len(record.warnings) == 1
+    assert "'temprature_degC' (did you mean 'temperature_degC'?)" in record.warnings[0]
+    assert "'remark'" in record.warnings[0]
+
+
+def test_angles_in_radians_are_warned_of(record_of):
+    small = VALID.replace("90.0", "1.5708").replace("270.0", "4.7124")
+    assert "radians?" in record_of(small).warnings[0]
+    assert record_of(VALID.replace("90.0", "0").replace("270.0", "0")).warnings == ()
+    assert record_of(VALID.replace("90.0", "0").replace("270.0", "6.29")).warnings == ()
+
+
+def test_angles_and_gyros_together_are_read_as_asked_for(record_of, tmp_path):
+    header = RAW_HEADER + ",w1_radps,w2_radps,w3_radps"
+    rows = [f"{0.1 * k:.1f},20,30,0,0,9.8,0,0,0" for k in range(20)]
+    record = record_of("\n".join([header, *rows]))
+    assert isinstance(record, StrapdownRecord)
+    assert "'alpha_deg'" in record.warnings[0]
+    assert len(read_position_record(tmp_path / "record.csv")) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "digits"),
+    [("9.80665", 6), ("-0.01230", 4), ("1e5", 1), ("980", 3), ("0.00", 0), (".5", 1), (" +1.50E-3 ", 3)],
+)
+def test_written_digits_are_counted(text, digits):
+    assert significant_digits(text) == digits
+
+
+@pytest.mark.parametrize(
+    ("form", "half_digit"), [("%.5f", 0.5e-5), ("%.9f", 0.5e-9), ("%.6g", 0.5e-5), ("%.4e", 0.5e-4), ("%.9g", 0.5e-8)]
+)
+def test_resolution_is_half_a_last_digit_of_the_largest_reading(form, half_digit):
+    values = np.random.default_rng(1).uniform(-9.80665, 9.80665, 50)
+    texts = [form % value for value in values]
+    stripped = [text.rstrip("0") if "e" not in text else text for text in texts]
+    for written in (texts, stripped):
+        resolution = written_resolution(float(np.abs(values).max()), max(map(significant_digits, written)))
+        assert resolution == pytest.approx(half_digit, rel=1e-12)
+        error = max(abs(float(text) - value) for text, value in zip(written, values, strict=True))
+        assert error <= resolution * (1 + 1e-9)
+
+
+def test_arrays_of_different_lengths_are_no_record():
+    with pytest.raises(ValueError, match="beta"):
+        RawRecord(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros((3, 3)))
+
+
+def real_record(name: str) -> Path:
+    folder = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[1] / ".." / "shared" / "data"))
+    path = folder / f"{name}.strapdown.csv"
+    if not path.exists():
+        pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
+    return path
+
+
+def test_a_real_record_with_optical_attitude():
+    record = read_record(real_record("broad-03"))
+    assert isinstance(record, StrapdownRecord)
+    assert len(record) == 58412
+    assert record.attitude is not None
+    known = ~np.isnan(record.attitude[:, 0])
+    assert np.count_nonzero(~known) == 4086
+    assert np.abs(np.linalg.norm(record.attitude[known], axis=1) - 1.0).max() < 1e-15
+    assert record.warnings == ()
+
+
+def test_a_real_record_without_truth():
+    record = read_record(real_record("mpu9150-0"))
+    assert isinstance(record, StrapdownRecord)
+    assert record.attitude is None
+    assert np.median(np.linalg.norm(record.specific_force, axis=1)) == pytest.approx(9.81, rel=0.03)

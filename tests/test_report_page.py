@@ -1,0 +1,145 @@
+"""The page of results: one file, no script, whatever the texts hold."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from trihedron.errors import InputError
+from trihedron.report import Section, Table, candidates, render_page, write_page
+
+HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
+VOID = {"meta", "br", "hr", "img", "link"}
+
+
+class Reader(HTMLParser):
+    """Checks that elements nest, and gathers tags, attributes and text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attrs
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def read(text: str) -> Reader:
+    reader = Reader()
+    reader.feed(text)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def full_page() -> str:
+    picture = candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1])
+    table = Table(
+        ["symbol", "estimate", "position"],
+        [["X4", -1.5e-4, 3], ["X5", None, 12], ["X6+X8", float("nan"), 7]],
+        caption="Estimates",
+    )
+    return render_page(
+        "The bench",
+        "All 18 true values lie inside their intervals.",
+        [
+            Section("Candidates", ["One effect explains the data."], picture, "What is left."),
+            Section("Again", [], picture),
+            Section("Estimates", table=table, files=[Path("/somewhere/out/run-1/run data.parquet")]),
+        ],
+        tone="good",
+        provenance={"trihedron": "0.1.0", "record.csv": "0" * 64},
+        folder=Path("/somewhere/out"),
+    )
+
+
+def test_the_page_is_whole_and_opens_without_script_and_network() -> None:
+    page = full_page()
+    reader = read(page)
+    assert "script" not in reader.tags
+    assert "link" not in reader.tags
+    addresses = [value for name, value in reader.attributes if name in ("href", "src", "xlink:href")]
+    assert all(address is not None and address.startswith(("./", "#")) for address in addresses)
+    assert not any(name.startswith("on") for name, _ in reader.attributes)
+    assert reader.tags.count("svg") == 2
+    assert "default-src 'none'" in page
+    assert "prefers-color-scheme: dark" in page
+    assert "@media print" in page
+
+
+def test_the_page_repeats_to_the_byte() -> None:
+    assert full_page() == full_page()
+
+
+def test_files_are_linked_relative_to_the_page() -> None:
+    reader = read(full_page())
+    assert ("href", "./run-1/run%20data.parquet") in reader.attributes
+    assert "run-1/run data.parquet" in reader.text
+    assert "/somewhere" not in full_page()
+
+
+def test_numbers_stand_to_the_right_and_what_is_missing_is_a_dash() -> None:
+    page = full_page()
+    assert '<td class="number">−0.00015</td>' in page
+    assert page.count('<td class="number">–</td>') == 2
+    assert "<td>X4</td>" in page
+
+
+def test_hostile_texts_are_shown_and_never_run() -> None:
+    section = Section(
+        HOSTILE,
+        [HOSTILE],
+        candidates([HOSTILE], [1.0]),
+        HOSTILE,
+        Table([HOSTILE], [[HOSTILE]], HOSTILE),
+        [HOSTILE, "javascript:alert(1)", '" onclick="alert(1)'],
+    )
+    page = render_page(HOSTILE, HOSTILE, [section], provenance={HOSTILE: HOSTILE})
+    reader = read(page)
+    assert "script" not in reader.tags
+    assert "img" not in reader.tags
+    assert not any(name.startswith("on") for name, _ in reader.attributes)
+    assert "".join(reader.text).count("<script>alert(1)</script>") >= 8
+    addresses = [value for name, value in reader.attributes if name == "href"]
+    assert all(address is not None and address.startswith("./") for address in addresses)
+    assert "{{ 7*7 }}" in page
+    page.encode("utf-8")
+
+
+def test_a_page_of_nothing_is_a_page() -> None:
+    reader = read(render_page("Nothing", "Nothing was done.", []))
+    assert "main" in reader.tags
+    assert "footer" not in reader.tags
+
+
+def test_only_pictures_are_put_in_as_they_are() -> None:
+    with pytest.raises(ValueError, match="begins with '<svg '"):
+        Section("x", svg="<script>alert(1)</script>")
+
+
+def test_a_table_whose_rows_do_not_fit_its_header_is_refused() -> None:
+    with pytest.raises(ValueError, match="row 2 has 1 cells, the header 2"):
+        Table(["a", "b"], [[1, 2], [3]])
+
+
+def test_writing_the_page(tmp_path: Path) -> None:
+    write_page(tmp_path / "new" / "page.html", full_page())
+    assert (tmp_path / "new" / "page.html").read_text(encoding="utf-8") == full_page()
+    with pytest.raises(InputError, match="is a directory"):
+        write_page(tmp_path, full_page())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new"]

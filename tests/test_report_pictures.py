@@ -1,0 +1,202 @@
+"""Pictures: well-formed, the same bytes each time, whatever stands in the labels and however little there is to show."""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trihedron.report import attitude_error, bench_tour, candidates, held_out, residuals, target_intervals
+from trihedron.report.calibration_pictures import in_words
+from trihedron.report.theme import COLOURS
+from trihedron.report.time_pictures import MOST_POINTS, thinned
+
+SVG = "{http://www.w3.org/2000/svg}"
+HOSTILE = "<script>alert('x')</script> & \"$\\frac{1}{$ ]]> \x00\x1b \ud800 漢字\n"
+
+
+@dataclass
+class Row:
+    symbol: str = "X4"
+    name: str = "scale-factor-error-plus-1"
+    estimate: float | None = 1.2e-3
+    guaranteed_error: float | None = 2e-5
+    low: float | None = 1.19e-3
+    high: float | None = 1.215e-3
+
+
+def tour(count: int = 500) -> str:
+    time = np.linspace(0.0, 60.0, count)
+    readings = np.column_stack([np.sin(time / 9), np.cos(time / 9), 0.2 * np.ones(count)])
+    return bench_tour(time, 6.0 * time, 360.0 - 6.0 * time, readings)
+
+
+def residual_picture() -> str:
+    generator = np.random.default_rng(0)
+    values = generator.uniform(-2.0, 2.0, (24, 3))
+    return residuals(15.0 * np.arange(24), 10.0 * np.arange(24), values, 0.4 * values, np.abs(values) > 1.8)
+
+
+PICTURES: dict[str, Callable[[], str]] = {
+    "tour": tour,
+    "intervals": lambda: target_intervals([Row(), Row("X5", "bias-1")], 1e-5, {"X4": 1.2e-3}),
+    "residuals": residual_picture,
+    "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)),
+    "attitude_error": lambda: attitude_error(np.arange(90.0), np.ones((90, 3)), np.arange(90.0)),
+    "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]),
+}
+
+ROW = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"))
+NOTHING: dict[str, Callable[[], str]] = {
+    "tour of no rows": lambda: bench_tour([], [], [], np.zeros((0, 3))),
+    "tour of NaN": lambda: bench_tour([0, 1], [np.nan] * 2, [np.inf] * 2, np.full((2, 3), np.nan)),
+    "tour of one row": lambda: bench_tour([0.0], [1.0], [2.0], [[0.0, 0.0, 1.0]]),
+    "no targets": lambda: target_intervals([], 1e-5),
+    "targets without values": lambda: target_intervals([Row(**ROW)] * 18, 1e-5),
+    "falsified targets": lambda: target_intervals([Row(low=None, high=None)], 1e-5, {"X4": float("nan")}),
+    "noise bound of zero": lambda: target_intervals([Row()], 0.0),
+    "no residuals": lambda: residuals([], [], np.zeros((0, 3))),
+    "residuals of NaN": lambda: residuals([1, 2], [3, 4], np.full((2, 3), np.nan), np.full((2, 3), np.nan)),
+    "one accelerometer missing": lambda: residuals([1.0], [2.0], [[0.1, np.nan, 3.0]], None, [[False, True, True]]),
+    "nothing held out": lambda: held_out([], [], []),
+    "held-out NaN": lambda: held_out([np.nan], [np.inf], ["7"]),
+    "no attitude error": lambda: attitude_error([], np.zeros((0, 3)), []),
+    "unknown attitude error": lambda: attitude_error([1, 2], np.full((2, 3), np.nan), [np.nan] * 2),
+    "no candidates": lambda: candidates([], []),
+    "no radius": lambda: candidates(["a", "b"], [np.nan, np.inf]),
+}
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize("draw", [*PICTURES.values(), *NOTHING.values()], ids=[*PICTURES, *NOTHING])
+def test_a_picture_is_well_formed_and_stands_alone(draw: Callable[[], str]) -> None:
+    svg = draw()
+    root = ElementTree.fromstring(svg)
+    assert root.tag == f"{SVG}svg"
+    assert root.get("aria-label")
+    assert "viewBox" in root.attrib
+    ids = re.findall(r' id="([^"]*)"', svg)
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg)) == set(ids)
+    assert "nan" not in re.sub(r"<style>.*?</style>", "", svg)
+
+
+@pytest.mark.parametrize("draw", NOTHING.values(), ids=NOTHING)
+def test_where_there_is_nothing_to_show_the_picture_says_so_or_shows_the_rest(draw: Callable[[], str]) -> None:
+    assert texts(draw())
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_a_picture_repeats_to_the_byte_whatever_the_settings_of_the_user(name: str) -> None:
+    first = PICTURES[name]()
+    with matplotlib.rc_context({"lines.linewidth": 9.0, "font.size": 30.0, "svg.hashsalt": None}):
+        assert PICTURES[name]() == first
+
+
+def test_drawing_leaves_the_settings_of_the_user_alone() -> None:
+    before = dict(matplotlib.rcParams)
+    tour()
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_every_colour_has_its_counterpart_on_a_dark_page(name: str) -> None:
+    svg = PICTURES[name]()
+    drawn = re.sub(r"<style>.*?</style>", "", svg)
+    colours = set(re.findall(r"#[0-9a-fA-F]{6}(?![0-9a-zA-Z-])", drawn))
+    assert colours
+    assert colours <= {colour.light for colour in COLOURS}
+    for colour in COLOURS:
+        assert f"{colour.dark}!important" in svg
+    # The original of a marker would keep its own colour: a rule of the page does not reach into its copies.
+    for original in re.findall(r'<path id="[^"]*" d="[^"]*" style="([^"]*)"', drawn):
+        assert "#" not in original
+
+
+def test_hostile_labels_are_shown_and_nothing_else() -> None:
+    for svg in (
+        candidates([HOSTILE, "none"], [0.5, 2.0]),
+        held_out([1.0], [0.5], [HOSTILE]),
+        target_intervals([Row(symbol=HOSTILE, name=HOSTILE)], 1e-5),
+    ):
+        root = ElementTree.fromstring(svg)
+        assert not list(root.iter(f"{SVG}script"))
+        assert any("<script>" in text for text in texts(svg))
+
+
+def test_very_long_names_leave_room_for_the_picture() -> None:
+    svg = candidates(["effect " * 200] * 40, np.linspace(0.1, 5.0, 40))
+    assert max(len(text) for text in texts(svg)) < 60
+    ElementTree.fromstring(held_out(np.ones(70), np.ones(70), ["position " * 50] * 70))
+
+
+@given(st.text(), st.floats())
+@settings(max_examples=20, deadline=None)
+def test_any_text_and_any_number_give_a_picture(text: str, value: float) -> None:
+    ElementTree.fromstring(candidates([text], [value if abs(value) < 1e9 else np.nan]))
+
+
+def test_what_a_picture_shows_is_what_it_was_given() -> None:
+    shown = texts(target_intervals([Row(), Row("-X12", "mounting-error-2")], 1e-5, {"X4": 1.2e-3}))
+    assert "scale factor error (+) 1 · X4" in shown
+    assert "mounting error 2 · −X12" in shown
+    assert "units of σ, about the true value, where it is known, else of the estimate" in shown
+    shown = texts(candidates(["worse", "better", "impossible"], [2.5, 0.25, np.nan]))
+    assert [text for text in shown if text in ("worse", "better", "impossible")] == ["better", "worse", "impossible"]
+    assert {"0.25", "2.5", "not possible"} <= set(shown)
+
+
+def interval_ends(svg: str) -> tuple[float, float, float, float]:
+    """Ends of the thick interval and of the pale bar of the first row, by their x in the picture."""
+    line = re.search(r'd="M ([\d.]+) [\d.]+ L ([\d.]+) [\d.]+ "[^>]*stroke-width: 2\.6', svg.replace("\n", ""))
+    bar = re.search(r'd="M ([\d.]+) [\d.]+ L ([\d.]+) [\d.]+ L[^"]*"[^>]*fill: #dfeaf4', svg.replace("\n", ""))
+    assert line is not None
+    assert bar is not None
+    return float(line[1]), float(line[2]), float(bar[1]), float(bar[2])
+
+
+def test_intervals_are_drawn_to_scale() -> None:
+    low, high, left, right = interval_ends(target_intervals([Row()], 1e-5, {"X4": 1.2e-3}))
+    # -1 to 1.5 sigma within -2 to 2 sigma.
+    assert (high - low) / (right - left) == pytest.approx(2.5 / 4.0, abs=2e-3)
+    assert (low - left) / (right - left) == pytest.approx(0.25, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("outer-axis-tilt", "outer axis tilt"),
+        ("scale-factor-error-minus-2", "scale factor error (−) 2"),
+        ("misalignment-21", "misalignment 21"),
+    ],
+)
+def test_names_in_words(name: str, words: str) -> None:
+    assert in_words(name) == words
+
+
+def test_thinning_keeps_peaks_gaps_and_ends() -> None:
+    generator = np.random.default_rng(1)
+    value = generator.normal(size=50_000)
+    value[20_000:21_000] = np.nan
+    value[37_123] = 99.0
+    time = np.arange(50_000.0)
+    thin_time, thin = thinned(time, value)
+    assert len(thin) < 2.2 * MOST_POINTS
+    assert np.nanmax(thin) == 99.0
+    assert np.nanmin(thin) == np.nanmin(value)
+    assert (thin_time[0], thin_time[-1]) == (0.0, 49_999.0)
+    assert np.isnan(thin[np.searchsorted(thin_time, 20_500.0)])
+    assert len(tour(200_000)) < 200_000
+
+
+def test_few_points_are_all_drawn() -> None:
+    time = np.arange(10.0)
+    assert thinned(time, time)[0] is time

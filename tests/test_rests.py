@@ -1,0 +1,207 @@
+"""Rests found in simulated table runs: the averages against what was simulated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
+from trihedron.errors import InputError
+from trihedron.records import RawRecord, read_position_record, write_raw_record
+from trihedron.records.rests import average_rests, find_rests
+from trihedron.records.stops import without_turns
+
+
+def test_a_run_without_errors_gives_its_positions_exactly():
+    raw, truth = Bench().run(PROGRAMME)
+    record = averaged(raw)
+    np.testing.assert_allclose(np.stack([record.alpha, record.beta], axis=1), np.array(PROGRAMME), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(record.specific_force, GRAVITY * truth, rtol=0, atol=1e-14)
+    assert record.position.tolist() == list(range(1, 25))
+    assert record.scatter is not None
+    assert record.scatter.max() < 1e-15
+    assert record.warnings == ()
+
+
+def test_time_is_the_middle_and_row_the_start_of_the_averaging_interval():
+    raw, _ = Bench().run(PROGRAMME[:3])
+    rests = find_rests(raw)
+    record = average_rests(raw, rests)
+    for k, rest in enumerate(rests):
+        assert rest.first <= rest.kept_first < rest.kept_last <= rest.last
+        assert rest.last - rest.first + 1 == pytest.approx(200, abs=2)
+        assert record.time_s[k] == 0.5 * (raw.time_s[rest.kept_first] + raw.time_s[rest.kept_last])
+        assert record.row[k] == raw.row[rest.kept_first]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_noise_of_the_bench_is_averaged_and_what_is_held_stays(seed):
+    bench = Bench(white=5e-6, held=5e-6, encoder_held=ARCSEC, seed=seed)
+    raw, truth = bench.run(PROGRAMME)
+    record = averaged(raw)
+    assert len(record) == 24
+    error = mean_errors(record, truth)
+    # uniform white noise: 5e-6/√3 over the root of 198 rows
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(5e-6 / np.sqrt(3 * 198), rel=0.4)
+    assert np.abs(error).max() < 4.5 * 5e-6 / np.sqrt(3 * 198)
+    assert np.abs(np.stack([record.alpha, record.beta], axis=1) - PROGRAMME).max() <= ARCSEC * (1 + 1e-9)
+    assert record.scatter is not None
+    assert 1.0 < np.median(record.scatter) / (GRAVITY * 5e-6 / np.sqrt(3 * 198)) < 2.0
+
+
+@pytest.mark.parametrize("noise", [0.3 * ARCSEC, ARCSEC, 10 * ARCSEC])
+def test_the_tolerance_follows_the_encoders_own_scatter(noise):
+    raw, truth = Bench(white=5e-6, encoder_noise=noise).run(PROGRAMME)
+    record = averaged(raw)
+    assert len(record) == 24
+    angle_error = np.stack([record.alpha, record.beta], axis=1) - PROGRAMME
+    assert np.abs(angle_error).max() < 5 * noise / np.sqrt(150)
+    assert np.abs(mean_errors(record, truth)).max() < 1.5e-6
+
+
+@pytest.mark.parametrize("digit", [5 * ARCSEC, 36 * ARCSEC])
+def test_an_encoder_with_a_coarse_last_digit(digit):
+    raw, truth = Bench(white=5e-6, encoder_noise=0.2 * digit, encoder_digit=digit).run(PROGRAMME)
+    record = averaged(raw)
+    assert len(record) == 24
+    assert np.abs(np.stack([record.alpha, record.beta], axis=1) - PROGRAMME).max() < 0.5 * digit
+    assert np.abs(mean_errors(record, truth)).max() < 1.5e-6
+
+
+def test_a_stop_that_is_too_short_is_refused_with_its_reason():
+    long, _ = Bench(dwell=20.0).run(PROGRAMME[:4])
+    short, _ = Bench(dwell=2.0).run([PROGRAMME[4]])
+    time = np.concatenate([long.time_s, long.time_s[-1] + 0.1 + short.time_s])
+    raw = RawRecord(
+        time,
+        np.concatenate([long.alpha, short.alpha]),
+        np.concatenate([long.beta, short.beta]),
+        np.concatenate([long.specific_force, short.specific_force]),
+    )
+    rests = find_rests(raw)
+    assert [rest.refused is None for rest in rests] == [True] * 4 + [False]
+    assert "quarter of the median rest" in str(rests[-1].refused)
+    record = average_rests(raw, rests)
+    assert len(record) == 4
+    assert "left out" in record.warnings[0]
+
+
+@pytest.mark.parametrize("mean_rate", [np.deg2rad(0.5), np.deg2rad(180)])
+def test_slow_and_sudden_moves(mean_rate):
+    raw, truth = Bench(white=5e-6, mean_rate=mean_rate).run(PROGRAMME)
+    record = averaged(raw)
+    assert len(record) == 24
+    assert np.abs(mean_errors(record, truth)).max() < 2e-6
+
+
+def test_a_motion_too_slow_for_a_window_is_no_rest():
+    raw, truth = Bench(white=5e-6, step=0.01, mean_rate=np.deg2rad(0.05)).run([(0.0, 0.1), (0.3, 0.2), (0.5, 0.4)])
+    rests = find_rests(raw)
+    assert len(rests) == 3
+    assert np.abs(mean_errors(average_rests(raw, rests), truth)).max() < 1e-6
+
+
+def test_positions_one_row_apart_are_two_rests():
+    raw = RawRecord(
+        0.1 * np.arange(100),
+        np.repeat([0.2, 0.8], 50),
+        np.full(100, 0.5),
+        GRAVITY * up(np.repeat([0.2, 0.8], 50), np.full(100, 0.5)),
+    )
+    record = averaged(raw)
+    assert record.alpha.tolist() == [0.2, 0.8]
+
+
+def test_one_axis_may_stay_and_a_position_may_be_repeated_without_a_move():
+    programme = [(0.5, 0.5), (0.5, 1.5), (0.5, 1.5), (1.5, 1.5)]
+    raw, _ = Bench(white=5e-6, encoder_held=ARCSEC).run(programme)
+    record = averaged(raw)
+    assert len(record) == 3
+    assert np.abs(record.alpha - [0.5, 0.5, 1.5]).max() < 2 * ARCSEC
+    assert np.abs(record.beta - [0.5, 1.5, 1.5]).max() < 2 * ARCSEC
+
+
+def test_the_sense_of_the_last_move_of_each_axis():
+    programme = [(0.5, -0.5), (1.0, -0.5), (0.7, -1.0), (0.7, 0.3)]
+    record = averaged(Bench(white=5e-6, encoder_noise=ARCSEC).run(programme)[0])
+    assert record.approach_alpha is not None
+    assert record.approach_beta is not None
+    assert record.approach_alpha.tolist() == [1, 1, -1, -1]
+    assert record.approach_beta.tolist() == [-1, -1, -1, 1]
+
+
+def test_the_sense_after_an_overshoot_is_that_of_the_return():
+    stop = Bench(dwell=20.0)
+    raw, _ = stop.run([(0.5, 0.5), (1.0, 1.0)])
+    over = np.concatenate([np.linspace(1.0, 1.2, 20), np.linspace(1.2, 1.0, 20)[1:]])
+    back = RawRecord(
+        0.1 * np.arange(len(raw) + 39 + 200),
+        np.concatenate([raw.alpha, over, np.full(200, 1.0)]),
+        np.concatenate([raw.beta, np.full(239, 1.0)]),
+        GRAVITY * up(*np.ones((2, len(raw) + 239))),
+    )
+    record = averaged(back)
+    assert record.approach_alpha is not None
+    assert record.approach_alpha.tolist() == [1, 1, -1]
+
+
+def test_without_a_move_before_it_there_is_no_sense():
+    record = averaged(Bench().run([(0.0, 0.5), (1.0, 0.7)])[0])
+    assert record.approach_alpha is None
+    assert record.approach_beta is not None
+
+
+def test_an_encoder_that_starts_again_at_zero():
+    raw, truth = Bench(white=5e-6, encoder_noise=ARCSEC).run([(1.0, 0.5), (0.0, 0.2), (-0.5, -0.2), (0.0, 0.5)])
+    turned = replace(raw, alpha=raw.alpha % (2 * np.pi), beta=raw.beta % (2 * np.pi))
+    record = averaged(turned)
+    assert len(record) == 4
+    assert np.abs(mean_errors(record, truth)).max() < 2e-6
+    straight = averaged(raw)
+    np.testing.assert_allclose(up(record.alpha, record.beta), up(straight.alpha, straight.beta), rtol=0, atol=1e-12)
+    assert record.approach_alpha is not None
+    assert record.approach_alpha.tolist() == [1, -1, -1, 1]
+
+
+def test_whole_turns_are_taken_out_exactly():
+    angle = np.array([6.2, 6.28, 0.01, 0.1, 6.28, 0.0])
+    np.testing.assert_allclose(np.diff(without_turns(angle)), [0.08, 0.0132, 0.09, -0.1032, 0.0032], atol=1e-4)
+    straight = np.array([0.0, 3.0, 0.5])
+    assert without_turns(straight).tolist() == straight.tolist()
+
+
+def test_temperature_is_averaged_with_the_readings():
+    raw, _ = Bench().run(PROGRAMME[:2])
+    raw = replace(raw, temperature=20.0 + raw.time_s / 100)
+    record = averaged(raw)
+    assert record.temperature is not None
+    np.testing.assert_allclose(record.temperature, 20.0 + record.time_s / 100, atol=1e-12)
+
+
+def test_a_table_that_never_stops_has_no_rests():
+    time = 0.1 * np.arange(500)
+    raw = RawRecord(time, 0.1 * time, np.sin(time), GRAVITY * up(0.1 * time, np.sin(time)))
+    with pytest.raises(InputError, match="no rest of the table"):
+        averaged(raw)
+    few = RawRecord(time[:5], np.zeros(5), np.zeros(5), np.full((5, 3), 5.0))
+    with pytest.raises(InputError, match="no rest of the table"):
+        averaged(few)
+
+
+def test_the_same_file_gives_the_same_record(tmp_path):
+    raw, _ = Bench(white=5e-6, held=5e-6, encoder_held=ARCSEC).run(PROGRAMME)
+    write_raw_record(raw, tmp_path / "raw.csv")
+    first, second = (read_position_record(tmp_path / "raw.csv") for _ in range(2))
+    direct = averaged(raw)
+    for name in ("time_s", "specific_force", "alpha", "scatter"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+    np.testing.assert_allclose(first.specific_force, direct.specific_force, rtol=1e-14)
+    assert first.row[0] == direct.row[0] + 1
+
+
+def test_a_million_rows_are_no_loop():
+    raw, truth = Bench(white=5e-6, encoder_noise=ARCSEC, step=0.0006).run(PROGRAMME)
+    assert len(raw) > 900_000
+    record = averaged(raw)
+    assert len(record) == 24
+    assert np.abs(mean_errors(record, truth)).max() < 2e-7

@@ -1,0 +1,152 @@
+"""A measured strapdown record through the attitude computer's FMU, driven by the orchestrator."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from trihedron.attitude.run import AttitudeRun, attitude_error, heading_and_tilt, rotation_of
+from trihedron.attitude.sampling import Increments, increments_from
+from trihedron.errors import InputError, nearest
+from trihedron.models.attitude import ALGORITHMS
+from trihedron.orchestrator import simulate
+from trihedron.records import StrapdownRecord
+from trihedron.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+
+VERTICAL_WITHIN = math.radians(5.0)
+"""How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
+
+INCREMENT_COLUMNS = ("dtheta1_rad", "dtheta2_rad", "dtheta3_rad")
+QUATERNION_COLUMNS = ("q0", "q1", "q2", "q3")
+
+
+def attitude_of_record(
+    record: StrapdownRecord,
+    *,
+    algorithm: str = "two-sample-rodrigues",
+    rates: str = "instantaneous",
+    gyro_bias: Sequence[float] | np.ndarray | None = None,
+    out: Path | None = None,
+    progress: bool = False,
+) -> AttitudeRun:
+    """Run the attitude computer's FMU on a record's gyros and compare it with the record's true attitude.
+
+    The run begins at the first row whose true attitude is known, with that attitude (without any: at the first row,
+    with the identity). Errors are taken only at updates, where the truth is known.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+        uniformly sampled
+    algorithm : str
+        name in `trihedron.models.attitude.ALGORITHMS`
+    rates : str
+        "instantaneous" (integrated by the trapezoid rule) or "averaged" (mean over the interval before each row)
+    gyro_bias : sequence of 3 float or None
+        rate that is taken out of every sample [rad/s], `rate_at_rest(record)` say; None: the rates as measured
+    out : Path or None
+        folder for the orchestrator's run; None: nothing is written
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Returns
+    -------
+    AttitudeRun
+
+    Raises
+    ------
+    InputError
+        unknown algorithm or meaning of the rates; a record that is not uniform, has a gap, ends where its true
+        attitude begins, or turns by more than half a turn between two rows
+    """
+    known = {a.name: a.number for a in ALGORITHMS}
+    if algorithm not in known:
+        raise InputError(f"algorithm '{algorithm}' is not known; {nearest(algorithm, tuple(known))}")
+    first, start = _start(record)
+    increments = increments_from(record, first, rates, gyro_bias)
+    run = simulate(_scenario(record, increments, known[algorithm], start), out, progress=progress)
+    updated = run.table["updated"].to_numpy()
+    attitude = run.table.select(QUATERNION_COLUMNS).to_numpy()[updated]
+    index = first + np.flatnonzero(updated)
+    error = np.full((len(index), 3), np.nan)
+    if record.attitude is not None:
+        true = record.attitude[index]
+        judged = np.isfinite(true).all(axis=1)
+        error[judged] = attitude_error(attitude[judged], true[judged])
+    heading = tilt = None
+    if _third_axis_is_vertical(record):
+        heading, tilt = np.full(len(index), np.nan), np.full(len(index), np.nan)
+        judged = np.isfinite(error).all(axis=1)
+        heading[judged], tilt[judged] = heading_and_tilt(error[judged])
+    return AttitudeRun(
+        record=record.path,
+        algorithm=algorithm,
+        rates="increments" if record.increment is not None else rates,
+        gyro_bias=None if gyro_bias is None else (float(gyro_bias[0]), float(gyro_bias[1]), float(gyro_bias[2])),
+        period=increments.period,
+        row=record.row[index],
+        time_s=increments.time_s[updated],
+        attitude=attitude,
+        error_rad=error,
+        error_angle=np.linalg.norm(error, axis=1),
+        heading=heading,
+        tilt=tilt,
+        provenance=run.provenance,
+        files=run.files,
+    )
+
+
+def _start(record: StrapdownRecord) -> tuple[int, list[float]]:
+    """Index of the row to begin at, and the attitude there."""
+    if record.attitude is not None:
+        known = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
+        if known.size:
+            first = int(known[0])
+            return first, (record.attitude[first] / np.linalg.norm(record.attitude[first])).tolist()
+    return 0, [1.0, 0.0, 0.0, 0.0]
+
+
+def _scenario(record: StrapdownRecord, increments: Increments, number: int, start: list[float]) -> Scenario:
+    """One attitude computer, driven by the record's increments."""
+    time = increments.time_s
+    columns = dict(zip(INCREMENT_COLUMNS, increments.angle.T, strict=True))
+    return Scenario(
+        title=f"attitude of {record.path.name}",
+        run=RunSetting(start_s=float(time[0]), stop_s=float(time[-1]), step_s=increments.period),
+        fmus={
+            "computer": FmuSetting(
+                component="AttitudeComputer",
+                parameters={
+                    "algorithm": number,
+                    "sample_period": increments.period,
+                    "initial_attitude": start,
+                },
+            )
+        },
+        stimuli=[
+            Stimulus(
+                table=pl.DataFrame({"time_s": time[1:], **columns}),
+                stamp="end",
+                columns={f"computer.increment[{i}]": name for i, name in enumerate(INCREMENT_COLUMNS, start=1)},
+            )
+        ],
+        record=RecordSetting(
+            columns={
+                **{name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION_COLUMNS, start=1)},
+                "updated": "computer.updated",
+            }
+        ),
+    )
+
+
+def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
+    """Whether the specific force, on average, points along the third axis of the true attitude's reference."""
+    if record.attitude is None:
+        return False
+    known = np.isfinite(record.attitude).all(axis=1)
+    if not known.any():
+        return False
+    mean = rotation_of(record.attitude[known]).apply(record.specific_force[known]).mean(axis=0)
+    return bool(math.atan2(math.hypot(mean[0], mean[1]), mean[2]) <= VERTICAL_WITHIN)

@@ -1,0 +1,207 @@
+"""From a position record to values with guaranteed errors: the procedure of `trihedron calibrate`."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trihedron.calibration.estimates import chebyshev_centre, estimate_targets
+from trihedron.calibration.fit import fit
+from trihedron.calibration.linearisation import Linearisation
+from trihedron.calibration.mountings import checked_rotation, mounting_names, read_mounting, select
+from trihedron.calibration.next_positions import next_positions
+from trihedron.calibration.parametrisation import Positions, parametrise
+from trihedron.calibration.programmes import RELATIVE_TOLERANCE, SolverError
+from trihedron.calibration.result import Calibration
+from trihedron.calibration.targets import asked_targets, convention_targets
+from trihedron.errors import InputError
+from trihedron.records import PositionRecord
+from trihedron.records.noise import noise_bound_from
+
+STANDARD_BOUNDS = (3e-3, 1e-2)
+NOISE_BOUNDS = (1e-12, 1e-2)
+"""Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
+ROUNDING = 2e-15
+"""What the evaluation of readings and model may be wrong by, as a fraction of g."""
+
+
+def calibrate(
+    record: PositionRecord,
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    convention: str = "A1",
+    baseline: str = "asymmetric",
+    bounds: tuple[float, float] = STANDARD_BOUNDS,
+    mounting: Mapping[str, ArrayLike] | str = "identity",
+    targets: Sequence[str] = (),
+) -> Calibration:
+    """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
+
+    Parameters
+    ----------
+    record : PositionRecord
+        averaged readings at N positions
+    noise_bound : float, optional
+        σ, the bound on one reading's error as a fraction of g; from the record's own repeats and scatter when not given
+    gravity : float
+        the model's g [m/s²]
+    convention : {"A1", "A2"}
+        Γ lower triangular, or the paper's linear combinations for symmetric Γ
+    baseline : {"asymmetric", "symmetric"}
+        two scale factors for each accelerometer, or one
+    bounds : (float, float)
+        u^max [rad] and v^0max of (1.7)
+    mounting : str or mapping of str to (3, 3) array
+        a preset, the path of a TOML file, or Q by name
+    targets : sequence of str
+        linear combinations of X1..X18 that are asked for beside those of the convention
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError
+        for options that are out of range, mountings that the record does not fit, a fit that does not converge
+
+    Notes
+    -----
+    The exact model of `trihedron.models.bench` is fitted by Gauss-Newton and linearised at the fit. Then the linear
+    programmes (2.4), (2.5) on the angles measured give each target's weights and guaranteed error; the Chebyshev
+    programme gives the verdict and two more for each target the ends of its interval, both corrected for the remainder
+    of the linearisation. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
+    """
+    _check_choice("--convention", convention, ("A1", "A2"))
+    _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
+    sigma, basis = _noise_bound(record, noise_bound)
+    here = fit_record(record, noise_bound=sigma, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting)
+    p = here.parametrisation
+    wanted = convention_targets(p, convention)
+    known = {target.symbol for target in wanted}
+    for target in asked_targets(targets, p):
+        if target.symbol not in known:
+            known.add(target.symbol)
+            wanted.append(target)
+    resolution = record.resolution / gravity
+    try:
+        radius, centre, duals = chebyshev_centre(here)
+        falsified = radius > radius_limit(sigma, resolution)
+        estimates = estimate_targets(here, wanted, None if falsified else centre, reading_uncertainty(resolution))
+    except SolverError as error:
+        raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
+    missing = tuple(estimate for estimate in estimates if estimate.estimate is None)
+    verdict = "insufficient" if missing else "falsified" if falsified else "consistent"
+    witness: tuple[tuple[int, int], ...] = ()
+    if falsified:
+        proof = np.abs(duals) * here.bound > 1e-9
+        witness = tuple(
+            (int(record.position[i]), int(axis))
+            for i, axis in zip(here.position[proof], here.accelerometer[proof], strict=True)
+        )
+    mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
+    return Calibration(
+        verdict,
+        sigma,
+        basis,
+        float(gravity),
+        convention,
+        baseline,
+        len(record.position),
+        len(here.residual),
+        radius,
+        witness,
+        tuple(estimates),
+        missing,
+        tuple(mend),
+        (*record.warnings, *_remarks(here, falsified and bool(missing))),
+        here,
+    )
+
+
+def reading_uncertainty(resolution: float) -> float:
+    """What writing down a reading to half a digit of `resolution` and evaluating the model may add, fractions of g."""
+    return resolution + ROUNDING
+
+
+def radius_limit(noise_bound: float, resolution: float) -> float:
+    """The radius above which the model is falsified; `noise_bound` and `resolution` as fractions of g."""
+    return 1.0 + reading_uncertainty(resolution) / noise_bound + RELATIVE_TOLERANCE
+
+
+def fit_record(
+    record: PositionRecord,
+    *,
+    noise_bound: float,
+    gravity: float = 9.80665,
+    baseline: str = "asymmetric",
+    bounds: tuple[float, float] = STANDARD_BOUNDS,
+    mounting: Mapping[str, ArrayLike] | str = "identity",
+) -> Linearisation:
+    """The exact model fitted to a record and linearised at the fit; arguments and errors as for `calibrate`."""
+    _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
+    if not (isfinite(gravity) and gravity > 0.0):
+        raise InputError(f"--gravity {gravity:g}: must be positive, as 9.80665 [m/s²]")
+    if len(bounds) != 2 or not all(isfinite(b) and 0.0 <= b < 0.5 for b in bounds):
+        raise InputError(f"--bounds {' '.join(f'{b:g}' for b in bounds)}: must be two numbers from 0 to 0.5")
+    if len(record.position) == 0:
+        raise InputError(f"{record.path}: holds no positions")
+    matrices = _mountings(mounting, record)
+    names = list(matrices)
+    index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
+    positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
+    parametrisation = parametrise(matrices, symmetric=baseline == "symmetric")
+    try:
+        return fit(parametrisation, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds)
+    except InputError as error:
+        raise InputError(f"{record.path}: {error}") from error
+
+
+def _check_choice(option: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise InputError(f"{option} {value}: must be {' or '.join(choices)}")
+
+
+def _noise_bound(record: PositionRecord, given: float | None) -> tuple[float, str]:
+    least, most = NOISE_BOUNDS
+    if given is not None:
+        if not least <= given <= most:
+            raise InputError(f"--noise-bound {given:g}: must be a fraction of g from {least:g} to {most:g}, as 1e-5")
+        return float(given), "given"
+    found = noise_bound_from(record)
+    if found is None:
+        raise InputError(
+            f"{record.path}: no position is repeated and no scatter is known, so the record does not say how large "
+            "the noise is; give --noise-bound, a fraction of g, as 1e-5"
+        )
+    if not least <= found.value <= most:
+        raise InputError(
+            f"{record.path}: the noise bound taken from the record is {found.value:g} g ({found.basis}), "
+            f"where {least:g} to {most:g} can be used; give --noise-bound, a fraction of g, as 1e-5"
+        )
+    return found.value, found.basis
+
+
+def _mountings(mounting: Mapping[str, ArrayLike] | str, record: PositionRecord) -> dict[str, NDArray]:
+    if isinstance(mounting, str):
+        return read_mounting(mounting, record)
+    names = mounting_names(record)
+    if names is not None:
+        return select(names, mounting, record, "mounting")
+    if len(mounting) != 1:
+        raise InputError(f"{record.path}: has no column mounting, so exactly one mounting must be given")
+    return {name: checked_rotation(np.asarray(q, dtype=float), f"mounting '{name}'") for name, q in mounting.items()}
+
+
+def _remarks(here: Linearisation, contradicts: bool) -> list[str]:
+    """Warnings: a fit that is far from any bench, measurements too few but contradictory already."""
+    remarks = []
+    values = zip(here.symbols, here.point, strict=True)
+    large = [f"{symbol} = {value:.2g}" for symbol, value in values if abs(value) > 0.2]
+    if large:
+        remarks.append(f"values far from an aligned bench ({', '.join(large)}): is --mounting right?")
+    if contradicts:
+        remarks.append("the measurements, too few as they are, contradict the model: see the radius and the witness")
+    return remarks

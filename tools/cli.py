@@ -1,0 +1,297 @@
+"""The command line: each command is a thin layer over one function of the library."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from trihedron import __version__
+from trihedron.errors import InputError
+
+Baseline = Literal["asymmetric", "symmetric"]
+Record = Annotated[Path, Parameter(help="Position record or raw record, CSV or Parquet.")]
+NoiseBound = Annotated[
+    float | None,
+    Parameter(
+        allow_leading_hyphen=True,
+        help="σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.",
+    ),
+]
+Gravity = Annotated[float, Parameter(allow_leading_hyphen=True, help="Model value of gravity [m/s²].")]
+Bounds = Annotated[
+    tuple[float, float],
+    Parameter(allow_leading_hyphen=True, help="u^max and v0^max of (1.7): when the sign of an input is certain."),
+]
+Mounting = Annotated[str, Parameter(help="Name of a preset, or a TOML file with [name] matrix = [[...], ...].")]
+JsonFile = Annotated[Path | None, Parameter(name="--json", help="Write the result as JSON to this file.")]
+ReportFile = Annotated[Path | None, Parameter(name="--report", help="Write a page with pictures to this HTML file.")]
+
+app = App(
+    name="trihedron",
+    help="Simulate the bench, calibrate with guaranteed bounds, find what the simulation gets wrong.",
+    version=__version__,
+    default_parameter=Parameter(negative=(), negative_iterable=()),
+    help_format="plaintext",
+    result_action="return_value",
+)
+
+
+@app.command
+def simulate(scenario: Path, /, *, out: Path | None = None) -> None:
+    """Run a scenario: couple its FMUs, record the run, average its rests.
+
+    Example: trihedron simulate scenarios/static-calibration.toml --out run
+
+    Parameters
+    ----------
+    scenario
+        The scenario file (TOML).
+    out
+        Folder for the results; by default <scenario>-run in the current folder.
+    """
+    from trihedron.bench_run import run_scenario
+
+    for file in run_scenario(scenario, out, progress=True):
+        print(file)
+
+
+@app.command
+def calibrate(
+    record: Record,
+    /,
+    *,
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    convention: Literal["A1", "A2"] = "A1",
+    baseline: Baseline = "asymmetric",
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    target: Annotated[tuple[str, ...], Parameter(help="Another combination, as X4-X5; may be repeated.")] = (),
+    json: JsonFile = None,
+    report: ReportFile = None,
+) -> None:
+    """Solve the guaranteed linear programme: estimates, guaranteed errors, exact intervals, verdict.
+
+    Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
+    """
+    from trihedron.calibration import calibrate as solve
+    from trihedron.records import read_position_record
+    from trihedron.summaries import calibration_summary
+    from trihedron.writing import write_text
+
+    result = solve(
+        read_position_record(record),
+        noise_bound=noise_bound,
+        gravity=gravity,
+        convention=convention,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        targets=target,
+    )
+    if json is not None:
+        write_text(json, result.json_text())
+    if report is not None:
+        from trihedron.report.results import calibration_page
+
+        write_text(report, calibration_page(result, record.name))
+    print(calibration_summary(result))
+
+
+@app.command
+def diagnose(
+    record: Record,
+    /,
+    *,
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    baseline: Baseline = "asymmetric",
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    json: JsonFile = None,
+    report: ReportFile = None,
+    export: Annotated[Path | None, Parameter(help="Write the extended FMUs into this folder.")] = None,
+) -> None:
+    """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
+
+    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
+    """
+    from trihedron.diagnosis import diagnose as judge
+    from trihedron.diagnosis.extension import export_extended
+    from trihedron.records import read_position_record
+    from trihedron.summaries import diagnosis_summary
+    from trihedron.writing import write_text
+
+    result = judge(
+        read_position_record(record),
+        noise_bound=noise_bound,
+        gravity=gravity,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        progress=True,
+    )
+    if json is not None:
+        write_text(json, result.json_text())
+    if report is not None:
+        from trihedron.report.results import diagnosis_page
+
+        write_text(report, diagnosis_page(result, record.name))
+    print(diagnosis_summary(result))
+    if export is not None and result.verdict == "explained":
+        for path in export_extended([cause.place for cause in result.causes], export):
+            print(path)
+
+
+@app.command
+def hidden(
+    record: Annotated[Path, Parameter(help="Where the position record is written (CSV).")],
+    /,
+    *,
+    seed: int = 0,
+    answer: Path | None = None,
+    effect: Annotated[tuple[str, ...], Parameter(help="Draw from these effects only; may be repeated.")] = (),
+    clean: bool = False,
+    baseline: Baseline = "asymmetric",
+) -> None:
+    """Make a "measured" record with one hidden effect; what was hidden goes to a file of its own.
+
+    Example: trihedron hidden measured.csv --seed 7 --answer answer.json
+
+    Parameters
+    ----------
+    seed
+        Decides truth, effect, size and noise.
+    answer
+        Where the secret is written; without it nobody will know.
+    clean
+        Hide nothing.
+    baseline
+        Whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
+    """
+    from trihedron.hidden import write_hidden_record
+
+    if clean and effect:
+        raise InputError("--clean and --effect: give one of the two")
+    chosen = () if clean else effect or None
+    write_hidden_record(record, seed, answer, effects=chosen, symmetric=baseline == "symmetric", progress=True)
+    print(record)
+
+
+@app.command
+def export(
+    *components: str,
+    fmi: Annotated[Literal["2"], Parameter(help="FMI version.")] = "2",
+    flavour: Annotated[Literal["python"], Parameter(help="What the FMU runs: Python by PythonFMU.")] = "python",
+    out: Path = Path("fmus-exported"),
+) -> None:
+    """Write components as FMUs; all of them when none is named.
+
+    Example: trihedron export TurntableMotion AccelerometerBlock --out fmus
+
+    Parameters
+    ----------
+    components
+        Names of components.
+    out
+        Folder for the FMUs.
+    """
+    from trihedron.exporting import export_components
+
+    for path in export_components(components, out):
+        print(path)
+
+
+@app.command
+def attitude(
+    record: Annotated[Path, Parameter(help="Strapdown record, CSV or Parquet.")],
+    /,
+    *,
+    algorithm: str = "two-sample-rodrigues",
+    rates: Annotated[
+        Literal["instantaneous", "averaged"], Parameter(help="What a rate in the record means.")
+    ] = "instantaneous",
+    out: Path | None = None,
+) -> None:
+    """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
+
+    Example: trihedron attitude broad-03.strapdown.csv --out attitude
+
+    Parameters
+    ----------
+    algorithm
+        Name of the attitude algorithm.
+    out
+        Folder for the computed attitude.
+    """
+    from trihedron.attitude import attitude_of_record
+    from trihedron.records import StrapdownRecord, read_record
+
+    measured = read_record(record)
+    if not isinstance(measured, StrapdownRecord):
+        raise InputError(f"{record}: is a table record; `trihedron attitude` takes a strapdown record (w1_radps, ...)")
+    result = attitude_of_record(measured, algorithm=algorithm, rates=rates, out=out, progress=True)
+    print("\n".join(result.summary()))
+
+
+@app.command
+def demo(*, out: Path = Path("demo-results"), seed: int = 2026, show: bool = True) -> None:
+    """Run the whole loop, from simulation to measured data to a named cause, and open the page of results.
+
+    Example: trihedron demo --out demo-results
+
+    Parameters
+    ----------
+    out
+        Folder for everything that is made.
+    seed
+        Of the record with the hidden effect.
+    show
+        Open the page in a browser where there is a screen.
+    """
+    from trihedron.demo import run_demo
+
+    run_demo(out, seed=seed, show=show)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit status.
+
+    0: the work was done; 2: the input cannot be used, said in one line; 1: a fault of the program's own.
+    """
+    try:
+        app(arguments, exit_on_error=False, print_error=False)
+    except InputError as error:
+        return refuse(str(error))
+    except CycloptsError as error:
+        return refuse(str(error))
+    except KeyboardInterrupt:
+        print("trihedron: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    except Exception as error:
+        if os.environ.get("TRIHEDRON_TRACEBACK"):
+            raise
+        said = " ".join(str(error).split())
+        print(
+            f"trihedron: a fault of the program: {type(error).__name__}: {said} (TRIHEDRON_TRACEBACK=1 shows where)",
+            file=sys.stderr,
+        )
+        return 1
+    return 0
+
+
+def refuse(message: str) -> int:
+    """Say in one line on standard error why the input cannot be used."""
+    print(f"trihedron: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""The whole loop in one run: simulate, calibrate, falsify, name, extend, measure the gain, show."""
+
+import json
+import os
+import shutil
+import sys
+import webbrowser
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from trihedron.attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_rest
+from trihedron.bench_run import run_scenario
+from trihedron.calibration import Calibration, calibrate
+from trihedron.diagnosis import Diagnosis, diagnose
+from trihedron.diagnosis.extension import export_extended
+from trihedron.errors import InputError
+from trihedron.fmus.in_process import parameter_starts
+from trihedron.hidden import NOISE_BOUND, write_hidden_record
+from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, target_values
+from trihedron.models.effects import CATALOGUE
+from trihedron.records import StrapdownRecord, read_position_record, read_record
+from trihedron.report.page import Section, render_page
+from trihedron.report.results import attitude_section, calibration_section, diagnosis_sections, run_section
+from trihedron.scenario import Scenario, read_scenario
+from trihedron.summaries import calibration_summary, diagnosis_summary
+from trihedron.writing import write_text
+
+STATIC_CALIBRATION = "static-calibration.toml"
+MEASURED_RECORD = "broad-03.strapdown.csv"
+EXTENDING_EFFECTS = tuple(e.name for e in CATALOGUE.values() if e.kernel is not None and e.within != "asymmetric")
+"""Effects that can be composed into an FMU, of which one is hidden."""
+
+
+def run_demo(out: Path, *, seed: int, show: bool) -> Path:
+    """Run the demonstration and write its page.
+
+    Parameters
+    ----------
+    out : Path
+        folder for everything that is made
+    seed : int
+        of the record with the hidden effect
+    show : bool
+        open the page where there is a screen
+
+    Returns
+    -------
+    Path
+        the page
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    say(f"1  Simulate: table, accelerometer block and attitude computer ({STATIC_CALIBRATION})")
+    scenario_file = copied_scenario(out)
+    files = run_scenario(scenario_file, out / "static-calibration-run", progress=True)
+    record_file = files[-1]
+
+    say("2  Calibrate: the guaranteed linear programme on the exported positions")
+    calibration = calibrate(read_position_record(record_file), noise_bound=NOISE_BOUND)
+    write_text(out / "calibration.json", calibration.json_text())
+    truth = true_targets(read_scenario(scenario_file))
+    inside = inside_intervals(calibration, truth)
+    print(calibration_summary(calibration))
+    print(f"{inside} of {len(truth)} true values lie inside their intervals")
+
+    say("3  Measure: a record with one hidden effect comes in")
+    measured = out / "measured.csv"
+    answer_file = out / "hidden-answer.json"
+    write_hidden_record(measured, seed, answer_file, effects=EXTENDING_EFFECTS, progress=True)
+
+    say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
+    diagnosis = diagnose(read_position_record(measured), noise_bound=NOISE_BOUND, progress=True)
+    write_text(out / "diagnosis.json", diagnosis.json_text())
+    extended = export_extended([cause.place for cause in diagnosis.causes], out / "extended")
+    print(diagnosis_summary(diagnosis))
+    hidden = json.loads(answer_file.read_text(encoding="utf-8"))["hidden"]
+    named = names_the_hidden_effect(diagnosis, hidden)
+    print(f"what was hidden: {words_of(hidden)} -> {'named' if named else 'NOT named'}")
+
+    say("5  Attitude: a real record through the attitude computer")
+    attitude = attitude_of_measured_record(out)
+
+    sentence = (
+        f"{inside} of {len(truth)} true values lie inside their guaranteed intervals; the effect hidden in the second "
+        f"record was {'named' if named else 'not named'}."
+    )
+    sections = [
+        run_section(pl.read_parquet(files[0]), calibration.gravity, files),
+        calibration_section(calibration, truth, [out / "calibration.json"]),
+        Section(
+            "A measured record with a hidden effect",
+            [
+                "A second bench was simulated with one more piece of physics composed into its FMUs. The diagnosis saw "
+                f"the record alone. What had been hidden: {words_of(hidden)}."
+            ],
+            files=[measured, answer_file],
+        ),
+        *diagnosis_sections(diagnosis, [out / "diagnosis.json", *extended]),
+        attitude,
+    ]
+    page = out / "index.html"
+    hashes = json.loads(files[1].read_text(encoding="utf-8"))["fmus"]
+    provenance = {name: version(name) for name in ("trihedron", "fmpy", "pythonfmu", "highspy", "numpy", "scipy")}
+    provenance |= {f"{name} FMU, sha256": entry["sha256"] for name, entry in hashes.items()}
+    provenance |= {"seed of the hidden effect": str(seed)}
+    tone = "good" if named and inside == len(truth) else "attention"
+    write_text(
+        page,
+        render_page("Trihedron: the bench, end to end", sentence, sections, tone=tone, provenance=provenance, folder=out),
+    )
+    print(f"\nwritten: {', '.join(str(path) for path in [*files, measured, *extended])}")
+    print(f"page: {page.resolve()}")
+    if show:
+        open_page(page)
+    return page
+
+
+def say(line: str) -> None:
+    """A heading between the steps."""
+    print(f"\n{line}\n{'-' * len(line)}", flush=True)
+
+
+def copied_scenario(out: Path) -> Path:
+    """The scenario and the files that it names, where the user can read and change them."""
+    folder = out / "scenario"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = resources.files("trihedron.scenarios")
+    for name in (STATIC_CALIBRATION, "static-calibration-positions.csv"):
+        with resources.as_file(source / name) as path:
+            shutil.copyfile(path, folder / name)
+    return folder / STATIC_CALIBRATION
+
+
+def true_targets(scenario: Scenario) -> dict[str, float]:
+    """True values of the 18 targets of a scenario's bench (the mounting is the identity)."""
+    values: dict[str, Any] = {}
+    for setting in scenario.fmus.values():
+        if setting.component in ("TurntableMotion", "AccelerometerBlock"):
+            values |= parameter_starts(setting.component) | setting.parameters
+    chosen: dict[str, float] = {}
+    for name in ELEMENTARY:
+        stem, _, number = name.rpartition("_")
+        if name in values:
+            chosen[name] = float(values[name])
+        elif stem in values and number.isdigit():
+            chosen[name] = float(np.ravel(values[stem])[int(number) - 1])
+    return dict(zip(TARGETS, target_values(elementary(**chosen), np.eye(3)).tolist(), strict=True))
+
+
+def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
+    """How many true values lie inside their exact intervals."""
+    return sum(
+        e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in calibration.parameters
+    )
+
+
+def names_the_hidden_effect(diagnosis: Diagnosis, hidden: dict[str, Any]) -> bool:
+    """Whether the diagnosis names what was hidden, or what cannot be told from it."""
+    if diagnosis.verdict != "explained" or hidden["effect"] is None:
+        return diagnosis.verdict == "consistent" and hidden["effect"] is None
+    cause = diagnosis.causes[0]
+    wanted = (hidden["effect"], hidden["where"], hidden.get("order"), hidden.get("accelerometer"))
+    return any(
+        (p.effect, p.where, p.order, p.axes[0] if p.effect == "outlier" else None) == wanted
+        for p in (cause.place, *cause.equivalents)
+    )
+
+
+def words_of(hidden: dict[str, Any]) -> str:
+    """What was hidden, in words."""
+    if hidden["effect"] is None:
+        return "nothing"
+    order = f" order {hidden['order']}" if "order" in hidden else ""
+    sizes = ", ".join(f"{name} {value:.3e}" for name, value in hidden["parameters"].items())
+    return f"{hidden['effect']} {hidden['where']}{order} ({sizes})"
+
+
+def attitude_of_measured_record(out: Path) -> Section:
+    """The section on the real record, or where to get it."""
+    path = find_record(MEASURED_RECORD)
+    if path is None:
+        print(WHERE_TO_GET)
+        return Section("A measured strapdown record", [WHERE_TO_GET])
+    record = read_record(path)
+    if not isinstance(record, StrapdownRecord):
+        raise InputError(f"{path}: is not a strapdown record")
+    run = attitude_of_record(record, out=out / "attitude-run", progress=True)
+    print("\n".join(run.summary()))
+    bias = rate_at_rest(record)
+    if bias is None:
+        return attitude_section([run])
+    freed = attitude_of_record(record, gyro_bias=bias, progress=True)
+    print("\n".join(freed.summary()[1:]))
+    return attitude_section([run, freed])
+
+
+def open_page(page: Path) -> None:
+    """Open the page in a browser where a person is watching."""
+    screen = sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if screen and sys.stdout.isatty():
+        webbrowser.open(page.resolve().as_uri())

@@ -1,0 +1,106 @@
+"""Connections: checked end by end, and the order of the FMUs that follows from them."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+from trihedron.errors import InputError, nearest
+from trihedron.orchestrator.interface import Interface, Variable, refer
+from trihedron.orchestrator.quantities import same_unit
+from trihedron.orchestrator.stimuli import Drive, input_variables
+from trihedron.scenario import Connection
+
+
+@dataclass(frozen=True)
+class Wire:
+    """One scalar output that feeds one scalar input."""
+
+    source: str
+    output: Variable
+    target: str
+    input: Variable
+
+
+def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
+    """The connections, element by element.
+
+    Raises
+    ------
+    InputError
+        an unknown end, a wrong direction, or ends whose length, type or unit differ
+    """
+    wires = []
+    for number, connection in enumerate(connections, start=1):
+        try:
+            wires += _wires(connection, interfaces)
+        except InputError as error:
+            raise InputError(f"connections[{number}]: {error}") from error
+    return wires
+
+
+def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterable[Wire]:
+    source, outputs = refer(connection.source, interfaces, ("output",))
+    for variable in outputs:
+        if variable.causality != "output":
+            known = [v.name for v in source.variables.values() if v.causality == "output"]
+            close = nearest(variable.name, known)
+            raise InputError(f"'{connection.source}' is not an output ({variable.causality}); {close}")
+    target, inputs = input_variables(connection.target, interfaces)
+    ends = f"'{connection.source}' -> '{connection.target}'"
+    if len(outputs) != len(inputs):
+        raise InputError(f"{ends}: {len(outputs)} and {len(inputs)} elements; their lengths must agree")
+    scales = {**source.scales, **target.scales}
+    for output, input_ in zip(outputs, inputs, strict=True):
+        if output.kind != input_.kind:
+            raise InputError(f"{ends}: types differ, {output.kind} and {input_.kind}")
+        if not same_unit(output.unit, input_.unit, scales):
+            raise InputError(f"{ends}: units differ, {output.unit} and {input_.unit}")
+        yield Wire(source.name, output, target.name, input_)
+
+
+def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]]) -> None:
+    """Refuse an input that two sources feed.
+
+    Parameters
+    ----------
+    wires : iterable of Wire
+    drives : iterable
+        (what the user called the stimulus, drive)
+    """
+    taken: dict[tuple[str, str], str] = {}
+    sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
+    sources += [(drive.fmu, variable, name) for name, drive in drives for variable in drive.variables]
+    for fmu, variable, source in sources:
+        before = taken.setdefault((fmu, variable.name), source)
+        if taken[fmu, variable.name] is not source:
+            raise InputError(f"'{fmu}.{variable.name}' has two sources, {before} and {source}; one is possible")
+
+
+def stepping_order(names: Sequence[str], wires: Iterable[Wire]) -> list[str]:
+    """The FMUs so that each steps after those that feed it; ties as in the file.
+
+    Raises
+    ------
+    InputError
+        a cycle, which is named
+    """
+    sorter: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(names, ()))
+    for wire in wires:
+        sorter.add(wire.target, wire.source)
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        cycle = error.args[1][:-1]
+        first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
+        cycle = [*cycle[first:], *cycle[:first]]
+        named = " -> ".join([*cycle, cycle[0]])
+        raise InputError(f"connections form a cycle: {named}; feedback is not possible, take one out") from error
+    order: list[str] = []
+    ready: set[str] = set()
+    while sorter.is_active():
+        ready |= set(sorter.get_ready())
+        following = min(ready, key=names.index)
+        ready.remove(following)
+        order.append(following)
+        sorter.done(following)
+    return order

@@ -1,0 +1,222 @@
+"""The variables of an FMU: found by name, with arrays put together from `name[1]`, `name[2]`, ..."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from fmpy.model_description import ModelDescription
+
+from trihedron.errors import InputError, nearest
+from trihedron.orchestrator.quantities import Scale, scale_of
+
+Value = bool | int | float | str
+LARGEST_INTEGER = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One scalar variable; `kind` is Real, Integer, Boolean, String or Enumeration."""
+
+    name: str
+    kind: str
+    reference: int
+    causality: str
+    variability: str
+    unit: str | None
+    minimum: float | None
+    maximum: float | None
+    start: Value | None
+
+    @property
+    def access(self) -> str:
+        """Which of FMI's four getters and setters serves it: enumerations are passed as integers."""
+        return "Integer" if self.kind == "Enumeration" else self.kind
+
+
+@dataclass(frozen=True)
+class Interface:
+    """An FMU's interface, under the FMU's name in the scenario."""
+
+    name: str
+    model: str
+    variables: Mapping[str, Variable]
+    scales: Mapping[str, Scale]
+
+    @cached_property
+    def arrays(self) -> dict[str, tuple[Variable, ...]]:
+        """The arrays: base name to its elements 1 to n."""
+        counts: dict[str, int] = {}
+        for name in self.variables:
+            base = name.partition("[")[0]
+            if name == f"{base}[{counts.get(base, 0) + 1}]":
+                counts[base] = counts.get(base, 0) + 1
+        return {base: tuple(self.variables[f"{base}[{i + 1}]"] for i in range(n)) for base, n in counts.items()}
+
+    def find(self, name: str, causalities: tuple[str, ...] | None = None) -> tuple[Variable, ...]:
+        """The variable of this name, or the elements of the array of this name.
+
+        Parameters
+        ----------
+        name : str
+            without the FMU's name
+        causalities : tuple of str, optional
+            what a misspelt name is compared with first
+
+        Raises
+        ------
+        InputError
+            no such variable; names the nearest
+        """
+        if name in self.variables:
+            return (self.variables[name],)
+        if name in self.arrays:
+            return self.arrays[name]
+        base = name.partition("[")[0]
+        if base in self.arrays and base != name:
+            raise InputError(
+                f"'{self.name}' has no variable '{name}'; {base} has elements 1 to {len(self.arrays[base])}"
+            )
+        fit = [v.name for v in self.variables.values() if causalities is None or v.causality in causalities]
+        known = [n for n in self.arrays if self.arrays[n][0].name in fit]
+        known += [n for n in fit if "[" not in n or n.partition("[")[0] not in self.arrays]
+        everything = list(self.arrays) + list(self.variables)
+        close = nearest(name, known)
+        if not close.startswith("did you"):
+            other = nearest(name, everything)
+            close = other if other.startswith("did you") else close
+        raise InputError(f"'{self.name}' has no variable '{name}'; {close}")
+
+
+def _number(text: object) -> float | None:
+    """A number as XML writes it, None where there is none."""
+    if text is None:
+        return None
+    value = float(str(text))
+    return None if math.isnan(value) else value
+
+
+def _start(kind: str, text: object) -> Value | None:
+    if text is None:
+        return None
+    if kind == "Boolean":
+        return str(text).lower() in ("true", "1")
+    if kind == "String":
+        return str(text)
+    return float(str(text)) if kind == "Real" else int(str(text))
+
+
+def interface_of(name: str, label: str, description: ModelDescription) -> Interface:
+    """The interface of an FMU as its model description gives it.
+
+    Raises
+    ------
+    InputError
+        two variables of one name, or a number in the description that is none
+    """
+    variables: dict[str, Variable] = {}
+    for entry in description.modelVariables:
+        if entry.name in variables:
+            raise InputError(f"{label}: modelDescription.xml has two variables '{entry.name}'")
+        declared = entry.declaredType
+        kind = str(entry.type)
+
+        def attribute(key: str, entry=entry, declared=declared) -> object:
+            own = getattr(entry, key, None)
+            return own if own is not None else getattr(declared, key, None)
+
+        unit = attribute("unit")
+        try:
+            variables[entry.name] = Variable(
+                entry.name,
+                kind,
+                int(entry.valueReference),
+                str(entry.causality),
+                str(entry.variability),
+                str(unit) if unit else None,
+                _number(attribute("min")) if kind in ("Real", "Integer", "Enumeration") else None,
+                _number(attribute("max")) if kind in ("Real", "Integer", "Enumeration") else None,
+                _start(kind, entry.start),
+            )
+        except ValueError as error:
+            raise InputError(f"{label}: modelDescription.xml, variable '{entry.name}': {error}") from error
+    return Interface(name, str(description.modelName), variables, _scales(description, label))
+
+
+def _scales(description: ModelDescription, label: str) -> dict[str, Scale]:
+    scales = {}
+    for unit in description.unitDefinitions:
+        base = unit.baseUnit
+        if base is None:
+            continue
+        try:
+            exponents = {k: int(getattr(base, k) or 0) for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
+            factor = 1.0 if base.factor is None else float(base.factor)
+            offset = 0.0 if base.offset is None else float(base.offset)
+        except ValueError as error:
+            raise InputError(f"{label}: modelDescription.xml, unit '{unit.name}': {error}") from error
+        scales[str(unit.name)] = scale_of(exponents, factor, offset)
+    return scales
+
+
+def refer(
+    text: str, interfaces: Mapping[str, Interface], causalities: tuple[str, ...] | None = None
+) -> tuple[Interface, tuple[Variable, ...]]:
+    """What `fmu.variable`, `fmu.variable[2]` or `fmu.array` stands for.
+
+    Raises
+    ------
+    InputError
+        no such FMU or variable; names the nearest
+    """
+    fmu, dot, name = text.partition(".")
+    if not dot or not name:
+        raise InputError(f"'{text}' must name an FMU and a variable: fmu.variable")
+    if fmu not in interfaces:
+        raise InputError(f"'{text}': there is no FMU '{fmu}'; {nearest(fmu, list(interfaces))}")
+    return interfaces[fmu], interfaces[fmu].find(name, causalities)
+
+
+def checked(value: Value, variable: Variable) -> Value:
+    """A value as the variable's type takes it.
+
+    Raises
+    ------
+    InputError
+        another type, not finite, or outside the declared limits
+    """
+    kind = variable.kind
+    if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
+        value = float(value)
+        if not math.isfinite(value):
+            raise InputError(f"{variable.name} = {value} is not a finite number")
+    elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
+        if abs(value) > LARGEST_INTEGER:
+            raise InputError(f"{variable.name} = {value} does not fit 32 bits")
+    elif not (kind == "Boolean" and isinstance(value, bool)) and not (kind == "String" and isinstance(value, str)):
+        shown = str(value).lower() if isinstance(value, bool) else repr(value)
+        wanted = {"Real": "a number", "Boolean": "true or false", "String": "a text"}.get(kind, "a whole number")
+        raise InputError(f"{variable.name} = {shown} must be {wanted}: it is {kind}")
+    if not isinstance(value, str | bool):
+        low, high = variable.minimum, variable.maximum
+        if (low is not None and value < low) or (high is not None and value > high):
+            span = f"[{'-inf' if low is None else low}, {'inf' if high is None else high}]"
+            raise InputError(f"{variable.name} = {value} is outside its limits {span}")
+    return value
+
+
+def spread(value: Value | list[Value], variables: tuple[Variable, ...], name: str) -> list[tuple[Variable, Value]]:
+    """One checked value for each variable of a scalar or an array.
+
+    Raises
+    ------
+    InputError
+        lengths differ, or a value that a variable does not take
+    """
+    values = value if isinstance(value, list) else [value]
+    if isinstance(value, list) and len(variables) == 1 and len(values) != 1:
+        raise InputError(f"{name} is a scalar; {len(values)} values are given")
+    if len(values) != len(variables):
+        given = f"{len(values)} are given" if isinstance(value, list) else "one value is given"
+        raise InputError(f"{name} has {len(variables)} elements; {given}")
+    return [(variable, checked(item, variable)) for variable, item in zip(variables, values, strict=True)]

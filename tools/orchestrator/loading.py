@@ -1,0 +1,106 @@
+"""The FMUs of a scenario: built or found, unpacked, their parameters resolved."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from trihedron.errors import InputError, nearest
+from trihedron.fmus import build, component_names
+from trihedron.models.effects import EffectPlace, parameter_name, place_from_mapping
+from trihedron.orchestrator.archive import UnpackedFmu, unpack
+from trihedron.orchestrator.interface import Interface, Value, Variable, interface_of
+from trihedron.orchestrator.parameters import calibrated_parameters, resolve_parameters
+from trihedron.scenario import FmuSetting, Scenario
+
+
+@dataclass
+class Sources:
+    """Files that a run reads, with the hash of each."""
+
+    base: Path
+    hashes: dict[str, str] = field(default_factory=dict)
+
+    def note(self, label: str, content: bytes) -> None:
+        self.hashes[label] = hashlib.sha256(content).hexdigest()
+
+    def read(self, label: str) -> bytes:
+        try:
+            content = (self.base / label).read_bytes()
+        except OSError as error:
+            raise InputError(f"{label}: cannot be read ({error.strerror}; looked for {self.base / label})") from error
+        self.note(label, content)
+        return content
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """An FMU of the scenario, unpacked, with the values to set before it is initialised."""
+
+    fmu: UnpackedFmu
+    interface: Interface
+    values: Mapping[str, tuple[Variable, Value]]
+
+
+def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded]:
+    """Build or find, check and unpack every FMU; resolve its parameters."""
+    unpacked: dict[str, UnpackedFmu] = {}
+    built: dict[tuple[str, tuple[EffectPlace, ...]], Path] = {}
+    loaded: dict[str, Loaded] = {}
+    single: dict[str, str] = {}
+    for name, setting in scenario.fmus.items():
+        places, of_effects = _effects(name, setting)
+        if setting.fmu is not None:
+            path, label = scenario.base_folder / setting.fmu, setting.fmu
+        else:
+            label = str(setting.component)
+            if label not in component_names():
+                known = nearest(label, list(component_names()))
+                raise InputError(f"fmus.{name}.component: there is no component '{label}'; {known}")
+            key = (label, places)
+            if key not in built:
+                target = folder / f"built-{len(built)}"
+                target.mkdir()
+                try:
+                    built[key] = build(label, target, places)
+                except ValueError as error:
+                    raise InputError(f"fmus.{name}.effects: {error}") from error
+            path = built[key]
+        fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(unpacked)}")
+        unpacked[name] = fmu
+        interface = interface_of(name, label, fmu.description)
+        once = getattr(fmu.description.coSimulation, "canBeInstantiatedOnlyOncePerProcess", None)
+        if str(once).lower() in ("true", "1"):
+            if fmu.sha256 in single:
+                raise InputError(f"{label}: can be instantiated once only; '{single[fmu.sha256]}' and '{name}' use it")
+            single[fmu.sha256] = name
+        calibrated: Mapping[str, Any] = {}
+        if setting.parameters_from is not None:
+            content = sources.read(setting.parameters_from)
+            component = setting.component or interface.model
+            try:
+                calibrated = calibrated_parameters(content, setting.parameters_from, component)
+            except InputError as error:
+                reason = str(error).replace("parameters_from: ", "", 1)
+                raise InputError(f"fmus.{name}.parameters_from: {reason}") from error
+        values = resolve_parameters(interface, setting.parameters, calibrated, of_effects)
+        loaded[name] = Loaded(fmu, interface, values)
+    return loaded
+
+
+def _effects(name: str, setting: FmuSetting) -> tuple[tuple[EffectPlace, ...], dict[str, float]]:
+    """The places of an FMU's effects and the values of the parameters that they bring."""
+    places: list[EffectPlace] = []
+    values: dict[str, float] = {}
+    for number, entry in enumerate(setting.effects, start=1):
+        try:
+            place, parameters = place_from_mapping(entry)
+            named = {parameter_name(place, key): value for key, value in parameters.items()}
+        except (ValueError, TypeError, KeyError) as error:
+            raise InputError(f"fmus.{name}.effects[{number}]: {error}") from error
+        if place in places:
+            raise InputError(f"fmus.{name}.effects[{number}]: the same effect stands twice at the same place")
+        places.append(place)
+        values |= named
+    return tuple(places), values

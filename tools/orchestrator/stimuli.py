@@ -1,0 +1,165 @@
+"""Stimuli: which value drives which input over which step."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from trihedron.errors import InputError, nearest
+from trihedron.orchestrator.grid import Grid
+from trihedron.orchestrator.interface import Interface, Value, Variable, checked, refer, spread
+from trihedron.orchestrator.quantities import conversion, is_angle
+from trihedron.orchestrator.tables import NumberTable
+from trihedron.scenario import Stimulus
+
+ROW_TOLERANCE = 1e-3
+"""How far (in steps) a row's time may be off a tick that it is meant for: digits that a file leaves off."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Values for some inputs of one FMU: over step k, row `rows[k]` of `values`; without `rows`, one for ever."""
+
+    fmu: str
+    variables: tuple[Variable, ...]
+    values: list[list[Value]] | np.ndarray
+    rows: np.ndarray | None
+
+
+def input_variables(text: str, interfaces: Mapping[str, Interface]) -> tuple[Interface, tuple[Variable, ...]]:
+    """The inputs that a text names; anything but an input is refused."""
+    interface, variables = refer(text, interfaces, ("input",))
+    for variable in variables:
+        if variable.causality != "input":
+            inputs = [v.name for v in interface.variables.values() if v.causality == "input"]
+            raise InputError(f"'{text}' is not an input ({variable.causality}); {nearest(variable.name, inputs)}")
+    return interface, variables
+
+
+def in_limits(value: Value, variable: Variable, where: str) -> Value:
+    try:
+        return checked(value, variable)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) -> Drive:
+    """A constant for an input or for each element of an array."""
+    assert stimulus.to is not None
+    assert stimulus.constant is not None
+    interface, variables = input_variables(stimulus.to, interfaces)
+    values = spread(stimulus.constant, variables, stimulus.to)
+    return Drive(interface.name, variables, [[value for _, value in values]], None)
+
+
+def _rows_of_steps(table: NumberTable, grid: Grid, *, at_end: bool, increments: bool) -> np.ndarray:
+    """Which row holds over each step."""
+    times = table.columns["time_s"]
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if back.size:
+        raise InputError(f"{table.row(int(back[0]) + 1)}, column 'time_s': does not come after the row before")
+    ticks = (times - grid.start) / grid.step
+    near = np.round(ticks)
+    ticks = np.where(np.abs(ticks - near) <= ROW_TOLERANCE, near, ticks)
+    if not at_end:
+        rows = np.searchsorted(ticks, np.arange(grid.steps), side="right") - 1
+        if rows[0] < 0:
+            raise InputError(
+                f"{table.row(0)}: begins at {times[0]:.9g} s, after the run's start {grid.start:.9g} s: "
+                'the input has no value before (stamp = "end" where rows hold up to their time)'
+            )
+        return rows
+    rows = np.searchsorted(ticks, np.arange(1, grid.steps + 1), side="left")
+    if rows[-1] >= len(ticks):
+        raise InputError(
+            f"{table.row(len(ticks) - 1)}: ends at {times[-1]:.9g} s, "
+            f"before the run's end {grid.time(grid.steps):.9g} s"
+        )
+    width = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+    if rows[0] == 0 and ticks[0] - width > ROW_TOLERANCE:
+        raise InputError(
+            f"{table.row(0)}: its interval ends at {times[0]:.9g} s, "
+            f"and nothing covers the run's start {grid.start:.9g} s"
+        )
+    jumps = np.diff(rows)
+    lost = np.flatnonzero(jumps > 1)
+    if lost.size:
+        step = int(lost[0]) + 1
+        first, last = table.lines[rows[step] - 1], table.lines[rows[step]]
+        raise InputError(
+            f"{table.label}: rows {first} and {last} both end within the step that ends at "
+            f"{grid.time(step + 1):.9g} s, so that one is lost; take a shorter run.step_s"
+        )
+    again = np.flatnonzero(jumps == 0)
+    if increments and again.size:
+        row, step = int(rows[again[0]]), int(again[0]) + 1
+        raise InputError(
+            f"{table.row(row)}: an increment would be applied again in the step that ends at "
+            f"{grid.time(step + 1):.9g} s; run.step_s must be the rows' interval"
+        )
+    return rows
+
+
+def resolve_rows(
+    stimulus: Stimulus,
+    read: Callable[[list[str]], NumberTable],
+    grid: Grid,
+    interfaces: Mapping[str, Interface],
+) -> list[Drive]:
+    """Timed rows for inputs, one drive for each FMU and type.
+
+    Parameters
+    ----------
+    stimulus : Stimulus
+        with `columns` and `stamp`
+    read : callable
+        names of columns -> the table
+    grid : Grid
+    interfaces : mapping
+
+    Raises
+    ------
+    InputError
+        a column that is missing, of another dimension than its variable, or rows that do not cover the run
+    """
+    assert stimulus.columns is not None
+    wires: list[tuple[Interface, Variable, str, float, float]] = []
+    for text, column in stimulus.columns.items():
+        interface, variables = input_variables(text, interfaces)
+        if len(variables) != 1:
+            raise InputError(f"columns.'{text}' is an array; name each element: '{text}[1]' = \"...\"")
+        variable = variables[0]
+        if variable.kind == "String":
+            raise InputError(f"columns.'{text}' is a String; rows are numbers")
+        factor, offset = conversion(variable.unit, column, interface.scales)
+        wires.append((interface, variable, column, factor, offset))
+    table = read(["time_s", *(column for _, _, column, _, _ in wires)])
+    increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in wires)
+    rows = _rows_of_steps(table, grid, at_end=stimulus.stamp == "end", increments=increments)
+    groups: dict[tuple[str, str], list[tuple[Variable, np.ndarray]]] = {}
+    for interface, variable, column, factor, offset in wires:
+        values = (table.columns[column] - offset) / factor
+        groups.setdefault((interface.name, variable.access), []).append((variable, values))
+        _check_column(table, column, variable, values)
+    return [
+        Drive(fmu, tuple(v for v, _ in group), np.column_stack([values for _, values in group]), rows)
+        for (fmu, _), group in groups.items()
+    ]
+
+
+def _check_column(table: NumberTable, column: str, variable: Variable, values: np.ndarray) -> None:
+    """Refuse a value that the variable's type or limits do not take."""
+    if variable.access == "Real":
+        low = -math.inf if variable.minimum is None else variable.minimum
+        high = math.inf if variable.maximum is None else variable.maximum
+        suspects = np.flatnonzero((values < low) | (values > high))
+    else:
+        suspects = np.arange(len(values))
+    for index in suspects.tolist():
+        value: Value = float(values[index])
+        if variable.kind == "Boolean" and value in (0.0, 1.0):
+            value = bool(value)
+        elif variable.access == "Integer" and value == math.floor(value):
+            value = int(value)
+        in_limits(value, variable, f"{table.row(index)}, column '{column}'")

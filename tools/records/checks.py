@@ -1,0 +1,142 @@
+"""What the numbers of a record must fulfil before anything is computed from them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from trihedron.errors import InputError
+from trihedron.fmus.units import STANDARD_GRAVITY
+from trihedron.records.columns import (
+    ANGLES,
+    APPROACH,
+    FORCE,
+    INCREMENT,
+    QUATERNION,
+    RATE,
+    TEMPERATURE,
+    Columns,
+    refusal,
+)
+
+LIMITS = {
+    "time_s": (-1e12, 1e12, "seconds are needed"),
+    **dict.fromkeys(ANGLES, (-1e6, 1e6, "degrees are needed")),
+    TEMPERATURE: (-273.15, 1e4, "degrees Celsius are needed"),
+    **dict.fromkeys(RATE, (-1e5, 1e5, "radians per second are needed")),
+    **dict.fromkeys(INCREMENT, (-1e3, 1e3, "radians per interval are needed")),
+}
+"""Beyond these no instrument's number lies, and arithmetic with doubles would lose what is asked of it."""
+
+QUATERNION_NORM = 1e-3
+"""How far the norm of a true attitude may be from 1."""
+
+
+def checked(columns: Columns) -> tuple[str, ...]:
+    """Check the columns of a record; give the warnings.
+
+    Raises
+    ------
+    InputError
+        for a number out of its range, `position` or `time_s` that repeats or runs back, readings that are not
+        specific forces in m/s², a quaternion that is not one; file, row and column are named
+    """
+    for name, (low, high, needed) in LIMITS.items():
+        values = columns.optional(name)
+        if values is not None and (wrong := np.flatnonzero((values < low) | (values > high))).size:
+            value = float(values[wrong[0]])
+            raise _wrong(columns, wrong[0], name, f"{value!r} is outside {low:g} to {high:g}; {needed}")
+    if "position" in columns.numbers:
+        _check_positions(columns)
+    _check_increasing(columns, "time_s")
+    for name in APPROACH:
+        values = columns.optional(name)
+        if values is not None and (wrong := np.flatnonzero(np.abs(values) != 1.0)).size:
+            value = float(values[wrong[0]])
+            raise _wrong(columns, wrong[0], name, f"{value:g} is neither +1 nor -1, the sense of the last move")
+    _check_force(columns)
+    if QUATERNION[0] in columns.numbers:
+        _check_quaternion(columns)
+    return (*_angle_warning(columns.path, columns), *_temperature_warning(columns))
+
+
+def _wrong(columns: Columns, index: int | np.integer, name: str, what: str) -> InputError:
+    return refusal(columns.path, int(columns.row[index]), name, what)
+
+
+def _check_positions(columns: Columns) -> None:
+    values = columns.numbers["position"]
+    wrong = np.flatnonzero((values < 1) | (values != np.floor(values)) | (values > 2**53))
+    if wrong.size:
+        value = float(values[wrong[0]])
+        raise _wrong(columns, wrong[0], "position", f"{value:g} is not a positive integer; positions count from 1")
+    _check_increasing(columns, "position")
+
+
+def _check_increasing(columns: Columns, name: str) -> None:
+    values = columns.numbers[name]
+    wrong = np.flatnonzero(values[1:] <= values[:-1])
+    if not wrong.size:
+        return
+    index = int(wrong[0]) + 1
+    before, value = float(values[index - 1]), float(values[index])
+    verb = "repeats" if value == before else "runs back"
+    hint = " (a time series has no such column)" if name == "position" else ""
+    what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
+    raise _wrong(columns, index, name, what)
+
+
+def _check_force(columns: Columns) -> None:
+    force = columns.group(FORCE)
+    limit = 10.0 * STANDARD_GRAVITY
+    # a component beyond the limit first: the squares of huge numbers overflow
+    wrong = np.argwhere(np.abs(force) > limit)
+    if wrong.size:
+        index, axis = (int(k) for k in wrong[0])
+        value = float(force[index, axis])
+        raise _wrong(columns, index, FORCE[axis], f"{value:g} is above 10 times gravity; m/s2 are needed")
+    norm = np.sqrt(np.einsum("ij,ij->i", force, force))
+    if (over := np.flatnonzero(norm > limit)).size:
+        raise _wrong(columns, over[0], _all(FORCE), f"|f| = {norm[over[0]]:g} is above 10 times gravity")
+    median = float(np.median(norm)) / STANDARD_GRAVITY
+    if not 0.5 <= median <= 1.5:
+        guess = " (readings in g?)" if 0.5 <= median * STANDARD_GRAVITY <= 1.5 else ""
+        what = f"the median of |f| is {median:.4g} times gravity, where 0.5 to 1.5 is possible{guess}"
+        raise refusal(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
+
+
+def _check_quaternion(columns: Columns) -> None:
+    quaternion = columns.group(QUATERNION)
+    empty = np.isnan(quaternion)
+    partly = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
+    if partly.size:
+        name = QUATERNION[int(np.argmax(empty[partly[0]]))]
+        raise _wrong(columns, partly[0], name, "the field is empty; give all of q0..q3 or none of them")
+    known = np.flatnonzero(~empty[:, 0])
+    scale = np.abs(quaternion[known]).max(axis=1, initial=0.0)
+    # numbers that are far off are found without squaring them
+    norm = np.where(scale > 2.0, scale, np.sqrt(np.square(np.clip(quaternion[known], -2.0, 2.0)).sum(axis=1)))
+    wrong = np.flatnonzero(np.abs(norm - 1.0) > QUATERNION_NORM)
+    if wrong.size:
+        what = f"the norm of the attitude is {norm[wrong[0]]:.6g}; it must be 1 within {QUATERNION_NORM:g}"
+        raise _wrong(columns, int(known[wrong[0]]), _all(QUATERNION), what)
+
+
+def _angle_warning(path: Path, columns: Columns) -> tuple[str, ...]:
+    if ANGLES[0] not in columns.numbers:
+        return ()
+    largest = float(np.abs(columns.group(ANGLES)).max())
+    if not 0.0 < largest <= 2.0 * math.pi:
+        return ()
+    return (f"{path}: columns {_all(ANGLES)}: all angles are within ±2π degrees; are they radians?",)
+
+
+def _temperature_warning(columns: Columns) -> tuple[str, ...]:
+    values = columns.optional(TEMPERATURE)
+    if values is None or float(values.min()) < 200.0:
+        return ()
+    return (f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?",)
+
+
+def _all(names: tuple[str, ...]) -> str:
+    return f"{names[0]}..{names[-1]}" if len(names) > 2 else ", ".join(names)

@@ -1,0 +1,238 @@
+"""The rests of a table run: found in the time series, tested, and averaged to a position record."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trihedron.errors import InputError
+from trihedron.fmus.units import STANDARD_GRAVITY
+from trihedron.records.kinds import PositionRecord, RawRecord
+from trihedron.records.settling import Trend, mean_of, scatter_of_mean, settled_from, still_settling, trend_of
+from trihedron.records.stops import WINDOW, find_stops, quiet_tolerance, without_turns
+
+SHORTEST = 0.25
+"""A rest lasts at least this part of the median rest."""
+
+ROUNDING = 1e-12 * STANDARD_GRAVITY
+"""Differences of readings that arithmetic alone may make [m/s²]."""
+
+UNSETTLED = 1.0 / 3.0
+"""A rest of which less than this part of what was dropped is left may still be settling."""
+
+UNSEEN_ANGLE = math.radians(0.1 / 3600)
+"""Changes of an angle that make no difference to a reading [rad]."""
+
+_MOVED = math.radians(5 / 60)
+"""An axis has moved when its reading was so far from the rest's level [rad]."""
+
+_AXES = ("outer", "inner")
+_ARCSEC = math.radians(1 / 3600)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A rest of the table in a raw record; rows are indices into the record's arrays, both ends included.
+
+    Attributes
+    ----------
+    first, last : int
+        the rows over which the table stands
+    kept_first, kept_last : int
+        the rows that are averaged: settled, and not next to a move
+    refused : str or None
+        why the rest is not used
+    trends : tuple of str
+        what still changes linearly over the rows kept, with its size
+    """
+
+    first: int
+    last: int
+    kept_first: int
+    kept_last: int
+    refused: str | None = None
+    trends: tuple[str, ...] = ()
+
+
+def find_rests(raw: RawRecord) -> list[Rest]:
+    """Find the rests of the table and test each of them.
+
+    Both encoder readings must keep their level within the record's own quiet scatter, for at least 8 rows and
+    a quarter of the median rest. The unsettled start is dropped by a test of the readings themselves. Linear
+    trends of angles and readings are tested; one of an angle beyond the quiet scatter refuses the rest, the
+    others are stated.
+
+    Parameters
+    ----------
+    raw : RawRecord
+        the time series, slews included
+
+    Returns
+    -------
+    list of Rest
+        in the order of time, refused ones included
+    """
+    if len(raw) < WINDOW:
+        return []
+    angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
+    tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)])
+    stops = find_stops(angles, tolerance)
+    if not stops:
+        return []
+    edges = np.array(stops)
+    duration = raw.time_s[edges[:, 1]] - raw.time_s[edges[:, 0]]
+    median = _median_by_rows(duration, edges[:, 1] - edges[:, 0] + 1)
+    rests = []
+    for (first, last), lasts in zip(stops, duration.tolist(), strict=True):
+        if lasts > SHORTEST * median:
+            rests.append(_tested(raw, angles, tolerance, first, last))
+        else:
+            why = f"lasts {lasts:.3g} s, no more than a quarter of the median rest of {median:.3g} s"
+            rests.append(Rest(first, last, first, last, refused=why))
+    return rests
+
+
+def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
+    """Average the rows kept of each rest that is not refused.
+
+    Parameters
+    ----------
+    raw : RawRecord
+        the time series
+    rests : sequence of Rest
+        as `find_rests` gives them
+
+    Returns
+    -------
+    PositionRecord
+        `time_s` is the middle of the averaging interval, `row` the line of its first row; the approach
+        columns are there when every rest was preceded by a move of that axis; `scatter` is each mean's standard error
+
+    Raises
+    ------
+    InputError
+        when no rest can be used
+    """
+    used = [rest for rest in rests if rest.refused is None]
+    if not used:
+        raise InputError(f"{raw.path}: no rest of the table can be averaged: {_why_none(raw, rests)}")
+    angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
+    kept = [slice(rest.kept_first, rest.kept_last + 1) for rest in used]
+    # the encoder's own turn again, so that angles stand as they were read
+    turns = [raw_angle - angle for raw_angle, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
+    mean_angle = np.array([mean_of(angles[rows]) for rows in kept])
+    mean_angle += np.array([[turn[rows.start] for turn in turns] for rows in kept])
+    approach = [_approach(angles[:, axis], used) for axis in range(2)]
+    temperature = raw.temperature
+    return PositionRecord(
+        position=np.arange(1, len(used) + 1),
+        time_s=np.array([0.5 * (raw.time_s[rows.start] + raw.time_s[rows.stop - 1]) for rows in kept]),
+        alpha=mean_angle[:, 0],
+        beta=mean_angle[:, 1],
+        specific_force=np.array([mean_of(raw.specific_force[rows]) for rows in kept]),
+        temperature=None if temperature is None else np.array([mean_of(temperature[rows]) for rows in kept]),
+        approach_alpha=approach[0],
+        approach_beta=approach[1],
+        resolution=raw.resolution,
+        row=np.array([raw.row[rows.start] for rows in kept]),
+        path=raw.path,
+        warnings=raw.warnings + _said(raw, rests),
+        scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in kept]),
+    )
+
+
+def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
+    """Drop what has not settled, then test what is left for length and for trends."""
+    # a row beside a move may hold a reading taken while the table still moved
+    start = first + 1 if first > 0 else first
+    end = last - 1 if last < len(raw) - 1 else last
+    reading_floor = np.full(3, max(2.0 * raw.resolution, ROUNDING))
+    angle_floor = np.full(2, UNSEEN_ANGLE)
+    half = slice((start + end) // 2, end + 1)
+    half_lasts = f"in its last {_lasts(raw, half)}"
+    for axis, trend in enumerate(trend_of(raw.time_s[half], angles[half], angle_floor)):
+        if trend.significant and abs(trend.change) > tolerance[axis]:
+            return Rest(first, last, start, end, refused=f"the {_turning(axis, trend)} {half_lasts}")
+
+    values = np.concatenate([raw.specific_force[start : end + 1], angles[start : end + 1]], axis=1)
+    dropped = settled_from(values, np.concatenate([reading_floor, angle_floor]))
+    start += dropped
+    count = end - start + 1
+    if count < WINDOW - 2:
+        return Rest(first, last, start, end, refused=f"has not settled before its last {count} rows")
+    if count < UNSETTLED * dropped and still_settling(raw.time_s[half], raw.specific_force[half], reading_floor):
+        why = f"has not settled: how fast the readings change still changes {half_lasts}"
+        return Rest(first, last, start, end, refused=why)
+
+    rows = slice(start, end + 1)
+    turning = trend_of(raw.time_s[rows], angles[rows], angle_floor)
+    drifting = trend_of(raw.time_s[rows], raw.specific_force[rows], reading_floor)
+    said = [_turning(axis, trend) for axis, trend in enumerate(turning) if trend.significant]
+    said += [
+        f"f{axis} drifts by {trend.change / STANDARD_GRAVITY:.2g} g"
+        for axis, trend in enumerate(drifting, 1)
+        if trend.significant
+    ]
+    return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in said))
+
+
+def _turning(axis: int, trend: Trend) -> str:
+    return f"{_AXES[axis]} axis turns by {trend.change / _ARCSEC:.2g} arcsec"
+
+
+def _lasts(raw: RawRecord, rows: slice) -> str:
+    return f"{raw.time_s[rows.stop - 1] - raw.time_s[rows.start]:.3g} s"
+
+
+def _median_by_rows(duration: np.ndarray, rows: np.ndarray) -> float:
+    """The duration such that half the rows of all stops belong to stops at least that long.
+
+    Many short pieces of a slow motion do not pull it down as they would a plain median.
+    """
+    order = np.argsort(duration, kind="stable")
+    below = np.cumsum(rows[order])
+    return float(duration[order[np.searchsorted(below, 0.5 * below[-1])]])
+
+
+def _approach(angle: np.ndarray, rests: Sequence[Rest]) -> np.ndarray | None:
+    """Sense of the last move of one axis before each rest, +1 or -1; None when a rest has none before it."""
+    senses: list[float] = []
+    searched = 0
+    for rest in rests:
+        level = float(mean_of(angle[rest.kept_first : rest.kept_last + 1]))
+        # far outside the scatter of a rest and the overshoot of the servo
+        away = np.flatnonzero(np.abs(angle[searched : rest.first] - level) > _MOVED)
+        if away.size:
+            senses.append(math.copysign(1.0, level - float(angle[searched + int(away[-1])])))
+        elif senses:
+            senses.append(senses[-1])
+        else:
+            return None
+        searched = rest.first
+    return np.array(senses)
+
+
+def _why_none(raw: RawRecord, rests: Sequence[Rest]) -> str:
+    if not rests:
+        return f"the angles keep their level nowhere for {WINDOW} rows"
+    return f"row {raw.row[rests[0].first]}: {rests[0].refused}" + (", and others" if len(rests) > 1 else "")
+
+
+def _said(raw: RawRecord, rests: Sequence[Rest]) -> tuple[str, ...]:
+    """One line for each refused rest and one for the trends, at most ten of the former."""
+    refused = [rest for rest in rests if rest.refused is not None]
+    lines = [
+        f"{raw.path}: rest in rows {raw.row[rest.first]} to {raw.row[rest.last]} left out: {rest.refused}"
+        for rest in refused[:10]
+    ]
+    if len(refused) > len(lines):
+        lines.append(f"{raw.path}: {len(refused) - len(lines)} more rests left out")
+    drifting = [rest for rest in rests if rest.refused is None and rest.trends]
+    if drifting:
+        rest = drifting[0]
+        lines.append(
+            f"{raw.path}: a linear trend in {len(drifting)} of {len(rests)} rests, first in rows "
+            f"{raw.row[rest.kept_first]} to {raw.row[rest.kept_last]}: {', '.join(rest.trends)}"
+        )
+    return tuple(lines)

@@ -1,0 +1,150 @@
+"""Whether a rest has settled, whether it still drifts, and what its own scatter says of its mean."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+BLOCKS = 40
+"""Blocks into which a rest is cut for the test of its start."""
+
+FEWEST = 8
+"""Rows that are not tested for settling any more."""
+
+TOO_MUCH_DROPPED = 1e-3
+"""Chance that a settled block is called different: it costs a few rows."""
+
+FALSE_ALARM = 1e-4
+"""Chance that a trend is stated, or a rest called unsettled, where the scatter alone made it."""
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A linear trend: change from the first to the last row, and whether the scatter can explain it."""
+
+    change: float
+    significant: bool
+
+
+def settled_from(values: np.ndarray, floor: np.ndarray) -> int:
+    """First row of a rest from which its readings and angles have settled.
+
+    The rest is cut into blocks. A block of the first half that differs from the second half's mean by more than
+    the second half's scatter has not settled, nor has anything before it; nor has a block from which on the first
+    half as a whole differs. What is left is tested again, since an unsettled second half hides what is before it.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, m)
+        one column for each accelerometer and axis
+    floor : ndarray, shape (m,)
+        differences that are never taken for one: what rounding does
+
+    Returns
+    -------
+    int
+        row within the rest
+    """
+    start = 0
+    while len(values) - start >= FEWEST:
+        dropped = _unsettled(values[start:], floor)
+        if not dropped:
+            break
+        start += dropped
+    return start
+
+
+def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> bool:
+    """Whether a column's change over these rows slows down or speeds up: a transient, where a drift is linear."""
+    place = (time - time[0]) / (time[-1] - time[0])
+    basis = np.linalg.qr(np.stack([np.ones(len(time)), place, place**2], axis=1))[0]
+    deviation = values - mean_of(values)
+    weight = basis.T @ deviation
+    residual = deviation - basis @ weight
+    freedom = max(len(time) - 3, 1)
+    error = np.sqrt(np.sum(residual**2, axis=0) / freedom)
+    return bool(np.any(np.abs(weight[2]) > np.maximum(_student(freedom, FALSE_ALARM) * error, floor)))
+
+
+def _unsettled(values: np.ndarray, floor: np.ndarray) -> int:
+    """How many rows at the start have not settled by one test; at most half of them."""
+    size = max(1, len(values) // BLOCKS)
+    # counted from the end, so that rows that fill no block are at the start
+    count = len(values) // size
+    offset = len(values) - count * size
+    means = _block_means(values[offset:], count)
+    half = count // 2
+    first, second = means[:half], means[half:]
+    scatter = np.std(second - second[0], axis=0, ddof=1)
+    difference = first - mean_of(second)
+    # from each block on to the middle, the mean of the first half
+    left = np.arange(half, 0, -1)
+    onwards = np.cumsum(difference[::-1], axis=0)[::-1] / left[:, None]
+    widest = _student(len(second) - 1, TOO_MUCH_DROPPED)
+    one = np.maximum(widest * math.sqrt(1.0 + 1.0 / len(second)) * scatter, floor)
+    many = np.maximum(np.outer(widest * np.sqrt(1.0 / left + 1.0 / len(second)), scatter), floor)
+    different = np.any((np.abs(difference) > one) | (np.abs(onwards) > many), axis=1)
+    last = np.flatnonzero(different)
+    return offset + (int(last[-1]) + 1) * size if last.size else 0
+
+
+def mean_of(values: np.ndarray) -> np.ndarray:
+    """Mean over the rows; of equal rows exactly that row."""
+    return values[0] + np.mean(values - values[0], axis=0)
+
+
+def scatter_of_mean(values: np.ndarray) -> np.ndarray:
+    """Standard error of the mean over the rows, from their own scatter, shape (m,).
+
+    The largest of three: independent rows, independent eighths, and half the difference of the two halves,
+    which keeps what flicker leaves in a mean where the rows' deviation over √n loses it.
+    """
+    count = len(values)
+    white = np.std(values - values[0], axis=0, ddof=1) / math.sqrt(count)
+    halves = _block_means(values, 2)
+    slow = 0.5 * np.abs(halves[1] - halves[0])
+    if count < 16:
+        return np.maximum(white, slow)
+    eighths = _block_means(values, 8)
+    return np.maximum(np.maximum(white, slow), np.std(eighths - eighths[0], axis=0, ddof=1) / math.sqrt(8))
+
+
+def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> list[Trend]:
+    """Linear trend of each column of a rest, by least squares.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        [s]
+    values : ndarray, shape (n, m)
+        angles or readings
+    floor : ndarray, shape (m,)
+        changes that are never significant: what rounding does
+    """
+    count = len(time)
+    centred = time - mean_of(time)
+    deviation = values - mean_of(values)
+    square = float(centred @ centred)
+    slope = centred @ deviation / square
+    residual = deviation - np.outer(centred, slope)
+    error = np.sqrt(np.sum(residual**2, axis=0) / max(count - 2, 1) / square)
+    duration = float(time[-1] - time[0])
+    result = []
+    for k in range(values.shape[1]):
+        change = float(slope[k]) * duration
+        beyond = abs(change) > max(_student(count - 2, FALSE_ALARM) * float(error[k]) * duration, float(floor[k]))
+        result.append(Trend(change, bool(beyond)))
+    return result
+
+
+def _student(freedom: int, chance: float) -> float:
+    """How many standard errors a quantity with so many degrees of freedom may lie from its mean."""
+    return float(stdtrit(max(freedom, 1), 1.0 - 0.5 * chance))
+
+
+def _block_means(values: np.ndarray, count: int) -> np.ndarray:
+    """Means of `count` blocks of equal size, shape (count, m); rows at the end may be left over."""
+    size = len(values) // count
+    blocks = values[: count * size].reshape(count, size, -1)
+    return blocks[:, 0] + np.mean(blocks - blocks[:, :1], axis=1)

@@ -1,0 +1,92 @@
+"""What commands print for people."""
+
+from trihedron.calibration import Calibration
+from trihedron.diagnosis import Diagnosis
+from trihedron.models.effects import CATALOGUE
+
+VERDICTS = {
+    "consistent": "consistent: the model explains the record within the noise bound",
+    "falsified": "falsified: no parameters of the model keep every reading within the noise bound",
+    "insufficient": "insufficient: the record cannot determine everything that is asked",
+    "explained": "explained: one effect makes the model consistent, and no other does",
+    "ambiguous": "ambiguous: several effects would make the model consistent",
+    "unexplained": "unexplained: the model is falsified and nothing in the catalogue mends it",
+}
+
+
+def calibration_summary(result: Calibration) -> str:
+    """Verdict and table of targets."""
+    lines = [
+        VERDICTS[result.verdict],
+        f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
+        f"({result.noise_bound_basis}), radius {result.radius:.3f}",
+        "",
+        f"{'target':<12} {'name':<34} {'estimate':>13} {'guaranteed':>11} {'low':>13} {'high':>13}  unit",
+    ]
+    for row in result.parameters:
+        if row.estimate is None or row.guaranteed_error is None:
+            lines.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
+            continue
+        ends = ["" if end is None else f"{end:+.7f}" for end in (row.low, row.high)]
+        lines.append(
+            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+13.7f} {row.guaranteed_error:>11.1e} "
+            f"{ends[0]:>13} {ends[1]:>13}  {row.unit}"
+        )
+    lines += witness_lines(result)
+    lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    return "\n".join(lines)
+
+
+def witness_lines(result: Calibration) -> list[str]:
+    """The measurements that prove a falsification."""
+    if not result.witness:
+        return []
+    shown = ", ".join(f"{position}/{axis}" for position, axis in result.witness)
+    return [f"proved by position/accelerometer: {shown}"]
+
+
+def position_text(position: dict) -> str:
+    """A proposed table position."""
+    text = f"alpha {position['alpha_deg']:g}°, beta {position['beta_deg']:g}°"
+    if "mounting" in position:
+        text += f", mounting {position['mounting']}"
+    if position.get("separates"):
+        text += f" (separates {', '.join(position['separates'])})"
+    return text
+
+
+def diagnosis_summary(result: Diagnosis) -> str:
+    """Verdict, evidence, cause and gain."""
+    nominal = result.baseline
+    lines = [
+        VERDICTS[result.verdict],
+        f"{nominal.positions} positions, {nominal.measurements} readings, σ = {nominal.noise_bound:.3g} g "
+        f"({nominal.noise_bound_basis}); nominal model: radius {nominal.radius:.3f}",
+        *witness_lines(nominal),
+    ]
+    for cause in (*result.causes, *result.alternatives):
+        lines.append(f"cause: {cause.place.title}: {cause.sentence}")
+        for parameter, value, (low, high) in zip(
+            CATALOGUE[cause.place.effect].parameters, cause.values, cause.intervals, strict=True
+        ):
+            lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
+        lines += [f"  cannot be told from {other.title}" for other in cause.equivalents]
+        lines.append(f"  radius with it {cause.radius:.3f}")
+    if result.gain is not None:
+        g = result.gain.summary()
+        lines.append(
+            f"held-out positions, simulated again ({int(result.gain.scored.sum())} readings): "
+            f"rms {g['held_out_rms_before']:.2e} -> {g['held_out_rms_after']:.2e} g, "
+            f"max {g['held_out_max_before']:.2e} -> {g['held_out_max_after']:.2e} g"
+        )
+    elif result.verdict == "explained":
+        lines.append("gain on held-out positions: not possible with this effect and these positions")
+    for entry in result.residual_structure[:5]:
+        lines.append(
+            f"residual of accelerometer {entry['accelerometer']}: {100 * float(entry['explained']):.0f} % "
+            f"could depend on {entry['on']}"
+        )
+    lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
+    lines += [f"warning: {warning}" for warning in nominal.warnings]
+    return "\n".join(lines)
