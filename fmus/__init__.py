@@ -1,6 +1,7 @@
 """The components: each model with its interface, exported as an FMU."""
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ if TYPE_CHECKING:
     from trihedron.models.effects import EffectPlace
 
 
+@cache
 def components() -> dict[str, "Component"]:
     """Every component, by its name."""
     from trihedron.fmus.accelerometer_block import ACCELEROMETER_BLOCK

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from trihedron.models.effects import EffectPlace
@@ -120,7 +121,7 @@ class Component:
         """The variables that the world sees."""
         return tuple(v for v in self.variables if v.causality in ("parameter", "input", "output"))
 
-    @property
+    @cached_property
     def arguments(self) -> dict[str, tuple[str, ...]]:
         """Names of each kernel's arguments, in order."""
         return {name: tuple(inspect.signature(kernel).parameters) for name, kernel in self.kernels.items()}

@@ -1,6 +1,7 @@
 """A component without FMI: run in this process, as plain Python or compiled by numba."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from trihedron.fmus.component import Component
@@ -22,6 +23,7 @@ def effect_count(component: Component) -> int:
     return sum(len(CATALOGUE[place.effect].parameters) for place in component.effects)
 
 
+@cache
 def kernel_functions(component: Component) -> dict[str, Callable[..., Any]]:
     """The kernels of a component, with its effects, made from its flat source."""
     namespace: dict[str, Any] = {}
@@ -35,6 +37,7 @@ def instantiate(component: Component) -> Instance:
     return Instance(instance_rows(component), kernel_functions(component), component.arguments, effect_count(component))
 
 
+@cache
 def references(component: Component) -> dict[str, int]:
     """Value reference of each scalar, by its name."""
     names = [element for v in component.interface for element in v.elements]

@@ -1,5 +1,6 @@
 """The page of results: one file, no script, whatever the texts hold."""
 
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def full_page() -> str:
     picture = candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1])
     table = Table(
         ["symbol", "estimate", "position"],
-        [["X4", -1.5e-4, 3], ["X5", None, 12], ["X6+X8", float("nan"), 7]],
+        [["X4", -1.5e-4, 3], ["X5", None, 12], ["X6+X8", float("nan"), 7], ["X9", -2.5e-15, 8]],
         caption="Estimates",
     )
     return render_page(
@@ -96,8 +97,27 @@ def test_files_are_linked_relative_to_the_page() -> None:
 def test_numbers_stand_to_the_right_and_what_is_missing_is_a_dash() -> None:
     page = full_page()
     assert '<td class="number">−0.00015</td>' in page
+    assert '<td class="number">−2.5e−15</td>' in page
+    assert '<td class="number">12</td>' in page
     assert page.count('<td class="number">–</td>') == 2
     assert "<td>X4</td>" in page
+
+
+@pytest.mark.parametrize(
+    ("values", "written"),
+    [
+        ([0.0100002, -0.00299948, 0.0], ["0.0100002", "−0.0029995", "0.0000000"]),
+        ([1.155361e-5, 3.5e-5], ["1.15536e−5", "3.50000e−5"]),
+        ([3.14159265, 1e-5], ["3.14159", "1e−5"]),
+        ([1234567.0, 2e6], ["1.23457e6", "2.00000e6"]),
+        ([12345.678, float("inf")], ["12345.7", "inf"]),
+        ([-3, 4], ["−3", "4"]),
+        ([True, False], ["yes", "no"]),
+    ],
+)
+def test_numbers_of_one_magnitude_are_written_alike(values: list[float], written: list[str]) -> None:
+    page = render_page("t", "v", [Section("s", table=Table(["a"], [[value] for value in values]))])
+    assert re.findall(r"<td[^>]*>([^<]*)</td>", page) == written
 
 
 def test_hostile_texts_are_shown_and_never_run() -> None:

@@ -82,6 +82,7 @@ REFUSED = [
     ("[record]", "[recording]", r"recording: unknown key; did you mean 'record'\?"),
     ('component = "T', 'componant = "T', r"fmus\.table\.componant: unknown key; did you mean 'component'\?"),
     ('from = "table', 'form = "table', r"connections\[1\]\.(from: is missing|form: unknown key)"),
+    ('from = "table', 'source = "table', r"connections\[1\]\.(from: is missing|source: unknown key)"),
     ("every = 2", "evry = 2", r"record\.evry: unknown key; did you mean 'every'\?"),
     ("every = 2", "every = 0", r"record\.every: .*greater than or equal to 1"),
     ("every = 2", "every = 1.5", r"record\.every: .*integer"),

@@ -83,7 +83,8 @@ def orchestrator(folder: Path, work: Path) -> tuple[float, np.ndarray]:
         fmus[name] = unpack(folder / f"{name}.fmu", name, lambda _, name=name: work / name)
         interfaces[name] = interface_of(name, name, fmus[name].description)
     wires = resolve_connections(
-        [Connection(source=f"{a}.{output}", target=f"{b}.{target}") for a, output, b, target in WIRES], interfaces
+        [Connection.model_validate({"from": f"{a}.{output}", "to": f"{b}.{target}"}) for a, output, b, target in WIRES],
+        interfaces,
     )
     drive = resolve_constant(Stimulus(to="TurntableMotion.command", constant=COMMAND), interfaces)
     recorded = {name: [interfaces[name].variables[v] for v in RECORDED.get(name, ())] for name in NAMES}

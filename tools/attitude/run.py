@@ -154,6 +154,15 @@ class AttitudeRun:
         if rms is None or maximum is None or final is None or drift is None:
             return [*lines, "attitude error: the record has no true attitude to compare with"]
         known = self.judged
+        if self.gyro_bias is None:
+            earth = math.degrees(EARTH_RATE * (self.time_s[known][-1] - self.time_s[0]))
+            lines.append(
+                f"rates as measured: neither the gyros' bias nor Earth's rotation ({earth:.3f} deg over this time) "
+                "is taken out"
+            )
+        else:
+            bias = ", ".join(f"{math.degrees(value):.4f}" for value in self.gyro_bias)
+            lines.append(f"a gyro bias of ({bias}) deg/s is taken out of the rates")
         lines.append(
             f"attitude error over {int(known.sum())} updates: {math.degrees(rms):.3f} deg rms, "
             f"{math.degrees(maximum):.3f} deg at most, {math.degrees(final):.3f} deg at the end, "
@@ -162,13 +171,4 @@ class AttitudeRun:
         if self.heading is not None and self.tilt is not None:
             heading, tilt = (float(np.sqrt(np.mean(part[known] ** 2))) for part in (self.heading, self.tilt))
             lines.append(f"of it heading {math.degrees(heading):.3f} deg rms, tilt {math.degrees(tilt):.3f} deg rms")
-        if self.gyro_bias is None:
-            earth = math.degrees(EARTH_RATE * (self.time_s[known][-1] - self.time_s[0]))
-            lines.append(
-                f"the rates as measured: neither the gyros' bias nor Earth's rotation ({earth:.3f} deg over this "
-                "time) is taken out"
-            )
-        else:
-            bias = ", ".join(f"{math.degrees(value):.4f}" for value in self.gyro_bias)
-            lines.append(f"a gyro bias of ({bias}) deg/s is taken out of the rates")
         return lines

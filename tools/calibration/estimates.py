@@ -8,14 +8,12 @@ from rich.console import Console
 from rich.progress import track
 
 from trihedron.calibration.linearisation import NOT_OUTSIDE, Linearisation
-from trihedron.calibration.programmes import RELATIVE_TOLERANCE, Polytope, SolverError, chebyshev_radius
+from trihedron.calibration.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
 from trihedron.calibration.result import Estimate
 from trihedron.calibration.targets import Target
 
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds and show their progress."""
-REMAINDER = 1e-7
-"""A remainder of the linearisation, as a fraction of the bound, that the duals alone carry into an interval's end."""
 
 
 def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
@@ -57,6 +55,9 @@ def estimate_targets(
 ) -> list[Estimate]:
     """Each target's estimate, guaranteed error and exact interval.
 
+    The ends are those of the linear programmes about the centre, moved outwards by what the remainder of the
+    linearisation can do: the greatest that it is at any of the vertices, weighted by each programme's duals.
+
     Parameters
     ----------
     here : Linearisation
@@ -91,11 +92,19 @@ def estimate_targets(
     residual = here.residual_at(centre)
     room = np.maximum(here.bound + slack, np.abs(residual)) * (1.0 + RELATIVE_TOLERANCE)
     reduced.confine(residual - room, residual + room)
+    tops = {}
+    remainder = np.zeros(len(residual))
     for k in track(known, "exact intervals", console=console, disable=quiet, transient=True):
-        weights = wanted[k].weights
-        low = -_upper_end(here, reduced, centre, residual, room, -weights)
-        high = _upper_end(here, reduced, centre, residual, room, weights)
-        estimates[k] = replace(estimates[k], low=low, high=high)
+        for sense in (-1.0, 1.0):
+            value, step, phi = reduced.maximise(here.span.T @ (sense * wanted[k].weights))
+            step = here.span @ step
+            left = residual - here.residual_at(centre + step) - here.jacobian @ step
+            remainder = np.maximum(remainder, np.abs(left))
+            tops[k, sense] = value, np.abs(phi)
+    for k in known:
+        middle = float(wanted[k].weights @ centre)
+        low, high = (middle + sense * (tops[k, sense][0] + tops[k, sense][1] @ remainder) for sense in (-1.0, 1.0))
+        estimates[k] = replace(estimates[k], low=float(low), high=float(high))
     return estimates
 
 
@@ -103,30 +112,3 @@ def is_determined(here: Linearisation, weights: NDArray) -> bool:
     """Whether the measurements determine weights'X."""
     outside = float(np.linalg.norm(weights - here.span @ (here.span.T @ weights)))
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
-
-
-def _upper_end(
-    here: Linearisation, reduced: Polytope, centre: NDArray, residual: NDArray, room: NDArray, weights: NDArray
-) -> float:
-    """The greatest weights'X that the measurements allow: |residual - J (X - centre)| <= room, J made exact.
-
-    The vertex of the programme is where the linear model meets the bounds. The remainder of the linearisation
-    there moves the bounds and the programme is solved once more; what is left is carried in by the duals.
-    """
-
-    def vertex() -> tuple[float, NDArray, NDArray]:
-        value, step, phi = reduced.maximise(here.span.T @ weights)
-        step = here.span @ step
-        return value, phi, residual - here.residual_at(centre + step) - here.jacobian @ step
-
-    value, phi, remainder = vertex()
-    end = value - phi @ remainder
-    if np.abs(remainder / room).max() > REMAINDER:
-        reduced.confine(residual - room - remainder, residual + room - remainder)
-        try:
-            value, phi, left = vertex()
-            end = value - phi @ (left - remainder)
-        except SolverError:
-            pass  # the set is thinner than the remainder: the first end is as good as can be had
-        reduced.confine(residual - room, residual + room)
-    return float(weights @ centre + end)

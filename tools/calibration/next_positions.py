@@ -8,8 +8,8 @@ from trihedron.calibration.parametrisation import Positions, reading_jacobian
 from trihedron.models.regressors import admissible
 
 GRID_STEP_DEG = 15
-WELL_DETERMINED = 0.3
-"""Least singular value of what is asked for, with the positions added."""
+WELL_DETERMINED = 2.0
+"""Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
 MAX_POSITIONS = 24
 
 
@@ -56,6 +56,5 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
 
 
 def _determines(information: NDArray, weights: NDArray) -> bool:
-    values, directions = np.linalg.eigh(information)
-    weak = directions[:, values < WELL_DETERMINED**2]
-    return bool(np.linalg.norm(weights @ weak) < 1e-6)
+    spread = np.linalg.inv(information + 1e-8 * np.eye(len(information)))
+    return bool((np.einsum("tp,pq,tq->t", weights, spread, weights) < WELL_DETERMINED**2).all())

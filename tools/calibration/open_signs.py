@@ -1,5 +1,7 @@
 """Readings whose input has no certain sign: kept, with a bound that covers either scale factor."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,13 +9,15 @@ from trihedron.calibration.linearisation import NOT_OUTSIDE, Linearisation, dete
 from trihedron.calibration.parametrisation import direction_jacobian
 from trihedron.models.regressors import sign_margin
 
+MAX_ROUNDS = 30
+
 
 def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
     """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
 
-    How far an input may be from its estimate follows from any weights that are unbiased on the measurements
-    with certain signs; those of least squares are at hand. Truth is within σ of the readings, the fit within
-    its residuals. Where those measurements do not determine an input, (1.7) bounds it.
+    At first (1.7) says how far an input may be from its estimate. With the bounds that follow, all measurements
+    together say it better, by any weights that are unbiased (those of least squares are at hand), and so on until
+    nothing is gained: truth is within the bounds of the readings at every step, the fit within its residuals.
 
     Parameters
     ----------
@@ -38,37 +42,33 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
     matrices = p.matrices[here.positions.mounting]
     margin = sign_margin(here.positions.alpha, here.positions.beta, matrices, bounds=bounds)
     gradient = direction_jacobian(p, here.point, here.positions)
-    excess = 1.0 + min(3.0, float(np.abs(here.residual).max()) / noise_bound)
     size = np.abs(here.input)
-    while True:
-        spread = _spread(here, certain.ravel(), excess * noise_bound)
-        uncertainty = np.zeros(here.input.shape)
-        for i, k in zip(*np.nonzero(~certain), strict=True):
-            uncertainty[i, k] = min(spread(gradient[i, k]), max(margin[i, k], size[i, k]))
-        settled = ~certain & (size > uncertainty)
-        if not settled.any():
+    uncertainty = np.where(certain, 0.0, np.maximum(margin, size))
+    difference = p.selection[0, 3:9:2] - p.selection[0, 4:9:2]
+    estimate = np.abs(difference @ here.point)
+    asymmetry = np.maximum(estimate, 2.0 * bounds[1])
+    for _ in range(MAX_ROUNDS):
+        still_open = ~certain & (size <= uncertainty)
+        last, extra = extra, np.where(still_open, asymmetry * (size + uncertainty), 0.0)
+        if np.abs(extra - last).max() <= 1e-3 * noise_bound:
             break
-        certain = certain | settled
-    for i, k in zip(*np.nonzero(~certain), strict=True):
-        difference = p.selection[0, 3 + 2 * k] - p.selection[0, 4 + 2 * k]
-        estimate = abs(float(difference @ here.point))
-        asymmetry = min(estimate + spread(difference), max(estimate, 2.0 * bounds[1]))
-        extra[i, k] = asymmetry * (size[i, k] + uncertainty[i, k])
+        spread = _spread(here, noise_bound + extra.ravel())
+        for i, k in zip(*np.nonzero(still_open), strict=True):
+            uncertainty[i, k] = min(uncertainty[i, k], spread(gradient[i, k]))
+        asymmetry = np.minimum(asymmetry, estimate + [spread(row) for row in difference])
     return extra.ravel()
 
 
-def _spread(here: Linearisation, rows: NDArray, noise: float):
-    """How far a linear function of the parameters may be from its estimate, by the measurements `rows` alone."""
-    jacobian = here.jacobian[rows]
-    if not rows.any():
-        return lambda direction: np.inf
-    span = determined(jacobian, float(here.bound.min()))
+def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], float]:
+    """How far a linear function of the parameters may be from its estimate when readings are within `bound`."""
+    jacobian = here.jacobian / bound[:, None]
+    span = determined(jacobian * bound.min(), float(bound.min()))
     weights = span @ np.linalg.pinv(jacobian @ span)
+    excess = 1.0 + min(3.0, float(np.abs(here.residual / bound).max()))
 
     def spread(direction: NDArray) -> float:
-        outside = float(np.linalg.norm(direction - span @ (span.T @ direction)))
-        if outside > NOT_OUTSIDE:
+        if np.linalg.norm(direction - span @ (span.T @ direction)) > NOT_OUTSIDE:
             return np.inf
-        return noise * float(np.abs(direction @ weights).sum())
+        return excess * float(np.abs(direction @ weights).sum())
 
     return spread

@@ -61,8 +61,8 @@ IN_TARGETS = {
 }
 """The X that are no targets of case (A1) themselves, by those that are."""
 
-NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-SYMBOL = re.compile(r"X\d+")
+NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+SYMBOL = re.compile(r"X\d+", re.ASCII)
 MAX_EXPRESSION = 500
 
 
@@ -166,7 +166,7 @@ class _Expression:
     def weights(self) -> NDArray:
         constant, weights = self._sum()
         if self._peek():
-            self._refuse(f"'{self._text[self._at]}' is not expected here (character {self._at + 1})")
+            self._refuse(f"{self._text[self._at]!r} is not expected here (character {self._at + 1})")
         if constant != 0.0 and weights.any():
             self._refuse("has a constant term; a target is a linear combination such as X4-X5")
         if constant != 0.0:
@@ -233,7 +233,7 @@ class _Expression:
             if symbol := SYMBOL.match(self._text, self._at):
                 self._at = symbol.end()
                 return 0.0, self._symbol(symbol[0])
-            what = f"'{first}' is not expected here (character {self._at + 1})" if first else "ends too early"
+            what = f"{first!r} is not expected here (character {self._at + 1})" if first else "ends too early"
             self._refuse(f"{what}; write a combination of X1..X18 such as X4-X5")
             raise AssertionError
         finally:
@@ -241,7 +241,7 @@ class _Expression:
 
     def _symbol(self, symbol: str) -> NDArray:
         if not (1 <= int(symbol[1:4]) <= 18) or len(symbol) > 3 or symbol[1] == "0":
-            self._refuse(f"there is no {symbol}; the parameters are X1 to X18")
+            self._refuse(f"there is no {symbol[:12]}; the parameters are X1 to X18")
         mounting = self._mounting
         if self._text[self._at : self._at + 1] == "@":
             rest = self._text[self._at + 1 :]

@@ -1,7 +1,7 @@
 """Pictures of a calibration: the targets' intervals, and the residuals over the table's angles."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -166,8 +166,8 @@ def residuals(
         return svg_text(figure, "Residuals in units of the noise bound over the two angles of the table")
 
 
-def _look(kind: str) -> dict[str, object]:
-    common = {"linestyle": "none", "markerfacecolor": "none"}
+def _look(kind: str) -> dict[str, Any]:
+    common: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none"}
     return {
         "before": {**common, "marker": "o", "markersize": 4.2, "color": SECOND.light, "markeredgewidth": 1.0},
         "after": {"linestyle": "none", "marker": "o", "markersize": 2.8, "color": FIRST.light, "markeredgewidth": 0},
@@ -180,20 +180,20 @@ def _residual_panel(
 ) -> None:
     axes.axhspan(-1.0, 1.0, color=BAND.light, linewidth=0, zorder=0)
     axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
-    axes.plot(angle, before, **_look("before"))  # type: ignore[arg-type]
+    axes.plot(angle, before, **_look("before"))
     if after is not None:
-        axes.plot(angle, after, **_look("after"))  # type: ignore[arg-type]
-    axes.plot(angle[proof], before[proof], **_look("witness"))  # type: ignore[arg-type]
+        axes.plot(angle, after, **_look("after"))
+    axes.plot(angle[proof], before[proof], **_look("witness"))
 
 
 def _residual_handles(both: bool, proof: bool) -> list[Line2D | Patch]:
     first = "before" if both else "residual"
     handles: list[Line2D | Patch] = [
         Patch(facecolor=BAND.light, label="within ±σ"),
-        Line2D([], [], label=first, **_look("before")),  # type: ignore[arg-type]
+        Line2D([], [], label=first, **_look("before")),
     ]
     if both:
-        handles.append(Line2D([], [], label="with the effect", **_look("after")))  # type: ignore[arg-type]
+        handles.append(Line2D([], [], label="with the effect", **_look("after")))
     if proof:
-        handles.append(Line2D([], [], label="proves that no fit exists", **_look("witness")))  # type: ignore[arg-type]
+        handles.append(Line2D([], [], label="proves that no fit exists", **_look("witness")))
     return handles

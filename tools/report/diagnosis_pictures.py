@@ -1,6 +1,7 @@
 """Pictures of a diagnosis: what each candidate effect leaves, and errors on positions that were held out."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -43,13 +44,13 @@ def held_out(before: ArrayLike, after: ArrayLike, labels: Sequence[object]) -> s
         axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
         place = np.arange(len(names))[:, None] + spread
         axes.vlines(place.ravel(), first.ravel(), second.ravel(), color=MUTED.light, linewidth=0.7)
-        hollow = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": SECOND.light}
-        filled = {"linestyle": "none", "marker": "o", "color": FIRST.light, "markeredgewidth": 0}
+        hollow: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": SECOND.light}
+        filled: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": FIRST.light, "markeredgewidth": 0}
         axes.plot(place.ravel(), first.ravel(), markersize=4.4, **hollow)
         axes.plot(place.ravel(), second.ravel(), markersize=3.6, **filled)
         every = -(-len(names) // MOST_LABELS) if names else 1
         long = max((len(name) for name in names), default=0) * min(len(names), MOST_LABELS) > 90
-        turn = {"rotation": 45, "ha": "right", "rotation_mode": "anchor"} if long else {}
+        turn: dict[str, Any] = {"rotation": 45, "ha": "right", "rotation_mode": "anchor"} if long else {}
         axes.set_xticks(np.arange(len(names))[::every], names[::every], **turn)
         axes.tick_params(axis="x", length=0)
         axes.grid(visible=False, axis="x")
@@ -62,8 +63,8 @@ def held_out(before: ArrayLike, after: ArrayLike, labels: Sequence[object]) -> s
         axes.set_ylabel("error of prediction [σ]")
         handles = [
             Patch(facecolor=BAND.light, label="within ±σ"),
-            Line2D([], [], label="before", markersize=4.4, **hollow),  # type: ignore[arg-type]
-            Line2D([], [], label="with the effect", markersize=3.6, **filled),  # type: ignore[arg-type]
+            Line2D([], [], label="before", markersize=4.4, **hollow),
+            Line2D([], [], label="with the effect", markersize=3.6, **filled),
         ]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, handletextpad=0.5)
         if not np.isfinite(size).any():

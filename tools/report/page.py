@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,6 +18,12 @@ from trihedron.report.svg import plain
 from trihedron.writing import whole_file
 
 Cell = str | int | float | bool | None
+DIGITS = 6
+"""Significant digits of a number in a table."""
+
+ALIKE = 1e3
+"""The numbers of a column are written alike while the largest is at most so many times the smallest."""
+
 Tone = Literal["good", "attention", "neutral"]
 
 
@@ -29,7 +36,7 @@ class Table:
     header : sequence of str
         names of the columns, with units
     rows : sequence of sequences
-        text as it stands; numbers are set to seven digits, None as a dash
+        text as it stands; numbers are set to six digits of the column's largest, None as a dash
     caption : str
         what it shows
     """
@@ -148,30 +155,41 @@ def _template() -> Template:
 
 
 def _table(table: Table) -> dict[str, object]:
+    columns = [[row[k] for row in table.rows] for k in range(len(table.header))]
+    written = [_written(column) for column in columns]
     return {
         "caption": plain(table.caption),
         "header": [plain(name) for name in table.header],
         "number": [
-            any(_is_number(row[k]) for row in table.rows)
-            and all(_is_number(row[k]) or row[k] is None for row in table.rows)
-            for k in range(len(table.header))
+            any(map(_is_number, column)) and all(_is_number(cell) or cell is None for cell in column)
+            for column in columns
         ],
-        "rows": [[_cell(cell) for cell in row] for row in table.rows],
+        "rows": [list(row) for row in zip(*written, strict=True)],
     }
+
+
+def _written(column: Sequence[Cell]) -> list[str]:
+    """The cells of a column; numbers of one magnitude with the same number of decimals."""
+    sizes = [abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell) and cell != 0.0]
+    form = f".{DIGITS}g"
+    if sizes and max(sizes) <= ALIKE * min(sizes):
+        most = math.floor(math.log10(max(sizes)))
+        form = f".{max(DIGITS - 1 - most, 0)}f" if -3 <= most < DIGITS else f".{DIGITS - 1}e"
+    return [_cell(cell, form) for cell in column]
 
 
 def _is_number(cell: Cell) -> bool:
     return isinstance(cell, int | float) and not isinstance(cell, bool)
 
 
-def _cell(cell: Cell) -> str:
+def _cell(cell: Cell, form: str) -> str:
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return "–"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
-    if isinstance(cell, int):
-        return str(cell)
-    return f"{cell:.7g}".replace("-", "−") if isinstance(cell, float) else plain(cell)
+    if isinstance(cell, float):
+        return re.sub(r"e([+-])0*(?=\d)", r"e\1", f"{cell:{form}}").replace("e+", "e").replace("-", "−")
+    return str(cell).replace("-", "−") if isinstance(cell, int) else plain(cell)
 
 
 def _link(file: Path | str, folder: Path | None) -> tuple[str, str]:
@@ -183,5 +201,5 @@ def _link(file: Path | str, folder: Path | None) -> tuple[str, str]:
         except ValueError:
             # Another drive: there is no relative path.
             shown = shown.absolute()
-    address = shown.as_uri() if shown.is_absolute() else "./" + quote(os.fsencode(shown.as_posix()), safe="/")
+    address = shown.as_uri() if shown.is_absolute() else "./" + quote(shown.as_posix(), safe="/", errors="replace")
     return plain(shown.as_posix()), address

@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -35,7 +36,8 @@ def drawing() -> Iterator[None]:
     with matplotlib.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(STYLE)
+        settings: Any = matplotlib.rcParams
+        settings.update(STYLE)
         yield
 
 
@@ -55,7 +57,6 @@ def svg_text(figure: Figure, label: str) -> str:
         well-formed XML without prologue, transparent, with its own rule for dark pages; its ids are its own, so that
         several pictures can stand in one page
     """
-    matplotlib.rcParams["svg.hashsalt"] = "trihedron"
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()

@@ -37,6 +37,7 @@ FONTS = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', s
 
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
+    "svg.hashsalt": "trihedron",
     "text.parse_math": False,
     "font.family": ["DejaVu Sans"],
     "font.size": 9.0,

@@ -1,6 +1,7 @@
 """Pictures over time: the table's programme, and the attitude's error."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,8 +32,8 @@ def thinned(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return time[index], value[index]
 
 
-def _line(axes: Axes, time: np.ndarray, value: np.ndarray, **look: object) -> None:
-    axes.plot(*thinned(time, value), **look)  # type: ignore[arg-type]
+def _line(axes: Axes, time: np.ndarray, value: np.ndarray, **look: Any) -> None:
+    axes.plot(*thinned(time, value), **look)
 
 
 def _legend(axes: Axes, columns: int) -> None:
@@ -77,7 +78,7 @@ def bench_tour(time_s: ArrayLike, alpha_deg: ArrayLike, beta_deg: ArrayLike, rea
         angles.set_ylabel("angle [deg]")
         angles.set_title("table")
         for k in range(3):
-            look = {"color": AXES[k].light, "linestyle": DASHES[k]}
+            look: dict[str, Any] = {"color": AXES[k].light, "linestyle": DASHES[k]}
             _line(forces, time, readings[:, k], label=f"accelerometer {k + 1}", **look)
         forces.set_ylabel("reading [g]")
         forces.set_title("block")

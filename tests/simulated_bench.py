@@ -1,0 +1,88 @@
+"""Benches and records for the tests of the calibration, made with the model of elementary parameters."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trihedron.calibration import Calibration
+from trihedron.calibration.result import Estimate
+from trihedron.models.bench import ELEMENTARY, elementary_reading
+from trihedron.records import PositionRecord
+
+GRAVITY = 9.80665
+ALPHA, BETA = (np.radians(grid.ravel()) for grid in np.meshgrid(20 + 45 * np.arange(8), [25, 145, 265], indexing="ij"))
+"""24 positions at which the signs of all inputs are certain."""
+
+
+def random_bench(rng: np.random.Generator, u: float = 3e-3, v: float = 1e-2) -> NDArray:
+    """Elementary parameters (24,) of case (A1) for which every X of the paper keeps within u and v."""
+    reach = dict.fromkeys(ELEMENTARY, v / 3)
+    reach |= {"kappa": u, "epsilon": u, "alpha_offset": u / 2, "alpha_star": u / 2}
+    reach |= {name: 2 * v / 3 for name in ELEMENTARY if name.startswith("scale")}
+    reach |= {"gamma_12": 0.0, "gamma_13": 0.0, "gamma_23": 0.0, "bias_1": v, "bias_2": v, "bias_3": v}
+    size = np.array([reach[name] for name in ELEMENTARY])
+    return rng.uniform(-size, size)
+
+
+def record(
+    reading: NDArray,
+    alpha: ArrayLike = ALPHA,
+    beta: ArrayLike = BETA,
+    mounting: Sequence[str] | None = None,
+    resolution: float = 0.0,
+) -> PositionRecord:
+    """The position record of readings (N, 3) in g."""
+    count = len(reading)
+    return PositionRecord(
+        position=np.arange(1, count + 1),
+        time_s=30.0 * np.arange(count),
+        alpha=np.asarray(alpha, dtype=float),
+        beta=np.asarray(beta, dtype=float),
+        specific_force=reading * GRAVITY,
+        mounting=None if mounting is None else tuple(mounting),
+        resolution=resolution,
+    )
+
+
+def simulated(
+    bench: NDArray,
+    alpha: ArrayLike = ALPHA,
+    beta: ArrayLike = BETA,
+    noise: ArrayLike = 0.0,
+    mounting: ArrayLike | None = None,
+) -> PositionRecord:
+    """The record of a bench with noise (N, 3) [g], in one mounting."""
+    q = np.eye(3) if mounting is None else mounting
+    return record(elementary_reading(bench, alpha, beta, q) + noise, alpha, beta)
+
+
+def interval(estimate: Estimate) -> tuple[float, float]:
+    """Both ends of an estimate's interval."""
+    assert estimate.low is not None
+    assert estimate.high is not None
+    return estimate.low, estimate.high
+
+
+def half_width(estimate: Estimate) -> float:
+    """Half the width of an estimate's interval."""
+    low, high = interval(estimate)
+    return (high - low) / 2
+
+
+def guaranteed(estimate: Estimate) -> float:
+    """An estimate's guaranteed error."""
+    assert estimate.guaranteed_error is not None
+    return estimate.guaranteed_error
+
+
+def misses(result: Calibration, truth: Iterable[float]) -> list[str]:
+    """Symbols whose true value is outside the interval or further from the estimate than guaranteed."""
+    assert result.verdict == "consistent"
+    missed = []
+    for e, x in zip(result.parameters, truth, strict=True):
+        low, high = interval(e)
+        assert e.estimate is not None
+        if not (low <= x <= high and abs(e.estimate - x) <= guaranteed(e)):
+            missed.append(e.symbol)
+    return missed

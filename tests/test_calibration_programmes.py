@@ -1,0 +1,88 @@
+"""The linear programmes, on cases that can be done by hand or by another solver."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from trihedron.calibration.programmes import Polytope, SolverError, chebyshev_radius
+
+
+def test_two_readings_of_one_constant():
+    radius, x, duals = chebyshev_radius(np.ones((2, 1)), np.array([0.0, 2.0]), np.ones(2))
+    assert radius == pytest.approx(1.0, abs=1e-12)
+    assert x == pytest.approx([1.0], abs=1e-12)
+    assert duals == pytest.approx([-0.5, 0.5], abs=1e-12)
+
+
+def test_the_steeper_of_two_readings_gives_the_better_weight():
+    programme = Polytope(np.array([[1.0], [2.0]]), np.array([0.1, 0.1]))
+    programme.confine(np.array([-0.1, -0.1]), np.array([0.1, 0.1]))
+    value, x, duals = programme.maximise(np.array([1.0]))
+    assert value == pytest.approx(0.05, abs=1e-12)
+    assert x == pytest.approx([0.05], abs=1e-12)
+    assert duals == pytest.approx([0.0, 0.5], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_radius_agrees_with_another_formulation_and_its_duals_prove_it(seed):
+    rng = np.random.default_rng(seed)
+    jacobian, residual = rng.normal(size=(30, 6)), rng.normal(size=30)
+    bound = rng.uniform(1e-6, 1e-4, 30)
+    residual *= bound
+    radius, x, duals = chebyshev_radius(jacobian * [1, 1e-3, 1e3, 1, 1, 1], residual, bound)
+    scaled, target = jacobian / bound[:, None] * 1e-5, residual / bound
+    ones = np.ones((30, 1))
+    other = linprog(
+        [*[0.0] * 6, 1.0],
+        A_ub=np.vstack([np.hstack([scaled, -ones]), np.hstack([-scaled, -ones])]),
+        b_ub=np.concatenate([target, -target]),
+        bounds=[(None, None)] * 6 + [(0, None)],
+    )
+    assert radius == pytest.approx(other.fun, rel=1e-7)
+    worst = np.abs(residual - jacobian * [1, 1e-3, 1e3, 1, 1, 1] @ x) / bound
+    assert worst.max() == pytest.approx(radius, rel=1e-8)
+    np.testing.assert_allclose(jacobian.T @ duals * 1e-5, 0, atol=1e-9)
+    assert duals @ residual == pytest.approx(radius, rel=1e-9)
+    assert np.abs(duals) @ bound == pytest.approx(1.0, rel=1e-9)
+    assert np.count_nonzero(np.abs(duals) * bound > 1e-9) <= 7
+
+
+def test_the_witness_alone_has_the_same_radius():
+    rng = np.random.default_rng(8)
+    jacobian, residual, bound = rng.normal(size=(60, 18)), rng.normal(size=60), np.full(60, 0.1)
+    radius, _, duals = chebyshev_radius(jacobian, residual, bound)
+    witness = np.abs(duals) * bound > 1e-9
+    assert 2 <= witness.sum() <= 19
+    alone, _, _ = chebyshev_radius(jacobian[witness], residual[witness], bound[witness])
+    assert alone == pytest.approx(radius, rel=1e-9)
+
+
+def test_repeated_and_empty_columns_do_no_harm():
+    jacobian = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
+    radius, _, _ = chebyshev_radius(jacobian, np.array([0.0, 1.0, 1.0]), np.ones(3))
+    assert radius == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_radius_of_any_size_is_found():
+    for size in (0.0, 1e-12, 1e-3, 1e7):
+        radius, _, _ = chebyshev_radius(np.ones((2, 1)), np.array([-size, size]), np.array([1e-5, 1e-5]))
+        assert radius == pytest.approx(size / 1e-5, rel=1e-9)
+
+
+def test_weights_are_unbiased_and_their_norm_is_the_value():
+    rng = np.random.default_rng(4)
+    jacobian, bound = rng.normal(size=(40, 5)), rng.uniform(1e-6, 2e-5, 40)
+    programme = Polytope(jacobian, bound)
+    programme.confine(-bound, bound)
+    for weights in np.eye(5):
+        value, _, duals = programme.maximise(weights)
+        np.testing.assert_allclose(duals @ jacobian, weights, rtol=0, atol=1e-9)
+        assert np.abs(duals) @ bound == pytest.approx(value, rel=1e-9)
+        assert np.count_nonzero(duals) <= 5
+
+
+def test_an_empty_set_is_an_error_and_not_a_number():
+    programme = Polytope(np.ones((2, 1)), np.ones(2))
+    programme.confine(np.array([0.0, 2.0]), np.array([1.0, 3.0]))
+    with pytest.raises(SolverError):
+        programme.maximise(np.array([1.0]))
