@@ -4,6 +4,8 @@ Source: Golovan, Matasov, Tarygin 2022, (1.1): f' = (I + Γ) f_z + Δf⁰ + Δf�
 input of accelerometer p. Γ and the bias are fractions of gravity's model value, as in the paper.
 """
 
+import math
+
 from trihedron.models.random_numbers import seed_generator, symmetric
 from trihedron.models.restricted import CONTEXT_SIZE, HOURS, INPUT, SENSE_INPUT, TEMPERATURE, Vector
 
@@ -146,7 +148,8 @@ def step(
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
-        if not specific_force[p] - specific_force[p] == 0.0:
+        # Infinity and NaN fail the comparison.
+        if not math.fabs(specific_force[p]) < 1e300:
             return 2
         if specific_force[p] > previous_input[p]:
             senses[p] = 1.0

@@ -18,7 +18,7 @@ def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture()
+@pytest.fixture
 def slaves() -> Iterator[object]:
     """`slaves(path, name)` instantiates an FMU through FMPy; everything is freed at the end of the test."""
     import fmpy

@@ -1,5 +1,6 @@
 """The attitude algorithms: observed orders, exactness and equivariance."""
 
+import itertools
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+
 from trihedron.fmus import components
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.models.attitude import ALGORITHMS
@@ -51,7 +53,7 @@ def truth() -> np.ndarray:
     from scipy.integrate import solve_ivp
 
     def derivative(t, q):
-        w = sum(RATES[k] * t**k for k in range(4))
+        w = np.array([1.0, t, t**2, t**3]) @ RATES
         return 0.5 * np.array(
             [
                 -q[1] * w[0] - q[2] * w[1] - q[3] * w[2],
@@ -68,7 +70,7 @@ def truth() -> np.ndarray:
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 def test_observed_order_is_the_one_that_is_stated(algorithm, truth):
     errors = [distance(carry(increments(n), 1.0 / n, algorithm.number), truth) for n in (32, 64, 128)]
-    orders = [math.log2(a / b) for a, b in zip(errors, errors[1:], strict=False)]
+    orders = [math.log2(a / b) for a, b in itertools.pairwise(errors)]
     assert orders[-1] == pytest.approx(algorithm.order, abs=0.1)
 
 

@@ -6,6 +6,7 @@ import random
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
+
 from trihedron.fmus import build, components
 from trihedron.fmus.component import Component
 from trihedron.fmus.composition import extend

@@ -51,9 +51,7 @@ def readings(place: EffectPlace, coefficients: np.ndarray) -> np.ndarray:
     for row, wanted in enumerate(zip(ALPHA, BETA, strict=True)):
         command = list(wanted)
         for _ in range(4):
-            table, at = configured(
-                "TurntableMotion", place, {**table_parameters, "initial_angle": [*command]}, values
-            )
+            table, at = configured("TurntableMotion", place, {**table_parameters, "initial_angle": [*command]}, values)
             assert table.initialise(0.0) == 0
             for i in range(2):
                 command[i] += wanted[i] - table.get(at[f"angle_reading[{i + 1}]"])

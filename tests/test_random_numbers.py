@@ -2,6 +2,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
+
 from trihedron.models.random_numbers import GENERATOR_SIZE, MODULUS_1, MODULUS_2, seed_generator, uniform
 
 

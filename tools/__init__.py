@@ -16,7 +16,7 @@ A matrix ``r_ab`` takes components in frame b to components in frame a. A quater
 components to the reference. ``alpha`` is the angle of the outer axis, ``beta`` of the inner axis. Specific force
 points up at rest: a level block reads (0, 0, +g).
 
-Packages import one way only: ``trihedron.models`` (physics) <- ``trihedron.fmus`` (components) <- ``trihedron`` (tools).
+Packages import one way: ``trihedron.models`` (physics) <- ``trihedron.fmus`` (components) <- ``trihedron`` (tools).
 """
 
 from importlib.metadata import version as _version

@@ -1,7 +1,7 @@
 """A scenario run, and its rests averaged when a table was measured."""
 
+import sys
 from pathlib import Path
-
 
 from trihedron.errors import InputError
 from trihedron.orchestrator import default_folder, simulate
@@ -25,28 +25,24 @@ def run_scenario(path: Path, out: Path | None, *, progress: bool) -> list[Path]:
     Returns
     -------
     list of Path
-        what was written
+        what was written; why there is no position record, where the rests do not give one, goes to standard error
     """
     scenario = read_scenario(path)
     folder = out if out is not None else default_folder(scenario)
     run = simulate(scenario, folder, progress=progress)
     files = list(run.files)
     if set(run.table.columns) >= RAW_COLUMNS:
-        record = averaged(files[0])
-        if record is not None:
-            write_position_record(record, folder / "positions.csv")
+        try:
+            write_position_record(averaged(files[0]), folder / "positions.csv")
             files.append(folder / "positions.csv")
+        except InputError as error:
+            print(f"no position record: {error}", file=sys.stderr)
     return files
 
 
-def averaged(run_file: Path) -> PositionRecord | None:
-    """The position record of a run that was recorded as a raw record; None where the table never rested."""
+def averaged(run_file: Path) -> PositionRecord:
+    """The position record of a run that was recorded as a raw record."""
     raw = read_record(run_file)
     if not isinstance(raw, RawRecord):
-        return None
-    try:
-        return average_rests(raw, find_rests(raw))
-    except InputError:
-        return None
-
-
+        raise InputError(f"{run_file}: is not a raw record of a table")
+    return average_rests(raw, find_rests(raw))

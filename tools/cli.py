@@ -237,7 +237,12 @@ def attitude(
 
 
 @app.command
-def demo(*, out: Path = Path("demo-results"), seed: int = 2026, show: bool = True) -> None:
+def demo(
+    *,
+    out: Path = Path("demo-results"),
+    seed: int = 2026,
+    show: Annotated[bool, Parameter(negative="--no-show")] = True,
+) -> None:
     """Run the whole loop, from simulation to measured data to a named cause, and open the page of results.
 
     Example: trihedron demo --out demo-results

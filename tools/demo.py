@@ -110,7 +110,9 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     tone = "good" if named and inside == len(truth) else "attention"
     write_text(
         page,
-        render_page("Trihedron: the bench, end to end", sentence, sections, tone=tone, provenance=provenance, folder=out),
+        render_page(
+            "Trihedron: the bench, end to end", sentence, sections, tone=tone, provenance=provenance, folder=out
+        ),
     )
     print(f"\nwritten: {', '.join(str(path) for path in [*files, measured, *extended])}")
     print(f"page: {page.resolve()}")

@@ -55,6 +55,21 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
     return chosen
 
 
+def repeats(here: Linearisation, count: int = 4) -> list[dict[str, float | str]]:
+    """Positions of the record, spread over it, that would tell the noise if they were measured again."""
+    p, at = here.parametrisation, here.positions
+    positions: list[dict[str, float | str]] = []
+    for row in np.unique(np.linspace(0, len(at.alpha) - 1, count).round().astype(int)):
+        position: dict[str, float | str] = {
+            "alpha_deg": float(np.degrees(at.alpha[row])),
+            "beta_deg": float(np.degrees(at.beta[row])),
+        }
+        if len(p.mountings) > 1:
+            position["mounting"] = p.mountings[int(at.mounting[row])]
+        positions.append(position)
+    return positions
+
+
 def _determines(information: NDArray, weights: NDArray) -> bool:
     spread = np.linalg.inv(information + 1e-8 * np.eye(len(information)))
     return bool((np.einsum("tp,pq,tq->t", weights, spread, weights) < WELL_DETERMINED**2).all())

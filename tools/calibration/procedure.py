@@ -10,14 +10,14 @@ from trihedron.calibration.estimates import chebyshev_centre, estimate_targets
 from trihedron.calibration.fit import fit
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.mountings import checked_rotation, mounting_names, read_mounting, select
-from trihedron.calibration.next_positions import next_positions
+from trihedron.calibration.next_positions import next_positions, repeats
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.programmes import RELATIVE_TOLERANCE, SolverError
 from trihedron.calibration.result import Calibration
 from trihedron.calibration.targets import asked_targets, convention_targets
 from trihedron.errors import InputError
 from trihedron.records import PositionRecord
-from trihedron.records.noise import noise_bound_from
+from trihedron.records.noise import NoiseBound, noise_bound_from
 
 STANDARD_BOUNDS = (3e-3, 1e-2)
 NOISE_BOUNDS = (1e-12, 1e-2)
@@ -76,7 +76,8 @@ def calibrate(
     """
     _check_choice("--convention", convention, ("A1", "A2"))
     _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
-    sigma, basis = _noise_bound(record, noise_bound)
+    noise = _noise_bound(record, noise_bound)
+    sigma = noise.value
     here = fit_record(record, noise_bound=sigma, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting)
     p = here.parametrisation
     wanted = convention_targets(p, convention)
@@ -88,12 +89,15 @@ def calibrate(
     resolution = record.resolution / gravity
     try:
         radius, centre, duals = chebyshev_centre(here)
-        falsified = radius > radius_limit(sigma, resolution)
-        estimates = estimate_targets(here, wanted, None if falsified else centre, reading_uncertainty(resolution))
+        contradicted = radius > radius_limit(sigma, resolution)
+        estimates = estimate_targets(here, wanted, None if contradicted else centre, reading_uncertainty(resolution))
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
     missing = tuple(estimate for estimate in estimates if estimate.estimate is None)
-    verdict = "insufficient" if missing else "falsified" if falsified else "consistent"
+    # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.
+    falsified = contradicted and noise.complete
+    unbounded = contradicted and not noise.complete
+    verdict = "insufficient" if missing or unbounded else "falsified" if falsified else "consistent"
     witness: tuple[tuple[int, int], ...] = ()
     if falsified:
         proof = np.abs(duals) * here.bound > 1e-9
@@ -102,10 +106,12 @@ def calibrate(
             for i, axis in zip(here.position[proof], here.accelerometer[proof], strict=True)
         )
     mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
+    if unbounded:
+        mend += repeats(here)
     return Calibration(
         verdict,
         sigma,
-        basis,
+        noise.basis,
         float(gravity),
         convention,
         baseline,
@@ -116,7 +122,7 @@ def calibrate(
         tuple(estimates),
         missing,
         tuple(mend),
-        (*record.warnings, *_remarks(here, falsified and bool(missing))),
+        (*record.warnings, *_remarks(here, falsified and bool(missing), unbounded)),
         here,
     )
 
@@ -164,12 +170,12 @@ def _check_choice(option: str, value: str, choices: tuple[str, ...]) -> None:
         raise InputError(f"{option} {value}: must be {' or '.join(choices)}")
 
 
-def _noise_bound(record: PositionRecord, given: float | None) -> tuple[float, str]:
+def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
     least, most = NOISE_BOUNDS
     if given is not None:
         if not least <= given <= most:
             raise InputError(f"--noise-bound {given:g}: must be a fraction of g from {least:g} to {most:g}, as 1e-5")
-        return float(given), "given"
+        return NoiseBound(float(given), "given")
     found = noise_bound_from(record)
     if found is None:
         raise InputError(
@@ -181,7 +187,7 @@ def _noise_bound(record: PositionRecord, given: float | None) -> tuple[float, st
             f"{record.path}: the noise bound taken from the record is {found.value:g} g ({found.basis}), "
             f"where {least:g} to {most:g} can be used; give --noise-bound, a fraction of g, as 1e-5"
         )
-    return found.value, found.basis
+    return found
 
 
 def _mountings(mounting: Mapping[str, ArrayLike] | str, record: PositionRecord) -> dict[str, NDArray]:
@@ -195,8 +201,8 @@ def _mountings(mounting: Mapping[str, ArrayLike] | str, record: PositionRecord) 
     return {name: checked_rotation(np.asarray(q, dtype=float), f"mounting '{name}'") for name, q in mounting.items()}
 
 
-def _remarks(here: Linearisation, contradicts: bool) -> list[str]:
-    """Warnings: a fit that is far from any bench, measurements too few but contradictory already."""
+def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:
+    """Warnings: a fit far from any bench, measurements too few but contradictory already, a noise bound too small."""
     remarks = []
     values = zip(here.symbols, here.point, strict=True)
     large = [f"{symbol} = {value:.2g}" for symbol, value in values if abs(value) > 0.2]
@@ -204,4 +210,9 @@ def _remarks(here: Linearisation, contradicts: bool) -> list[str]:
         remarks.append(f"values far from an aligned bench ({', '.join(large)}): is --mounting right?")
     if contradicts:
         remarks.append("the measurements, too few as they are, contradict the model: see the radius and the witness")
+    if unbounded:
+        remarks.append(
+            "the readings differ from the model by more than their scatter within rests, which does not show errors "
+            "that hold over a rest: repeat positions, or give --noise-bound"
+        )
     return remarks

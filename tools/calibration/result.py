@@ -105,7 +105,7 @@ class Calibration:
             "witness": [{"position": position, "accelerometer": axis} for position, axis in self.witness],
             "parameters": [dict(vars(estimate)) for estimate in self.parameters],
         }
-        if self.missing:
+        if self.verdict == "insufficient":
             content["missing"] = [{"symbol": gap.symbol, "name": gap.name} for gap in self.missing]
             content["next_positions"] = [dict(position) for position in self.next_positions]
         content["warnings"] = list(self.warnings)

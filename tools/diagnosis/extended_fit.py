@@ -51,9 +51,7 @@ class ExtendedFit:
     duals: NDArray
 
 
-def true_angles(
-    here: Linearisation, point: NDArray, places: Sequence[EffectPlace], coefficients: NDArray
-) -> Positions:
+def true_angles(here: Linearisation, point: NDArray, places: Sequence[EffectPlace], coefficients: NDArray) -> Positions:
     """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
     at = here.positions
     alpha, beta = at.alpha, at.beta
@@ -157,6 +155,4 @@ def fit_extended(here: Linearisation, hours: NDArray, places: Sequence[EffectPla
     predicted, _ = extended_reading(here, point, places, coefficients, hours)
     residual = reading - predicted
     radius, centre, duals = chebyshev_radius(jacobian, residual, here.bound)
-    return ExtendedFit(
-        tuple(places), point, coefficients, residual, here.bound, jacobian, radius, centre, duals
-    )
+    return ExtendedFit(tuple(places), point, coefficients, residual, here.bound, jacobian, radius, centre, duals)

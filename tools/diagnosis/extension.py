@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions
 from trihedron.calibration.result import component_parameters
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, least_squares_step, true_angles
+from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, true_angles
 from trihedron.fmus import build
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -128,9 +128,7 @@ def measure_gain(here: Linearisation, hours: NDArray, fit: ExtendedFit, gravity:
     return Gain(out, scored, errors[0], errors[1])
 
 
-def simulate_rows(
-    here: Linearisation, fit: ExtendedFit, hours: NDArray, rows: NDArray, gravity: float
-) -> NDArray:
+def simulate_rows(here: Linearisation, fit: ExtendedFit, hours: NDArray, rows: NDArray, gravity: float) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
     simulated = np.zeros((len(rows), 3))
     at = true_angles(here, fit.point, fit.places, fit.coefficients)

@@ -42,7 +42,7 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[float, flo
         return ((-math.inf, math.inf),) * len(effect.parameters)
     polytope = Polytope(fit.jacobian / scale @ span, bound)
     polytope.confine(centre - bound, centre + bound)
-    middle = (fit.coefficients + fit.centre[first:]) / 1.0
+    middle = fit.coefficients + fit.centre[first:]
 
     def reach(direction: NDArray) -> float:
         weights = np.zeros(columns)
@@ -61,8 +61,8 @@ def polar_intervals(reach) -> tuple[tuple[float, float], tuple[float, float]]:
     """Intervals of amplitude and phase that hold a convex set of (amplitude·cos(phase), amplitude·sin(phase)).
 
     The set lies within the polygon of its supporting lines in `DIRECTIONS` directions; the polygon's corners bound
-    amplitude and phase. The phase is within (-π, π] at the middle and may reach beyond at the ends; (-π, π) when the set
-    holds zero.
+    amplitude and phase. The phase is within (-π, π] at the middle and may reach beyond at the ends; (-π, π) when the
+    set holds zero.
     """
     angles = 2.0 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
     units = np.stack((np.cos(angles), np.sin(angles)), axis=1)

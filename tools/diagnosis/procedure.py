@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trihedron.calibration.linearisation import Linearisation
@@ -79,7 +78,9 @@ def diagnose(
         places = [*catalogue_places(baseline), *outlier_places(here, duals)]
         tried = try_effects(here, hours, places, progress=progress)
     except SolverError as error:
-        raise InputError(f"{record.path}: {error}; is --noise-bound {nominal.noise_bound:g} a fraction of g?") from error
+        raise InputError(
+            f"{record.path}: {error}; is --noise-bound {nominal.noise_bound:g} a fraction of g?"
+        ) from error
     standing = [candidate for candidate in tried if candidate.possible and candidate.fit.radius <= limit]
     if not standing:
         structure = tuple(residual_structure(here, hours))
@@ -91,7 +92,13 @@ def diagnose(
         ahead = float(hours[-1] + (hours[-1] / max(len(hours) - 1, 1)))
         positions = separating_positions(here, ahead, [group[0] for group in groups], bounds)
         return Diagnosis(
-            "ambiguous", nominal, record.position, (causes[0],), tuple(causes[1:]), tuple(tried), next_positions=tuple(positions)
+            "ambiguous",
+            nominal,
+            record.position,
+            (causes[0],),
+            tuple(causes[1:]),
+            tuple(tried),
+            next_positions=tuple(positions),
         )
     named = groups[0][0]
     physical = CATALOGUE[named.place.effect].kernel is not None
@@ -125,5 +132,3 @@ def cause_of(
     others = [place for place in places if place != first.place]
     same = tuple(equivalents(here, first.place, others))
     return Cause(first.place, same, first.values, intervals, first.fit.radius)
-
-

@@ -23,8 +23,8 @@ def residual_structure(here: Linearisation, hours: NDArray) -> list[dict[str, ob
     Returns
     -------
     list of dict
-        ``accelerometer``, ``on`` (alpha, beta, input, time) and ``explained``: the part of the residual's sum of squares
-        that harmonics of the angle, or powers of the input or the time, take away, adjusted for their number (0 to 1)
+        ``accelerometer``, ``on`` (alpha, beta, input, time) and ``explained``: the part of the residual's sum of
+        squares that harmonics of the angle, or powers of the input or the time, take away, adjusted for their number
     """
     n = predicted_input(here.parametrisation, here.point, here.positions)
     found = []

@@ -232,4 +232,7 @@ def _write(table: pl.DataFrame, provenance: dict[str, Any], out: Path, form: str
             table.write_parquet(beside / data)
         text = json.dumps(provenance, indent=2, ensure_ascii=False, allow_nan=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+    # A run of another form that stood here would not be the one that run.json describes.
+    for stale in {"run.csv", "run.parquet"} - {data}:
+        (out / stale).unlink(missing_ok=True)
     return out / data, out / "run.json"

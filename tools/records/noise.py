@@ -1,7 +1,7 @@
 """The bound σ on a reading's error from the record itself: repeated positions, scatter within rests."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,14 @@ SCATTER_FACTOR = 3.0
 
 @dataclass(frozen=True)
 class NoiseBound:
-    """σ as a fraction of g, and a sentence on what it rests."""
+    """σ as a fraction of g, and a sentence on what it rests.
+
+    `complete` says whether errors that hold over a rest show in it: only repeats of a position show them.
+    """
 
     value: float
     basis: str
+    complete: bool = True
 
 
 def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
@@ -49,12 +53,13 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
     scatter = _from_scatter(record)
     found = repeats if repeats is not None else scatter
     if repeats is not None and scatter is not None and scatter.value > repeats.value:
-        found = scatter
+        found = replace(scatter, complete=True)
     if found is None:
         return None
     written = record.resolution / STANDARD_GRAVITY
     if written > found.value:
-        return NoiseBound(written, "half a last digit of the readings as written, more than their scatter")
+        text = "half a last digit of the readings as written, more than their scatter"
+        return NoiseBound(written, text, found.complete)
     return found if found.value > 0.0 else None
 
 
@@ -110,7 +115,7 @@ def _from_scatter(record: PositionRecord) -> NoiseBound | None:
         f"scatter within {len(record)} rests: {SCATTER_FACTOR:.0f} standard errors of a mean; "
         "an error that holds over a rest does not show: repeat positions, or give --noise-bound"
     )
-    return NoiseBound(SCATTER_FACTOR * pooled, basis)
+    return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
 
 
 def _same_positions(record: PositionRecord) -> np.ndarray:

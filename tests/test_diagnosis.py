@@ -1,0 +1,191 @@
+"""Diagnosis: clean records name nothing, hidden effects are named, what cannot be told is said."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from trihedron.calibration import calibrate
+from trihedron.diagnosis import diagnose
+from trihedron.diagnosis.classes import equivalents, residual_spaces, same_space
+from trihedron.diagnosis.extension import export_extended
+from trihedron.diagnosis.search import catalogue_places
+from trihedron.hidden import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth, measure
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.records import read_position_record, write_position_record
+
+CONTRACT_KEYS = {
+    "schema",
+    "verdict",
+    "noise_bound",
+    "baseline_model",
+    "baseline",
+    "causes",
+    "extended",
+    "gain",
+    "next_positions",
+}
+
+
+def hidden_case(seed: int, place: EffectPlace | None, values: tuple[float, ...], *, symmetric: bool = False):
+    """A case of our own choosing on the standard positions."""
+    rng = np.random.default_rng(seed)
+    truth = draw_truth(rng, symmetric=symmetric)
+    alpha, beta = bench_positions()
+    order = rng.permutation(len(alpha))
+    return HiddenCase(truth, place, values, alpha[order], beta[order])
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_nothing_is_named_on_a_clean_record(seed):
+    record = measure(draw_case(seed, effects=[], symmetric=seed % 5 == 0), seed)
+    result = diagnose(record, noise_bound=NOISE_BOUND, baseline="symmetric" if seed % 5 == 0 else "asymmetric")
+    assert result.verdict == "consistent"
+    assert result.causes == ()
+    assert result.baseline.radius <= 1.0
+
+
+def test_noise_at_its_very_bound_is_still_clean():
+    """Readings off by exactly ±σ, on the standard bench: the radius may reach one, and one is not falsified."""
+    record = measure(hidden_case(4, None, ()), 4)
+    here = calibrate(record, noise_bound=NOISE_BOUND).linearised
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        noise = NOISE_BOUND * rng.choice([-1.0, 1.0], size=(len(record), 3))
+        noisy = dataclasses.replace(record, specific_force=9.80665 * (here.prediction + noise))
+        assert diagnose(noisy, noise_bound=NOISE_BOUND).verdict == "consistent"
+
+
+@pytest.mark.parametrize("seed", range(200, 224))
+def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
+    """The diagnosis gets the record alone; effect, size, truth and noise are drawn. No wrong name, and the size fits."""
+    symmetric = seed % 3 == 0
+    case = draw_case(seed, symmetric=symmetric)
+    assert case.place is not None
+    record = measure(case, seed)
+    result = diagnose(record, noise_bound=NOISE_BOUND, baseline="symmetric" if symmetric else "asymmetric", rerun=False)
+    assert result.verdict in ("explained", "ambiguous")
+    named = {cause.place: cause for cause in (*result.causes, *result.alternatives)}
+    assert case.place in named
+    for value, (low, high) in zip(case.values, named[case.place].intervals, strict=True):
+        turn = (
+            2 * math.pi if (value - low) > 2 * math.pi - 1 else -2 * math.pi if (high - value) > 2 * math.pi - 1 else 0
+        )
+        assert low <= value - turn <= high or low <= value <= high
+    if result.verdict == "ambiguous":
+        assert result.next_positions
+
+
+@pytest.mark.parametrize(
+    ("place", "values", "symmetric"),
+    [
+        (EffectPlace("encoder-harmonic", "outer-axis", 2), (2.5e-4, 0.7), False),
+        (EffectPlace("encoder-harmonic", "inner-axis", 1), (2.5e-4, -2.0), False),
+        (EffectPlace("quadratic", "accelerometer-2"), (-1.2e-3,), False),
+        (EffectPlace("bias-drift", "accelerometer-3"), (2e-3,), False),
+        (EffectPlace("scale-asymmetry", "accelerometer-1"), (1.5e-3,), True),
+    ],
+    ids=lambda value: value.title if isinstance(value, EffectPlace) else None,
+)
+def test_the_loop_is_closed_for_each_effect(place, values, symmetric, tmp_path):
+    """Named; the extended FMU predicts positions that were not used within the noise; the result is the contract's."""
+    record = measure(hidden_case(17, place, values, symmetric=symmetric), 17)
+    baseline = "symmetric" if symmetric else "asymmetric"
+    result = diagnose(record, noise_bound=NOISE_BOUND, baseline=baseline)
+    assert result.verdict == "explained"
+    assert result.causes[0].place == place
+    assert result.gain is not None
+    gain = result.gain.summary()
+    assert gain["held_out_max_after"] < 2.0 * NOISE_BOUND < gain["held_out_max_before"]
+    assert gain["held_out_rms_after"] < NOISE_BOUND < gain["held_out_rms_before"]
+    said = json.loads(result.json_text())
+    assert set(said) >= CONTRACT_KEYS
+    assert said["schema"] == "trihedron.diagnosis/1"
+    assert said["baseline"]["falsified"] is True
+    assert len(said["baseline"]["witness"]) <= 19
+    assert [p["name"] for p in said["causes"][0]["parameters"]] == [p.name for p in CATALOGUE[place.effect].parameters]
+    assert [path.name for path in export_extended([place], tmp_path)] == [f"{CATALOGUE[place.effect].component}.fmu"]
+
+
+def test_an_outlier_is_named_by_the_records_own_number():
+    record = measure(hidden_case(3, None, ()), 3)
+    record = record.selected(np.arange(5, len(record)))
+    record.specific_force[7, 1] += 3e-4 * 9.80665
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "explained"
+    assert result.to_json()["causes"][0]["effect"] == "outlier"
+    assert result.to_json()["causes"][0]["where"] == f"position-{record.position[7]}"
+    assert result.to_json()["causes"][0]["accelerometer"] == 2
+    assert result.gain is None
+
+
+@pytest.mark.parametrize(
+    ("added", "accelerometer", "on"),
+    [
+        (lambda n: 2e-3 * n[:, 0] * n[:, 1] * n[:, 2], None, None),
+        (lambda n: 1e-3 * n[:, 0] ** 3, 1, "input"),
+    ],
+    ids=["product of three inputs", "cube of an input"],
+)
+def test_an_effect_outside_the_catalogue_is_not_given_a_name(added, accelerometer, on):
+    """Physics that the catalogue lacks: said to be unexplained, with what the residual may depend on."""
+    record = measure(hidden_case(5, None, ()), 5)
+    n = calibrate(record, noise_bound=NOISE_BOUND).linearised.input
+    record.specific_force[:, 0] += 9.80665 * added(n)
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
+    structure = result.to_json()["residual_structure"]
+    assert all(0.0 <= entry["explained"] <= 1.0 for entry in structure)
+    if accelerometer is not None:
+        assert (structure[0]["accelerometer"], structure[0]["on"]) == (accelerometer, on)
+
+
+def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
+    """At outer angles 20 + 45 k the orders 2 and 6 take the same values up to a phase."""
+    place = EffectPlace("encoder-harmonic", "outer-axis", 2)
+    case = hidden_case(6, place, (3e-4, 0.4))
+    alpha = np.radians([20.0 + 45.0 * k for k in range(8) for _ in range(3)])
+    beta = np.radians([25.0, 145.0, 265.0] * 8)
+    record = measure(dataclasses.replace(case, alpha=alpha, beta=beta), 6)
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "ambiguous"
+    places = {cause.place for cause in (*result.causes, *result.alternatives)}
+    assert {place, EffectPlace("encoder-harmonic", "outer-axis", 6)} <= places
+    assert result.to_json()["alternatives"]
+    # Measured where it is proposed, the right one remains.
+    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in result.next_positions])
+    more = dataclasses.replace(case, alpha=np.append(alpha, proposed[:, 0]), beta=np.append(beta, proposed[:, 1]))
+    settled = diagnose(measure(more, 6), noise_bound=NOISE_BOUND)
+    assert place in {cause.place for cause in (*settled.causes, *settled.alternatives)}
+    assert EffectPlace("encoder-harmonic", "outer-axis", 6) not in {cause.place for cause in settled.causes}
+
+
+def test_too_few_positions_are_insufficient():
+    record = measure(hidden_case(8, None, ()), 8).selected(np.arange(5))
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "insufficient"
+    assert result.causes == ()
+    assert result.next_positions
+
+
+def test_no_effect_of_this_catalogue_has_an_equivalent_and_the_judge_of_classes_can_see_one():
+    here = calibrate(measure(hidden_case(9, None, ()), 9), noise_bound=NOISE_BOUND).linearised
+    places = catalogue_places("symmetric")
+    assert all(not equivalents(here, place, [p for p in places if p != place]) for place in places)
+    spaces = residual_spaces(here, [places[0], places[0], places[1]])
+    assert same_space(spaces[0], spaces[1])
+    assert not same_space(spaces[0], spaces[2])
+
+
+def test_a_record_that_went_through_a_file_gives_the_same_diagnosis(tmp_path):
+    """Nine decimals in the file move the radius by less than they may."""
+    record = measure(draw_case(31), 31)
+    write_position_record(record, tmp_path / "record.csv", decimals=9)
+    kept = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+    read = diagnose(read_position_record(tmp_path / "record.csv"), noise_bound=NOISE_BOUND, rerun=False)
+    assert read.verdict == kept.verdict
+    assert [c.place for c in read.causes] == [c.place for c in kept.causes]
+    assert read.baseline.radius == pytest.approx(kept.baseline.radius, abs=1e-4)

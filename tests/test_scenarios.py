@@ -1,0 +1,72 @@
+"""The scenarios that come with Trihedron give their reference results."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.spatial.transform import Rotation
+
+from trihedron.bench_run import run_scenario
+from trihedron.calibration import calibrate
+from trihedron.demo import inside_intervals, true_targets
+from trihedron.records import read_position_record
+from trihedron.scenario import read_scenario
+
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+REFERENCE = json.loads((SCENARIOS / "reference-results.json").read_text(encoding="utf-8"))
+# The platforms' sin and cos may differ in the last bit; everything else is the same everywhere.
+ROUNDING = 1e-11
+
+
+@pytest.fixture(scope="module")
+def static_run(tmp_path_factory):
+    out = tmp_path_factory.mktemp("static")
+    return run_scenario(SCENARIOS / "static-calibration.toml", out / "run", progress=False)
+
+
+def test_static_calibration_gives_its_reference_results(static_run):
+    record = read_position_record(static_run[-1])
+    result = calibrate(record, noise_bound=1e-5)
+    reference = REFERENCE["static-calibration"]
+    assert len(record.position) == reference["positions"]
+    assert record.specific_force[[0, 11, 23]].ravel().tolist() == pytest.approx(reference["readings_mps2"], abs=ROUNDING)
+    assert result.radius == pytest.approx(reference["radius"], abs=1e-6)
+    for estimate, expected in zip(result.parameters, reference["parameters"], strict=True):
+        assert estimate.symbol == expected["symbol"]
+        assert estimate.low == pytest.approx(expected["low"], abs=1e-9)
+        assert estimate.high == pytest.approx(expected["high"], abs=1e-9)
+        assert estimate.guaranteed_error == pytest.approx(expected["guaranteed_error"], abs=1e-9)
+
+
+def test_static_calibration_holds_the_truth(static_run):
+    result = calibrate(read_position_record(static_run[-1]), noise_bound=1e-5)
+    truth = true_targets(read_scenario(SCENARIOS / "static-calibration.toml"))
+    assert inside_intervals(result, truth) == 18
+    # The truth is at the paper's bounds, not well within.
+    assert max(abs(truth[s]) for s in ("X1", "X2", "X3")) == pytest.approx(3e-3)
+    assert max(abs(v) for v in truth.values()) == pytest.approx(1e-2, rel=1e-3)
+
+
+def test_static_calibration_gives_the_same_bytes_twice(static_run, tmp_path):
+    again = run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
+    assert [p.name for p in again] == ["run.parquet", "run.json", "positions.csv"]
+    for first, second in zip(static_run, again, strict=True):
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_table_and_attitude_computer_give_their_reference_results(tmp_path):
+    files = run_scenario(SCENARIOS / "table-attitude.toml", tmp_path / "run", progress=False)
+    run = pl.read_csv(files[0])
+    names = ["q0", "q1", "q2", "q3"]
+    reference = REFERENCE["table-attitude"]
+    rows = run.filter(pl.col("time_s").is_in(reference["time_s"])).select(names).to_numpy()
+    assert rows.ravel().tolist() == pytest.approx(np.ravel(reference["attitude"]).tolist(), abs=ROUNDING)
+    computed = Rotation.from_quat(run.select(names).to_numpy(), scalar_first=True)
+    true = Rotation.from_quat(run.select([f"true_{name}" for name in names]).to_numpy(), scalar_first=True)
+    error = (computed.inv() * true).magnitude()
+    assert run["updated"].to_list()[::1][1:] == [True] * (run.height - 1)
+    assert error.max() == pytest.approx(reference["largest_error_rad"], rel=1e-3)
+    # Two samples of 10 ms through moves of 1.4 rad/s and kinks of 2.5 rad/s²: fractions of an arcsecond a move.
+    assert error.max() < 1e-6

@@ -1,0 +1,1 @@
+"""Which table positions to measure at, with what weights, and the proof that nothing better exists."""
