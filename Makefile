@@ -28,7 +28,7 @@ lint: $(READY) build/typing/trihedron
 	$(BIN)/pyright
 
 docs: $(READY)
-	$(BIN)/python -m trihedron.reference docs/reference.md
+	$(BIN)/python -m trihedron.reference docs
 
 setup: $(READY)
 

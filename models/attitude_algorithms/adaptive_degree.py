@@ -1,0 +1,121 @@
+"""The algorithm that chooses its degree by what the increments support, without knowing anything of the motion.
+
+The N-th difference of the increments is the error with which N of them predict the next one: its root mean square over
+the last 16 increments is smallest for the degree that the rate supports. Smooth motion has small high differences;
+noise, quantisation and vibration near half the sample rate grow with every difference.
+"""
+
+import math
+
+from trihedron.models.attitude_algorithms.definition import Algorithm
+from trihedron.models.attitude_algorithms.functional_iteration import functional_iteration
+from trihedron.models.attitude_algorithms.quaternion_forms import add_cross, complete_rotation_vector
+from trihedron.models.restricted import Vector
+from trihedron.models.rotation import multiply, set_quaternion
+
+WINDOW = 8
+"""Increments of one update."""
+
+ADAPTIVE_DEGREE = Algorithm(
+    number=27,
+    name="adaptive-degree",
+    title="two, four or eight samples at a time, by what the increments support",
+    source="facts of this project: smallest N-th difference",
+    kernel="adaptive_degree",
+    samples=WINDOW,
+    order=10,
+    coning_order=10,
+    norm_order=None,
+    previous=True,
+    constant_rate=True,
+    max_increment=math.pi / 2,
+)
+
+
+def supported_degree(previous: Vector, known: float, g: Vector, differences: Vector) -> int:
+    """How many increments at a time (2, 4 or 8) the last ones support.
+
+    Parameters
+    ----------
+    previous, g : (24,)
+        increments of the window before and of this one
+    known : float
+        1.0 where there is a window before
+    differences : (48,)
+        working space
+    """
+    length = WINDOW
+    if known == 1.0:
+        length = 2 * WINDOW
+        for i in range(3 * WINDOW):
+            differences[i] = previous[i]
+            differences[3 * WINDOW + i] = g[i]
+    else:
+        for i in range(3 * WINDOW):
+            differences[i] = g[i]
+    # No more than half a turn is given to one polynomial.
+    longest = 0.0
+    for i in range(WINDOW):
+        longest = longest + math.sqrt(g[3 * i] * g[3 * i] + g[3 * i + 1] * g[3 * i + 1] + g[3 * i + 2] * g[3 * i + 2])
+    chosen = 2
+    smallest = 0.0
+    for n in range(1, WINDOW + 1):
+        count = length - n
+        total = 0.0
+        for i in range(3 * count):
+            differences[i] = differences[i + 3] - differences[i]
+            total = total + differences[i] * differences[i]
+        if count > 0:
+            total = total / count
+        if n == 2:
+            smallest = total
+        if (n == 4 or n == 8) and count > 0 and longest <= math.pi and total <= smallest:
+            smallest = total
+            chosen = n
+    return chosen
+
+
+def adaptive_degree(
+    previous: Vector,
+    known: float,
+    g: Vector,
+    table: Vector,
+    half_table: Vector,
+    differences: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    part: Vector,
+    turned: Vector,
+) -> None:
+    """Quaternion of a window of eight increments, taken two, four or eight at a time.
+
+    Parameters
+    ----------
+    previous, g : (24,)
+        increments of the window before and of this one
+    known : float
+        1.0 where there is a window before
+    table, half_table : from `prepare_functional_iteration` for 8 and 4 increments
+    differences, rates, values, slopes : (48,), (36,), (48,), (48,)
+        working space
+    part, turned : (4,)
+        working space; the quaternion of the window
+    """
+    chosen = supported_degree(previous, known, g, differences)
+    if chosen == 8 and functional_iteration(8, g, 0, table, rates, values, slopes, turned) == 1:
+        chosen = 4
+    if chosen == 4:
+        set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
+        for half in range(2):
+            if functional_iteration(4, g, 4 * half, half_table, rates, values, slopes, part) == 1:
+                chosen = 2
+            multiply(turned, part, turned)
+    if chosen == 2:
+        set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
+        for pair in range(4):
+            for k in range(3):
+                part[1 + k] = g[6 * pair + k] + g[6 * pair + 3 + k]
+            add_cross(2.0 / 3.0, g, 2 * pair, g, 2 * pair + 1, part)
+            complete_rotation_vector(part)
+            multiply(turned, part, turned)

@@ -1,0 +1,54 @@
+"""What an attitude algorithm is, as data, and the range in which it is used."""
+
+import math
+from dataclasses import dataclass
+
+MAX_INCREMENT = math.pi
+"""Largest increment over one sample [rad] that any algorithm takes: beyond half a turn its direction is ambiguous."""
+
+RANGE_ERROR = 1e-3
+"""Error of one update at a constant rate [rad] that sets the range of an algorithm whose series is cut off."""
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """An attitude algorithm as data; its kernel has the name `kernel` and stands in the same module.
+
+    Attributes
+    ----------
+    number : int
+        value of the parameter `algorithm` of the attitude computer
+    name, title, source : str
+        how it is chosen, how it is shown, where it stands
+    kernel : str
+        name of the kernel
+    samples : int
+        gyro samples that one update takes
+    order : int
+        observed order of the attitude's error in the step over a fixed time; one update errs by one order more
+    coning_order : int
+        power of (frequency times sample interval) in the relative drift under coning
+    norm_order : int or None
+        order of the quaternion's deviation from the unit sphere over a fixed time, where it is not renormalised;
+        None: none but rounding
+    previous : bool
+        whether the increments of the step before are used; there are none at the first update: they count as zero
+    constant_rate : bool
+        whether a turn at a constant rate is exact but for rounding
+    max_increment : float
+        valid range: longest increment over one sample [rad]. Half a turn over a step where a constant rate is exact,
+        else where one update at a constant rate errs by `RANGE_ERROR`
+    """
+
+    number: int
+    name: str
+    title: str
+    source: str
+    kernel: str
+    samples: int
+    order: int
+    coning_order: int
+    norm_order: int | None
+    previous: bool
+    constant_rate: bool
+    max_increment: float

@@ -1,0 +1,173 @@
+"""The command line as a user meets it: exit status, one line for a mistake, nothing left behind."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from trihedron import cli
+from trihedron.hidden import write_hidden_record
+
+COMMANDS = ("simulate", "calibrate", "diagnose", "hidden", "export", "attitude", "demo")
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory) -> Path:
+    """A measured record with a hidden quadratic term."""
+    path = tmp_path_factory.mktemp("record") / "measured.csv"
+    write_hidden_record(path, 5, path.with_name("answer.json"), effects=["quadratic"])
+    return path
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    status = cli.main([str(a) for a in arguments])
+    said = capsys.readouterr()
+    return status, said.out, said.err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(command, capsys):
+    status, out, err = run(capsys, command, "--help")
+    assert (status, err) == (0, "")
+    assert f"Example: trihedron {command}" in " ".join(out.split())
+
+
+def test_version(capsys):
+    status, out, _ = run(capsys, "--version")
+    assert status == 0
+    assert out.strip() == cli.__version__
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["calibrat"], "calibrate"),
+        (["calibrate"], "requires an argument"),
+        (["calibrate", "RECORD", "--noise-bond", "1e-5"], "--noise-bound"),
+        (["calibrate", "RECORD", "--noise-bound", "abc"], "--noise-bound"),
+        (["calibrate", "RECORD", "--noise-bound", "0"], "--noise-bound 0"),
+        (["calibrate", "RECORD", "--noise-bound", "-1e-5"], "--noise-bound -1e-05"),
+        (["calibrate", "RECORD", "--noise-bound", "nan"], "--noise-bound nan"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--gravity", "-9.8"], "--gravity"),
+        (["calibrate", "RECORD", "--bounds", "1"], "--bounds"),
+        (["calibrate", "RECORD", "--convention", "A3"], "A1"),
+        (["calibrate", "RECORD", "--baseline", "odd"], "asymmetric"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--mounting", "identiy"], "identity"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--target", "X19"], "X19"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--target", "X4 -"], "X4 -"),
+        (["calibrate", "RECORD"], "give --noise-bound"),
+        (["calibrate", "missing.csv"], "missing.csv"),
+        (["diagnose", "missing.csv"], "missing.csv"),
+        (["diagnose", "RECORD", "--noise-bound", "1e-5", "--json", "/dev/null/x.json"], "/dev/null"),
+        (["simulate", "missing.toml"], "missing.toml"),
+        (["hidden", "new.csv", "--effect", "quadratc"], "quadratic"),
+        (["hidden", "new.csv", "--effect", "scale-asymmetry"], "scale-asymmetry"),
+        (["hidden", "new.csv", "--seed", "-1"], "--seed -1"),
+        (["hidden", "new.csv", "--clean", "--effect", "quadratic"], "--clean"),
+        (["export", "TurntableMotin"], "TurntableMotion"),
+        (["export", "--fmi", "4"], "--fmi"),
+        (["attitude", "RECORD"], "strapdown record"),
+    ],
+    ids=" ".join,
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(arguments, said, record, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run(capsys, *[str(record) if a == "RECORD" else a for a in arguments])
+    assert status == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert said in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_from_scenario_to_calibration_by_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, out, _ = run(capsys, "simulate", SCENARIOS / "static-calibration.toml", "--out", "run")
+    assert status == 0
+    assert out.split() == ["run/run.parquet", "run/run.json", "run/positions.csv"]
+    status, out, _ = run(
+        capsys, "calibrate", "run/positions.csv", "--noise-bound", "1e-5", "--target", "X4-X5", "--json", "c.json",
+        "--report", "c.html",
+    )  # fmt: skip
+    assert status == 0
+    assert out.startswith("consistent")
+    assert json.loads(Path("c.json").read_text())["parameters"][-1]["symbol"] == "X4-X5"
+    page = Path("c.html").read_text(encoding="utf-8")
+    assert "<svg" in page
+    assert "<script" not in page
+    # The run itself, slews included, is a record too.
+    status, again, _ = run(capsys, "calibrate", "run/run.parquet", "--noise-bound", "1e-5", "--target", "X4-X5")
+    assert status == 0
+    assert again.splitlines()[4] == out.splitlines()[4]
+
+
+def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run(
+        capsys, "diagnose", record, "--noise-bound", "1e-5", "--json", "d.json", "--export", "extended",
+        "--report", "d.html",
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    assert out.startswith("explained")
+    assert "held-out positions, simulated again" in out
+    named = json.loads(Path("d.json").read_text())["causes"][0]
+    hidden = json.loads(record.with_name("answer.json").read_text())["hidden"]
+    assert (named["effect"], named["where"]) == (hidden["effect"], hidden["where"])
+    assert Path("extended/AccelerometerBlock.fmu").is_file()
+    assert "responds to the square" in Path("d.html").read_text(encoding="utf-8")
+
+
+def test_dwell_scatter_alone_falsifies_nothing(tmp_path, monkeypatch, capsys):
+    """A clean run without --noise-bound: errors held over a rest do not show in the scatter, so nothing is proved."""
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "simulate", SCENARIOS / "static-calibration.toml", "--out", "run")[0] == 0
+    for command in ("calibrate", "diagnose"):
+        status, out, _ = run(capsys, command, "run/run.parquet", "--json", "result.json")
+        result = json.loads(Path("result.json").read_text())
+        assert status == 0
+        assert result["verdict"] == "insufficient"
+        assert "scatter" in result["noise_bound_basis"]
+        assert "repeat positions" in out
+
+
+def test_hidden_keeps_its_secret_and_repeats(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "hidden", "a.csv", "--seed", "3", "--answer", "a.json")[0] == 0
+    assert run(capsys, "hidden", "b.csv", "--seed", "3")[0] == 0
+    assert Path("a.csv").read_bytes() == Path("b.csv").read_bytes()
+    text = Path("a.csv").read_text()
+    secret = json.loads(Path("a.json").read_text())
+    assert secret["hidden"]["effect"] not in text
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "a.json", "b.csv"]
+
+
+def test_export_writes_every_component(tmp_path, monkeypatch, capsys):
+    from trihedron.fmus import component_names
+
+    monkeypatch.chdir(tmp_path)
+    status, out, _ = run(capsys, "export", "--out", "fmus")
+    assert status == 0
+    assert sorted(Path(line).stem for line in out.split()) == sorted(component_names())
+
+
+def test_a_fault_of_the_program_is_one_line_and_status_one(capsys, monkeypatch):
+    monkeypatch.delenv("TRIHEDRON_TRACEBACK", raising=False)
+    monkeypatch.setattr("trihedron.exporting.export_components", lambda *_: 1 / 0)
+    status, _, err = run(capsys, "export")
+    assert status == 1
+    assert err.count("\n") == 1
+    assert "a fault of the program: ZeroDivisionError" in err
+
+
+def test_the_program_is_found_under_its_name():
+    """As installed, from another folder, with nothing of the checkout on the path."""
+    program = Path(sys.executable).with_name("trihedron")
+    said = subprocess.run(
+        [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=60
+    ).stdout
+    assert said.strip() == cli.__version__

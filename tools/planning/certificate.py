@@ -1,0 +1,223 @@
+"""The proof that a dual vector is admissible: max |F'y| over the continuous admissible set, bounded from above.
+
+Branch and bound over boxes in (α, β). On a box, with f = ±F'y and the set {c ≥ 0}: freezing the signs of the absolute
+values in c gives functions c_i ≥ c, so that f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that cancel the
+gradient, h is bounded by its quadratic expansion about the centre plus a bound of the third-order remainder. Every
+bound is raised by more than the rounding errors of its evaluation can amount to, so the result is proven, not estimated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.planning.forms import Sheet
+
+FIRST_BOXES = 16
+MAX_BOXES = 400_000
+SMALLEST = 1e-9
+"""Half-width [rad] below which a box is not divided."""
+ROUNDING = 64 * np.finfo(float).eps
+"""A form of nine terms, with its sines and cosines, is evaluated to less than this times the sum of its coefficients."""
+TERMS = 5
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """What is known of max |F'y| over the admissible set.
+
+    Attributes
+    ----------
+    bound : float
+        proven: |F'y| is nowhere greater
+    violations : (K, 4) array
+        where |F'y| exceeds what was to be proven: sheet, sense (±1), α, β [rad], worst first; empty where it is proven
+    boxes : int
+        how many boxes were looked at
+    """
+
+    bound: float
+    violations: NDArray
+    boxes: int
+
+
+def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: int = MAX_BOXES) -> Ceiling:
+    """Bound |F'y| on the admissible set, if possible by `limit`.
+
+    Parameters
+    ----------
+    sheets : sequence of Sheet
+        regressors and admissible set
+    dual : (P,) array
+        y
+    limit : float
+        what is to be proven; the search ends where it is, or where a position violates it
+    max_boxes : int
+        the search ends with the bound that it has when it has looked at so many boxes
+
+    Returns
+    -------
+    Ceiling
+    """
+    forms, third, size = _forms(sheets, dual)
+    width = np.pi / FIRST_BOXES
+    centres = width * (2 * np.arange(FIRST_BOXES) + 1)
+    case, alpha, beta = (g.ravel() for g in np.meshgrid(np.arange(len(forms)), centres, centres, indexing="ij"))
+    half = np.full((2, len(case)), width)
+    seen, bound = 0, limit
+    while len(case):
+        seen += len(case)
+        values = _expand(forms, case, alpha, beta)
+        radius = half * (1.0 + 1e-12) + 1e-15
+        inside = values[:, 0, 1] - np.abs(values[:, 0, 2:]).sum(axis=1) >= 0.0
+        violated = inside & (values[:, 0, 0] > limit)
+        if violated.any():
+            found = np.flatnonzero(violated)
+            found = found[np.argsort(-values[found, 0, 0], kind="stable")]
+            first = found[np.sort(np.unique(case[found], return_index=True)[1])]
+            where = np.column_stack([case[first] // 2, 1 - 2 * (case[first] % 2), alpha[first], beta[first]])
+            return Ceiling(np.inf, where, seen)
+        upper, share = _upper(values, third[case], size[case], radius, limit)
+        keep = upper > limit
+        done = keep & (half.max(axis=0) < SMALLEST)
+        if seen + 2 * keep.sum() > max_boxes:
+            done = keep
+        if done.any():
+            bound = max(bound, float(upper[done].max()))
+            keep &= ~done
+        case, alpha, beta, half, share = case[keep], alpha[keep], beta[keep], half[:, keep], share[:, keep]
+        along = (share[1] > share[0]).astype(int)
+        half = half.copy()
+        half[along, np.arange(len(case))] *= 0.5
+        step = np.where(along == 0, half[0], 0.0), np.where(along == 1, half[1], 0.0)
+        case = np.concatenate([case, case])
+        alpha, beta = np.concatenate([alpha - step[0], alpha + step[0]]), np.concatenate([beta - step[1], beta + step[1]])
+        half = np.concatenate([half, half], axis=1)
+    return Ceiling(bound, np.zeros((0, 4)), seen)
+
+
+def _forms(sheets: Sequence[Sheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Forms (2S, 7, 3, 3): ±F'y, base and terms; bounds (2S, 7, 3) of their third derivatives, sizes (2S, 7)."""
+    forms = np.zeros((2 * len(sheets), 2 + TERMS, 3, 3))
+    for k, sheet in enumerate(sheets):
+        forms[2 * k, 0] = np.tensordot(dual, sheet.regressor, axes=(0, 0))
+        forms[2 * k, 1] = sheet.base
+        forms[2 * k, 2 : 2 + len(sheet.terms)] = sheet.terms
+        forms[2 * k + 1] = forms[2 * k]
+        forms[2 * k + 1, 0] *= -1.0
+    mixed = np.linalg.norm(forms[..., :2, :2], 2, axis=(-2, -1))
+    along_a = mixed + np.linalg.norm(forms[..., :2, 2], axis=-1)
+    along_b = mixed + np.linalg.norm(forms[..., 2, :2], axis=-1)
+    return forms, np.stack([along_a, mixed, along_b], axis=-1) * (1 + 1e-12), np.abs(forms).sum(axis=(-2, -1))
+
+
+def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
+    """Values and derivatives (N, 6, 7) of the forms at centres: 1, α, β, αα, αβ, ββ."""
+    one, zero = np.ones_like(alpha), np.zeros_like(alpha)
+
+    def jets(angle: NDArray) -> list[NDArray]:
+        c, s = np.cos(angle), np.sin(angle)
+        return [np.stack([c, s, one], -1), np.stack([-s, c, zero], -1), np.stack([-c, -s, zero], -1)]
+
+    a, b = jets(alpha), jets(beta)
+    monomials = np.stack(
+        [(a[i][:, :, None] * b[j][:, None, :]) for i, j in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))], axis=1
+    ).reshape(len(alpha), 6, 9)
+    values = np.empty((len(alpha), 6, forms.shape[1]))
+    for k in np.unique(case):
+        here = case == k
+        values[here] = monomials[here] @ forms[k].reshape(-1, 9).T
+    return values
+
+
+def _upper(
+    values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float
+) -> tuple[NDArray, NDArray]:
+    """Upper bounds (N,) of f on the boxes, -inf where a box lies outside the set; and each direction's share (2, N)."""
+    side = np.where(values[:, 0, 2:] < 0.0, -1.0, 1.0)
+    pattern = values[:, :, 1] - np.einsum("nkt,nt->nk", values[:, :, 2:], side)
+    cubic = np.stack([radius[0] ** 3, 3 * radius[0] * radius[1] * radius.sum(axis=0), radius[1] ** 3]) / 6.0
+    remainder = np.einsum("nft,tn->nf", third, cubic)
+    of_c, rounding_c = remainder[:, 1:].sum(axis=1), ROUNDING * size[:, 1:].sum(axis=1)
+    of_f, rounding_f = remainder[:, 0], ROUNDING * size[:, 0]
+    f = values[:, :, 0]
+
+    def bounded(h: NDArray, weight: NDArray | float) -> NDArray:
+        return _quadratic_maximum(h, radius) + of_f + rounding_f + weight * (of_c + rounding_c)
+
+    upper = bounded(f, 0.0)
+    best = f.copy()
+
+    def improve(rows: NDArray, h: NDArray, found: NDArray) -> None:
+        better = found < upper[rows]
+        upper[rows[better]] = found[better]
+        best[rows[better]] = h[better]
+
+    everything = np.arange(len(f))
+    outside = _quadratic_maximum(pattern, radius) + of_c + rounding_c < 0.0
+    upper[outside] = -np.inf
+    scale = radius.T
+    rows = everything[upper > limit]
+    g, c = f[rows, 1:3] * scale[rows], pattern[rows, 1:3] * scale[rows]
+    weight = np.maximum(-(g * c).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300), 0.0)
+    weight[~(weight < 1e9)] = 0.0
+    h = f[rows] + weight[:, None] * pattern[rows]
+    improve(rows, h, _with_rows(h, weight, rows, radius, of_f + rounding_f, of_c + rounding_c))
+    flips: list[tuple[int, ...]] = [(), *((t,) for t in range(TERMS)), *combinations(range(TERMS), 2)]
+    pairs = [(flips[0], (t,)) for t in range(TERMS)]
+    pairs += [(flips[0], pair) for pair in combinations(range(TERMS), 2)]
+    pairs += [((i,), (j,)) for i, j in combinations(range(TERMS), 2)]
+    turned = 2.0 * values[:, :, 2:] * side[:, None, :]
+    reach = np.abs(values[:, 1, 2:]) * radius[0][:, None] + np.abs(values[:, 2, 2:]) * radius[1][:, None]
+    near = np.abs(values[:, 0, 2:]) <= 2.0 * reach + 1e-12
+    for one, other in pairs:
+        rows = everything[(upper > limit) & near[:, sorted({*one, *other})].all(axis=1)]
+        if not len(rows):
+            continue
+        first = pattern[rows] + turned[rows][:, :, list(one)].sum(axis=2)
+        second = pattern[rows] + turned[rows][:, :, list(other)].sum(axis=2)
+        determinant = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weights = (
+                np.stack(
+                    [
+                        -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1],
+                        -first[:, 1] * f[rows, 2] + first[:, 2] * f[rows, 1],
+                    ]
+                )
+                / determinant
+            )
+        usable = (np.isfinite(weights) & (weights >= 0.0) & (weights < 1e9)).all(axis=0)
+        rows, first, second, weights = rows[usable], first[usable], second[usable], weights[:, usable]
+        if len(rows):
+            h = f[rows] + weights[0][:, None] * first + weights[1][:, None] * second
+            improve(rows, h, _with_rows(h, weights.sum(axis=0), rows, radius, of_f + rounding_f, of_c + rounding_c))
+    share = np.abs(best[:, 1:3]).T * radius + 0.5 * np.abs(best[:, [3, 5]]).T * radius**2
+    share = share + np.stack([third[:, :, 0].sum(axis=1), third[:, :, 2].sum(axis=1)]) * radius**3 / 6.0
+    return upper, share
+
+
+def _with_rows(
+    h: NDArray, weight: NDArray, rows: NDArray, radius: NDArray, plain: NDArray, weighted: NDArray
+) -> NDArray:
+    return _quadratic_maximum(h, radius[:, rows]) + plain[rows] + weight * weighted[rows]
+
+
+def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
+    """An upper bound (N,) of the quadratic with values and derivatives h (N, 6) over boxes of half-widths (2, N)."""
+    a, b = radius
+    separate = h[:, 0] + np.abs(h[:, 4]) * a * b
+    for gradient, curvature, r in ((h[:, 1], h[:, 3], a), (h[:, 2], h[:, 5], b)):
+        slope = np.abs(gradient)
+        at_end = slope * r + 0.5 * curvature * r * r
+        inner = -curvature * r > slope
+        top = np.where(inner, 0.5 * slope * slope / np.where(inner, -curvature, 1.0), at_end)
+        separate = separate + top
+    determinant = h[:, 3] * h[:, 5] - h[:, 4] ** 2
+    concave = (h[:, 3] < 0.0) & (determinant > 1e-6 * (h[:, 3] * h[:, 5] + 1e-300))
+    safe = np.where(concave, determinant, 1.0)
+    square = h[:, 1] ** 2 * h[:, 5] - 2.0 * h[:, 1] * h[:, 2] * h[:, 4] + h[:, 2] ** 2 * h[:, 3]
+    whole = h[:, 0] - 0.5 * square / safe
+    return np.where(concave, np.minimum(separate, whole), separate) * 1.0

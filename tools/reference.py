@@ -1,0 +1,92 @@
+"""Reference pages and the picture of the README, made from the source: `python -m trihedron.reference DOCS`."""
+
+import math
+import sys
+from pathlib import Path
+
+from trihedron.diagnosis import diagnose
+from trihedron.fmus import components
+from trihedron.fmus.component import Component, Variable
+from trihedron.fmus.units import UNITS
+from trihedron.hidden import NOISE_BOUND, draw_case, measure
+from trihedron.models.effects import CATALOGUE, Effect
+from trihedron.report.results import diagnosis_sections
+from trihedron.writing import write_text
+
+PICTURE_SEED = 2026
+"""Of the record that the README shows: the demo's."""
+
+
+def reference_page() -> str:
+    """The components with their variables, and the catalogue of effects, in Markdown."""
+    parts = [
+        "# Reference: components and effects",
+        "",
+        "Made from the source by `make docs`; do not edit.",
+        "",
+    ]
+    for component in components().values():
+        parts += component_lines(component)
+    parts += ["## Effects", "", "| effect | places | parameters | extends |", "|---|---|---|---|"]
+    parts += [effect_line(effect) for effect in CATALOGUE.values()]
+    return "\n".join([*parts, ""])
+
+
+def component_lines(component: Component) -> list[str]:
+    """A component's equations and its table of variables."""
+    return [
+        f"## {component.name}",
+        "",
+        f"{component.description}. Source: {component.source}.",
+        "",
+        *(f"    {line}" for line in component.equations),
+        "",
+        "| variable | causality | variability | unit | start | meaning |",
+        "|---|---|---|---|---|---|",
+        *(variable_line(variable) for variable in component.interface),
+        "",
+        "It stops with a message when: " + "; ".join(component.messages) + ".",
+        "",
+    ]
+
+
+def variable_line(variable: Variable) -> str:
+    """A row of the table of variables."""
+    name = f"`{variable.name}[1..{variable.size}]`" if variable.size else f"`{variable.name}`"
+    unit = UNITS[variable.unit].name if variable.type == "real" and variable.unit != "1" else variable.type
+    unit = "" if unit == "real" else unit
+    start = ""
+    if variable.causality != "output":
+        values = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]
+        start = ", ".join(f"{value:g}" for value in values)
+    return f"| {name} | {variable.causality} | {variable.variability} | {unit} | {start} | {variable.description} |"
+
+
+def effect_line(effect: Effect) -> str:
+    """A row of the table of effects."""
+    places: dict[str, list[int]] = {}
+    for place in effect.places:
+        places.setdefault(place.where, []).extend([] if place.order is None else [place.order])
+    where = ", ".join(f"{name} (orders {min(o)} to {max(o)})" if o else name for name, o in places.items())
+    parameters = ", ".join(
+        f"{p.name} [{p.unit}], at most {p.largest if p.largest != math.pi else 'π'}" for p in effect.parameters
+    )
+    return f"| `{effect.name}` | {where or 'any reading'} | {parameters} | {effect.component or 'nothing'} |"
+
+
+def readme_picture() -> str:
+    """Residuals of a record with a hidden effect, before and after the simulation was extended (SVG)."""
+    record = measure(draw_case(PICTURE_SEED, effects=["quadratic"]), PICTURE_SEED)
+    sections = diagnosis_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
+    return sections[0].svg or ""
+
+
+def main(arguments: list[str]) -> None:
+    """Write reference.md and pictures/residuals.svg into the folder that is named."""
+    docs = Path(arguments[0]) if arguments else Path("docs")
+    write_text(docs / "reference.md", reference_page())
+    write_text(docs / "pictures" / "residuals.svg", readme_picture())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
