@@ -1,5 +1,8 @@
 # `make demo` runs the whole loop, `make test` the tests; both set up what they need in .venv.
 SHELL := /bin/sh
+# Matrices are small here: threads of the linear algebra would only wait for each other.
+export OPENBLAS_NUM_THREADS = 1
+export OMP_NUM_THREADS = 1
 VENV ?= .venv
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)

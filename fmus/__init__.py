@@ -15,9 +15,10 @@ def components() -> dict[str, "Component"]:
     """Every component, by its name."""
     from trihedron.fmus.accelerometer_block import ACCELEROMETER_BLOCK
     from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
+    from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
     from trihedron.fmus.turntable_motion import TURNTABLE_MOTION
 
-    return {c.name: c for c in (TURNTABLE_MOTION, ACCELEROMETER_BLOCK, ATTITUDE_COMPUTER)}
+    return {c.name: c for c in (TURNTABLE_MOTION, HARMONIC_MOTION, ACCELEROMETER_BLOCK, ATTITUDE_COMPUTER)}
 
 
 def component_names() -> tuple[str, ...]:

@@ -18,7 +18,7 @@ def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
             variability="tunable",
         )
         for place in effects
-        for parameter in CATALOGUE[place.effect].parameters
+        for parameter in CATALOGUE[place.effect].at(place).parameters
     )
 
 

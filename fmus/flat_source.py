@@ -24,26 +24,31 @@ def called_names(function: Callable[..., Any]) -> list[str]:
     return [name for name in names if name not in bound]
 
 
-def hook_source(hook: Callable[..., None], component: Component) -> str:
-    """Source of a stage's hook that calls the kernels of the effects at that stage.
+def hook_source(hook: Callable[..., Any], component: Component) -> str:
+    """Source of a stage's hook that calls the kernels of the effects at that stage after what the nominal one does.
 
-    What each adds is evaluated on the un-extended values of the stage and summed, so their order does not matter.
+    Where the nominal hook zeroes what is added, what each effect adds is evaluated on the un-extended values of the
+    stage and summed, so their order does not matter; where it does nothing, they change the last argument in turn. A
+    hook that returns whether there are effects returns 1.0.
     """
-    names = list(inspect.signature(hook).parameters)
-    added = names[-1]
-    lines = [f"def {hook.__name__}({', '.join(names)}):"]
-    size = next(variable.size for variable in component.variables if variable.name == added)
-    lines += [f"    {added}[{i}] = 0.0" for i in range(size)]
+    function = ast.parse(inspect.getsource(hook)).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    returns = isinstance(function.body[-1], ast.Return)
+    function.body = function.body[:-1] if returns else function.body
+    names = [argument.arg for argument in function.args.args]
+    lines = [ast.unparse(function)]
     at = 0
     for place in component.effects:
-        effect = CATALOGUE[place.effect]
+        effect = CATALOGUE[place.effect].at(place)
         count = len(effect.parameters)
         if effect.stage == hook.__name__ and effect.kernel is not None:
             numbers = [str(number) for number in effect.place_numbers(place)]
             values = [f"effect[{at + i}]" for i in range(count)]
-            arguments = ", ".join([*names[:2], *numbers, *values, added])
+            arguments = ", ".join([*names[:2], *numbers, *values, names[-1]])
             lines.append(f"    {effect.kernel.__name__}({arguments})")
         at += count
+    if returns:
+        lines.append("    return 1.0")
     return "\n".join(lines)
 
 
@@ -66,7 +71,7 @@ def flat_source(component: Component) -> str:
     def include(function: Callable[..., Any]) -> None:
         if function.__name__ in stages:
             for place in component.effects:
-                effect = CATALOGUE[place.effect]
+                effect = CATALOGUE[place.effect].at(place)
                 if effect.stage == function.__name__ and effect.kernel is not None:
                     include_names(effect.kernel)
                     parts.setdefault(effect.kernel.__name__, inspect.getsource(effect.kernel).rstrip())

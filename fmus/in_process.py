@@ -4,23 +4,28 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from trihedron.fmus.component import Component
+from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.flat_source import flat_source
 from trihedron.fmus.instance import Instance
 
 
 def instance_rows(component: Component) -> tuple[tuple, ...]:
     """The component's table as `Instance` takes it."""
-    return tuple(
-        (v.name, v.causality, v.size, v.starts, v.variability, v.minimum, v.maximum) for v in component.variables
-    )
+    return tuple((v.name, v.causality, v.size, v.starts, v.variability, *limits(v)) for v in component.variables)
+
+
+def limits(variable: Variable) -> tuple[float | None, float | None]:
+    """The least and the largest value that a variable takes; the items of an enumeration count from 1."""
+    if variable.items:
+        return 1.0, float(len(variable.items))
+    return variable.minimum, variable.maximum
 
 
 def effect_count(component: Component) -> int:
     """How many parameters the effects of a component have."""
     from trihedron.models.effects import CATALOGUE
 
-    return sum(len(CATALOGUE[place.effect].parameters) for place in component.effects)
+    return sum(len(CATALOGUE[place.effect].at(place).parameters) for place in component.effects)
 
 
 @cache

@@ -53,6 +53,10 @@ class {name}(Fmi2Slave):
         self.check(self.model.initialise(self.start_time))
 
     def do_step(self, current_time, step_size):
+        if not (current_time - current_time == 0.0 and 0.0 <= step_size < math.inf):
+            text = f"{{self.instance_name}}: a step of {{step_size!r}} s from {{current_time!r}} s is not one in time"
+            self.log(text, Fmi2Status.error, "logStatusError")
+            return False
         return self.report(self.model.do_step(current_time, step_size))
 
     def report(self, message):

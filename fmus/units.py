@@ -39,6 +39,7 @@ UNITS = {
         Unit("1", ""),
         Unit("s", "s", {"s": 1}),
         Unit("h", "h", {"s": 1}, factor=3600.0),
+        Unit("Hz", "Hz", {"s": -1}),
         Unit("rad", "rad", {"rad": 1}, display={"deg": 180.0 / math.pi, "arcsec": 648000.0 / math.pi}),
         Unit("rad/s", "radps", {"rad": 1, "s": -1}, display={"deg/s": 180.0 / math.pi}),
         Unit("rad/s2", "radps2", {"rad": 1, "s": -2}, display={"deg/s2": 180.0 / math.pi}),
@@ -47,7 +48,11 @@ UNITS = {
         Unit("degC", "degC", {"K": 1}, offset=273.15),
         Unit("g", "g", {"m": 1, "s": -2}, factor=STANDARD_GRAVITY),
         Unit("g/h", "gph", {"m": 1, "s": -3}, factor=STANDARD_GRAVITY / 3600.0),
+        Unit("g/K", "gpK", {"m": 1, "s": -2, "K": -1}, factor=STANDARD_GRAVITY),
         Unit("1/g", "pg", {"m": -1, "s": 2}, factor=1.0 / STANDARD_GRAVITY),
+        Unit("1/g2", "pg2", {"m": -2, "s": 4}, factor=1.0 / STANDARD_GRAVITY**2),
+        Unit("1/h", "ph", {"s": -1}, factor=1.0 / 3600.0),
+        Unit("1/K", "pK", {"K": -1}),
     )
 }
 """Every unit that a variable of a component may have, by its FMI name."""

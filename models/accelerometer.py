@@ -9,12 +9,22 @@ import math
 from trihedron.models.random_numbers import seed_generator, symmetric
 from trihedron.models.restricted import CONTEXT_SIZE, HOURS, INPUT, SENSE_INPUT, TEMPERATURE, Vector
 
+ROUNDING = 1e-12
+"""Change of an input [g] that may be rounding."""
+
 
 def reading_effects(context: Vector, n: Vector, effect: Vector, added: Vector) -> None:
     """Stage "reading": what effects add to the readings (3,) [g]; the nominal block adds nothing."""
     added[0] = 0.0
     added[1] = 0.0
     added[2] = 0.0
+
+
+def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector) -> None:
+    """Last stage: what changes the finished readings (3,) [g], errors included, in declared order; nominally nothing.
+
+    `own` (3,) [g] is what each accelerometer's own input adds to its reading.
+    """
 
 
 def nominal_reading(
@@ -28,17 +38,19 @@ def nominal_reading(
     gamma_13: float,
     gamma_23: float,
     bias: Vector,
+    own: Vector,
     reading: Vector,
 ) -> None:
-    """Readings (3,) [g] of a block without fluctuation at the inputs n (3,) [g]: n + Γn + b."""
+    """Readings (3,) [g] of a block without fluctuation at the inputs n (3,) [g]: n + Γn + b; `own` (3,): n + Γ± n."""
     reading[0] = n[0] + gamma_12 * n[1] + gamma_13 * n[2] + bias[0]
     reading[1] = n[1] + gamma_21 * n[0] + gamma_23 * n[2] + bias[1]
     reading[2] = n[2] + gamma_31 * n[0] + gamma_32 * n[1] + bias[2]
     for p in range(3):
+        scale_error = scale_error_minus[p]
         if n[p] > 0.0:
-            reading[p] = reading[p] + scale_error_plus[p] * n[p]
-        else:
-            reading[p] = reading[p] + scale_error_minus[p] * n[p]
+            scale_error = scale_error_plus[p]
+        reading[p] = reading[p] + scale_error * n[p]
+        own[p] = n[p] + scale_error * n[p]
 
 
 def respond(
@@ -62,6 +74,7 @@ def respond(
     n: Vector,
     context: Vector,
     added: Vector,
+    own: Vector,
 ) -> None:
     """Readings (3,) [m/s²] that follow the inputs at once, with the error [g] that the last step drew."""
     for p in range(3):
@@ -84,11 +97,15 @@ def respond(
         gamma_13,
         gamma_23,
         bias,
+        own,
         reading,
     )
     reading_effects(context, n, effect, added)
     for p in range(3):
-        reading[p] = gravity * (reading[p] + added[p] + error[p])
+        reading[p] = reading[p] + added[p] + error[p]
+    final_effects(context, own, effect, reading)
+    for p in range(3):
+        reading[p] = gravity * reading[p]
 
 
 def draw_error(noise_bound: float, held_fraction: float, held: Vector, generator: Vector, error: Vector) -> None:
@@ -96,6 +113,16 @@ def draw_error(noise_bound: float, held_fraction: float, held: Vector, generator
     for p in range(3):
         white = symmetric(generator)
         error[p] = noise_bound * (held_fraction * held[p] + (1.0 - held_fraction) * white)
+
+
+def follow_input(p: int, specific_force: float, gravity: float, senses: Vector, previous_input: Vector) -> None:
+    """Keep the sense of the last change of an input; what rounding alone does is no change."""
+    change = specific_force - previous_input[p]
+    if math.fabs(change) > ROUNDING * gravity:
+        senses[p] = 1.0
+        if change < 0.0:
+            senses[p] = -1.0
+        previous_input[p] = specific_force
 
 
 def initialise(
@@ -123,8 +150,10 @@ def initialise(
     seed_generator(seed, 2.0, generator)
     for p in range(3):
         held[p] = symmetric(generator)
+        # The first input is a change from none.
         senses[p] = 0.0
-        previous_input[p] = specific_force[p]
+        previous_input[p] = 0.0
+        follow_input(p, specific_force[p], gravity, senses, previous_input)
     held_dwell[0] = dwell
     draw_error(noise_bound, held_fraction, held, generator, error)
     return 0
@@ -135,6 +164,7 @@ def step(
     step: float,
     specific_force: Vector,
     dwell: float,
+    gravity: float,
     noise_bound: float,
     held_fraction: float,
     error: Vector,
@@ -151,11 +181,7 @@ def step(
         # Infinity and NaN fail the comparison.
         if not math.fabs(specific_force[p]) < 1e300:
             return 2
-        if specific_force[p] > previous_input[p]:
-            senses[p] = 1.0
-        if specific_force[p] < previous_input[p]:
-            senses[p] = -1.0
-        previous_input[p] = specific_force[p]
+        follow_input(p, specific_force[p], gravity, senses, previous_input)
     hours[0] = (time + step - start[0]) / 3600.0
     if dwell != held_dwell[0]:
         held_dwell[0] = dwell

@@ -24,6 +24,7 @@ EXTENDED = {
         EffectPlace("scale-asymmetry", "accelerometer-2"),
     ],
     "AttitudeComputer": [],
+    "HarmonicMotion": [],
 }
 NAMES = sorted(EXTENDED)
 
@@ -46,6 +47,9 @@ def draw_parameters(component: Component, rng: random.Random) -> dict[str, float
             "initial_attitude",
             "gravity",
             "sample_period",
+            "pi",
+            "trapezoid_nodes",
+            "step_samples",
         ):
             continue
         for element in v.elements:
@@ -74,7 +78,9 @@ def draw_inputs(component: Component, rng: random.Random) -> dict[str, float]:
                 if v.type == "integer":
                     values[element] = float(rng.randint(1, 3))
                 else:
-                    values[element] = rng.uniform(-1.0, 1.0) * (10.0 if v.unit == "m/s2" else 1.0)
+                    # Increments within the valid range of every attitude algorithm.
+                    size = 0.02 if v.name == "increment" else 10.0 if v.unit == "m/s2" else 1.0
+                    values[element] = rng.uniform(-size, size)
     return values
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from trihedron.calibration import calibrate
 from trihedron.diagnosis import diagnose
-from trihedron.diagnosis.classes import equivalents, residual_spaces, same_space
+from trihedron.diagnosis.circumstances import circumstances_of
+from trihedron.diagnosis.classes import classes_of, residual_spaces, same_space
 from trihedron.diagnosis.extension import export_extended
 from trihedron.diagnosis.search import catalogue_places
 from trihedron.hidden import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth, measure
@@ -38,6 +39,11 @@ def hidden_case(seed: int, place: EffectPlace | None, values: tuple[float, ...],
     return HiddenCase(truth, place, values, alpha[order], beta[order])
 
 
+def result_places(result) -> list[EffectPlace]:
+    """Every effect of every set that remains."""
+    return [place for finding in result.findings for place in finding.places]
+
+
 @pytest.mark.parametrize("seed", range(50))
 def test_nothing_is_named_on_a_clean_record(seed):
     record = measure(draw_case(seed, effects=[], symmetric=seed % 5 == 0), seed)
@@ -60,14 +66,14 @@ def test_noise_at_its_very_bound_is_still_clean():
 
 @pytest.mark.parametrize("seed", range(200, 224))
 def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
-    """The diagnosis gets the record alone; effect, size, truth and noise are drawn. No wrong name, and the size fits."""
+    """The diagnosis gets the record alone; all else is drawn. No wrong name, and the size inside its interval."""
     symmetric = seed % 3 == 0
     case = draw_case(seed, symmetric=symmetric)
     assert case.place is not None
     record = measure(case, seed)
     result = diagnose(record, noise_bound=NOISE_BOUND, baseline="symmetric" if symmetric else "asymmetric", rerun=False)
     assert result.verdict in ("explained", "ambiguous")
-    named = {cause.place: cause for cause in (*result.causes, *result.alternatives)}
+    named = {finding.causes[0].place: finding.causes[0] for finding in result.findings if len(finding.causes) == 1}
     assert case.place in named
     for value, (low, high) in zip(case.values, named[case.place].intervals, strict=True):
         turn = (
@@ -152,14 +158,14 @@ def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
     record = measure(dataclasses.replace(case, alpha=alpha, beta=beta), 6)
     result = diagnose(record, noise_bound=NOISE_BOUND)
     assert result.verdict == "ambiguous"
-    places = {cause.place for cause in (*result.causes, *result.alternatives)}
+    places = set(result_places(result))
     assert {place, EffectPlace("encoder-harmonic", "outer-axis", 6)} <= places
     assert result.to_json()["alternatives"]
     # Measured where it is proposed, the right one remains.
     proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in result.next_positions])
     more = dataclasses.replace(case, alpha=np.append(alpha, proposed[:, 0]), beta=np.append(beta, proposed[:, 1]))
     settled = diagnose(measure(more, 6), noise_bound=NOISE_BOUND)
-    assert place in {cause.place for cause in (*settled.causes, *settled.alternatives)}
+    assert place in result_places(settled)
     assert EffectPlace("encoder-harmonic", "outer-axis", 6) not in {cause.place for cause in settled.causes}
 
 
@@ -171,13 +177,44 @@ def test_too_few_positions_are_insufficient():
     assert result.next_positions
 
 
-def test_no_effect_of_this_catalogue_has_an_equivalent_and_the_judge_of_classes_can_see_one():
-    here = calibrate(measure(hidden_case(9, None, ()), 9), noise_bound=NOISE_BOUND).linearised
-    places = catalogue_places("symmetric")
-    assert all(not equivalents(here, place, [p for p in places if p != place]) for place in places)
+def test_every_effect_is_in_one_class_and_the_judge_of_classes_can_see_one():
+    record = measure(hidden_case(9, None, ()), 9)
+    here = calibrate(record, noise_bound=NOISE_BOUND).linearised
+    places = catalogue_places("symmetric", circumstances_of(record))
+    classes = classes_of(here, places)
+    sorted_into = [*classes.places, *(place for members in classes.members for place in members)]
+    assert len(sorted_into) == len(set(sorted_into))
+    assert set(sorted_into) <= set(places)
     spaces = residual_spaces(here, [places[0], places[0], places[1]])
     assert same_space(spaces[0], spaces[1])
     assert not same_space(spaces[0], spaces[2])
+
+
+def test_pairs_are_found_when_no_single_effect_will_do():
+    record = measure(hidden_case(21, EffectPlace("quadratic", "accelerometer-2"), (2e-3,)), 21)
+    record.specific_force[11, 2] += 4e-4 * 9.80665
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "explained"
+    assert {cause.place.title for cause in result.causes} == {
+        "quadratic accelerometer-2",
+        f"outlier position-{record.position[11]} axes 3",
+    }
+    assert result.gain is None
+
+
+def test_what_is_not_found_is_bounded_and_what_is_found_moves_the_targets():
+    """A quadratic term passes for scale-factor asymmetry: the targets move back when it is named."""
+    case = hidden_case(17, EffectPlace("quadratic", "accelerometer-2"), (1.5e-3,))
+    result = diagnose(measure(case, 17), noise_bound=NOISE_BOUND)
+    said = result.to_json()
+    moved = {entry["symbol"]: entry for entry in said["targets"]}
+    assert abs(moved["X9"]["before"] - moved["X9"]["after"]) == pytest.approx(1.5e-3, rel=0.3)
+    truth = case.truth["AccelerometerBlock"]["scale_error_plus"][1]
+    gravity_error = case.truth["TurntableMotion"]["gravity_error"]
+    assert moved["X9"]["low"] <= (1.0 + truth) * (1.0 - gravity_error) - 1.0 <= moved["X9"]["high"]
+    assert all(entry["above"] > 0.0 for entry in said["excluded"])
+    assert {entry["effect"] for entry in said["excluded"]} >= {"bias-drift", "encoder-harmonic"}
+    assert ("quadratic", "accelerometer-2") not in {(e["effect"], e["where"]) for e in said["excluded"]}
 
 
 def test_a_record_that_went_through_a_file_gives_the_same_diagnosis(tmp_path):

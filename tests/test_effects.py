@@ -8,6 +8,7 @@ import pytest
 from trihedron.calibration.linearisation import linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.result import component_parameters
+from trihedron.diagnosis.circumstances import standing_still
 from trihedron.diagnosis.extended_fit import rows_at, signature_columns
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
@@ -70,7 +71,7 @@ def signatures(place: EffectPlace) -> np.ndarray:
     p = parametrise({"identity": np.eye(3)})
     at = Positions(ALPHA, BETA, np.zeros(len(ALPHA), dtype=int))
     here = linearise(p, at, np.zeros((len(ALPHA), 3)), true_point(p), np.full(3 * len(ALPHA), 1e-5))
-    return signature_columns([place], rows_at(here, here.point, at, HOURS))
+    return signature_columns([place], rows_at(here, here.point, at, standing_still(len(HOURS), HOURS)))
 
 
 def true_point(p) -> np.ndarray:

@@ -31,6 +31,8 @@ def run_scenario(path: Path, out: Path | None, *, progress: bool) -> list[Path]:
     folder = out if out is not None else default_folder(scenario)
     run = simulate(scenario, folder, progress=progress)
     files = list(run.files)
+    # Averages of an earlier run would not be those of this one.
+    (folder / "positions.csv").unlink(missing_ok=True)
     if set(run.table.columns) >= RAW_COLUMNS:
         try:
             write_position_record(averaged(files[0]), folder / "positions.csv")

@@ -1,32 +1,21 @@
 """The command line: each command is a thin layer over one function of the library."""
 
-import os
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
-from trihedron import __version__
+from trihedron import (
+    __version__,
+    threads,  # noqa: F401  (before anything that imports numpy)
+)
 from trihedron.errors import InputError
-
-Baseline = Literal["asymmetric", "symmetric"]
-Record = Annotated[Path, Parameter(help="Position record or raw record, CSV or Parquet.")]
-NoiseBound = Annotated[
-    float | None,
-    Parameter(
-        allow_leading_hyphen=True,
-        help="σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.",
-    ),
-]
-Gravity = Annotated[float, Parameter(allow_leading_hyphen=True, help="Model value of gravity [m/s²].")]
-Bounds = Annotated[
-    tuple[float, float],
-    Parameter(allow_leading_hyphen=True, help="u^max and v0^max of (1.7): when the sign of an input is certain."),
-]
-Mounting = Annotated[str, Parameter(help="Name of a preset, or a TOML file with [name] matrix = [[...], ...].")]
-JsonFile = Annotated[Path | None, Parameter(name="--json", help="Write the result as JSON to this file.")]
-ReportFile = Annotated[Path | None, Parameter(name="--report", help="Write a page with pictures to this HTML file.")]
+from trihedron.exit_status import exit_status
+from trihedron.options import Baseline, Bounds, Gravity, JsonFile, Mounting, NoiseBound, Record, ReportFile
+from trihedron.outputs import distinct_files, ordinary_file
+from trihedron.planning_commands import plan
+from trihedron.reproduce_commands import reproduce
 
 app = App(
     name="trihedron",
@@ -68,7 +57,10 @@ def calibrate(
     baseline: Baseline = "asymmetric",
     bounds: Bounds = (3e-3, 1e-2),
     mounting: Mounting = "identity",
-    target: Annotated[tuple[str, ...], Parameter(help="Another combination, as X4-X5; may be repeated.")] = (),
+    target: Annotated[
+        tuple[str, ...],
+        Parameter(allow_leading_hyphen=True, help="Another combination, as X4-X5; may be repeated."),
+    ] = (),
     json: JsonFile = None,
     report: ReportFile = None,
 ) -> None:
@@ -76,6 +68,7 @@ def calibrate(
 
     Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
     """
+    distinct_files({"the record": record, "--json": json, "--report": report})
     from trihedron.calibration import calibrate as solve
     from trihedron.records import read_position_record
     from trihedron.summaries import calibration_summary
@@ -118,6 +111,7 @@ def diagnose(
 
     Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
     """
+    distinct_files({"the record": record, "--json": json, "--report": report})
     from trihedron.diagnosis import diagnose as judge
     from trihedron.diagnosis.extension import export_extended
     from trihedron.records import read_position_record
@@ -147,11 +141,11 @@ def diagnose(
 
 @app.command
 def hidden(
-    record: Annotated[Path, Parameter(help="Where the position record is written (CSV).")],
+    record: Annotated[Path, Parameter(help="Where the position record is written (CSV).", validator=ordinary_file)],
     /,
     *,
     seed: int = 0,
-    answer: Path | None = None,
+    answer: Annotated[Path | None, Parameter(validator=ordinary_file)] = None,
     effect: Annotated[tuple[str, ...], Parameter(help="Draw from these effects only; may be repeated.")] = (),
     clean: bool = False,
     baseline: Baseline = "asymmetric",
@@ -171,6 +165,7 @@ def hidden(
     baseline
         Whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
     """
+    distinct_files({"the record": record, "--answer": answer})
     from trihedron.hidden import write_hidden_record
 
     if clean and effect:
@@ -236,6 +231,10 @@ def attitude(
     print("\n".join(result.summary()))
 
 
+app.command(plan)
+app.command(reproduce)
+
+
 @app.command
 def demo(
     *,
@@ -257,45 +256,15 @@ def demo(
         Open the page in a browser where there is a screen.
     """
     from trihedron.demo import run_demo
+    from trihedron.hidden import check_seed
 
+    check_seed(seed)
     run_demo(out, seed=seed, show=show)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status.
-
-    0: the work was done; 2: the input cannot be used, said in one line; 1: a fault of the program's own.
-    """
-    try:
-        app(arguments, exit_on_error=False, print_error=False)
-    except InputError as error:
-        return refuse(str(error))
-    except CycloptsError as error:
-        return refuse(str(error))
-    except KeyboardInterrupt:
-        print("trihedron: interrupted", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    except Exception as error:
-        if os.environ.get("TRIHEDRON_TRACEBACK"):
-            raise
-        said = " ".join(str(error).split())
-        print(
-            f"trihedron: a fault of the program: {type(error).__name__}: {said} (TRIHEDRON_TRACEBACK=1 shows where)",
-            file=sys.stderr,
-        )
-        return 1
-    return 0
-
-
-def refuse(message: str) -> int:
-    """Say in one line on standard error why the input cannot be used."""
-    print(f"trihedron: {' '.join(message.split())}", file=sys.stderr)
-    return 2
+    """Run the command line; returns the exit status."""
+    return exit_status(lambda: app(arguments, exit_on_error=False, print_error=False))
 
 
 if __name__ == "__main__":

@@ -164,6 +164,8 @@ def names_the_hidden_effect(diagnosis: Diagnosis, hidden: dict[str, Any]) -> boo
     """Whether the diagnosis names what was hidden, or what cannot be told from it."""
     if diagnosis.verdict != "explained" or hidden["effect"] is None:
         return diagnosis.verdict == "consistent" and hidden["effect"] is None
+    if len(diagnosis.causes) != 1:
+        return False
     cause = diagnosis.causes[0]
     wanted = (hidden["effect"], hidden["where"], hidden.get("order"), hidden.get("accelerometer"))
     return any(

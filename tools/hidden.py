@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.circumstances import standing_still
 from trihedron.diagnosis.extended_fit import coefficient_count, rows_at, signature_columns
 from trihedron.errors import InputError, nearest
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -124,7 +125,7 @@ def sure_size(here: Linearisation, hours: NDArray, place: EffectPlace, direction
 
     The distance is that of the unit effect from all that the nominal model can say, in the maximum norm.
     """
-    rows = rows_at(here, here.point, here.positions, hours)
+    rows = rows_at(here, here.point, here.positions, standing_still(len(hours), hours))
     unit = signature_columns([place], rows) @ direction
     radius, _, _ = chebyshev_radius(here.jacobian, unit, np.ones(len(unit)))
     return 2.0 * NOISE_BOUND / radius if radius > 1e-9 else math.inf
@@ -263,6 +264,12 @@ def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionR
     return record
 
 
+def check_seed(seed: int) -> None:
+    """Refuse a seed that the components' generators do not take."""
+    if not 0 <= seed < 2**31:
+        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
+
+
 def write_hidden_record(
     path: Path,
     seed: int,
@@ -285,11 +292,15 @@ def write_hidden_record(
     effects, symmetric
         as for `draw_case`
     """
-    if not 0 <= seed < 2**31:
-        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
+    check_seed(seed)
     case = draw_case(seed, effects=effects, symmetric=symmetric)
     record = measure(case, seed, progress=progress)
-    write_position_record(record, path, decimals=RECORD_DECIMALS)
     if answer is not None:
         secret = {"hidden": case.answer(), "seed": seed, "truth": case.truth}
         write_text(answer, json.dumps(secret, indent=2) + "\n")
+    try:
+        write_position_record(record, path, decimals=RECORD_DECIMALS)
+    except InputError:
+        if answer is not None:
+            answer.unlink(missing_ok=True)
+        raise

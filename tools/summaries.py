@@ -1,17 +1,20 @@
 """What commands print for people."""
 
 from trihedron.calibration import Calibration
-from trihedron.diagnosis import Diagnosis
+from trihedron.diagnosis import Cause, Diagnosis
 from trihedron.models.effects import CATALOGUE
 
 VERDICTS = {
     "consistent": "consistent: the model explains the record within the noise bound",
     "falsified": "falsified: no parameters of the model keep every reading within the noise bound",
     "insufficient": "insufficient: the record cannot determine everything that is asked",
-    "explained": "explained: one effect makes the model consistent, and no other does",
-    "ambiguous": "ambiguous: several effects would make the model consistent",
+    "explained": "explained: a smallest set of effects makes the model consistent, and no other does",
+    "ambiguous": "ambiguous: several sets of effects would make the model consistent",
     "unexplained": "unexplained: the model is falsified and nothing in the catalogue mends it",
 }
+
+MOST_SETS = 6
+"""So many sets that remain are printed."""
 
 
 def calibration_summary(result: Calibration) -> str:
@@ -56,6 +59,16 @@ def position_text(position: dict) -> str:
     return text
 
 
+def cause_lines(cause: Cause) -> list[str]:
+    """A cause with its parameters."""
+    lines = [f"cause: {cause.place.title}: {cause.sentence}"]
+    for parameter, value, (low, high) in zip(
+        CATALOGUE[cause.place.effect].parameters, cause.values, cause.intervals, strict=True
+    ):
+        lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
+    return lines + [f"  cannot be told from {other.title}" for other in cause.equivalents]
+
+
 def diagnosis_summary(result: Diagnosis) -> str:
     """Verdict, evidence, cause and gain."""
     nominal = result.baseline
@@ -65,14 +78,14 @@ def diagnosis_summary(result: Diagnosis) -> str:
         f"({nominal.noise_bound_basis}); nominal model: radius {nominal.radius:.3f}",
         *witness_lines(nominal),
     ]
-    for cause in (*result.causes, *result.alternatives):
-        lines.append(f"cause: {cause.place.title}: {cause.sentence}")
-        for parameter, value, (low, high) in zip(
-            CATALOGUE[cause.place.effect].parameters, cause.values, cause.intervals, strict=True
-        ):
-            lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
-        lines += [f"  cannot be told from {other.title}" for other in cause.equivalents]
-        lines.append(f"  radius with it {cause.radius:.3f}")
+    for finding in result.findings[:MOST_SETS]:
+        for cause in finding.causes:
+            lines += cause_lines(cause)
+        lines.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {finding.fit.radius:.3f}")
+    if len(result.findings) > MOST_SETS:
+        lines.append(f"  ... and {len(result.findings) - MOST_SETS} sets more")
+    for places in result.equivalent_sets:
+        lines.append(f"  cannot be told from {' and '.join(place.title for place in places)}")
     if result.gain is not None:
         g = result.gain.summary()
         lines.append(
@@ -81,7 +94,9 @@ def diagnosis_summary(result: Diagnosis) -> str:
             f"max {g['held_out_max_before']:.2e} -> {g['held_out_max_after']:.2e} g"
         )
     elif result.verdict == "explained":
-        lines.append("gain on held-out positions: not possible with this effect and these positions")
+        lines.append("gain on held-out positions: not possible with these effects and positions")
+    if result.gain is not None and not result.gain.improves:
+        lines.append("warning: the extension does not improve the positions that were held out")
     for entry in result.residual_structure[:5]:
         lines.append(
             f"residual of accelerometer {entry['accelerometer']}: {100 * float(entry['explained']):.0f} % "

@@ -29,6 +29,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise InputError(f"{path}: is a directory; give the name of a file")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: is a device or a pipe; give the name of a file")
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from error

@@ -1,8 +1,12 @@
 """The algorithm that chooses its degree by what the increments support, without knowing anything of the motion.
 
-The N-th difference of the increments is the error with which N of them predict the next one: its root mean square over
-the last 16 increments is smallest for the degree that the rate supports. Smooth motion has small high differences;
-noise, quantisation and vibration near half the sample rate grow with every difference.
+The N-th difference of the increments is the error with which N of them predict the next one. Taken over the last 16
+increments in the root mean square, a polynomial of higher degree is supported
+
+* where each further difference is at most half of the one before: the fourth a quarter of the second, the eighth a
+  sixteenth of the fourth. Noise and quantisation double with every difference, and vibration above a sixth of half the
+  sample rate does not halve: there a high degree would only carry more of the quantisation into the attitude; or
+* where the differences fall from the second to the fifteenth, the last that there is: then no noise is to be seen.
 """
 
 import math
@@ -20,7 +24,7 @@ ADAPTIVE_DEGREE = Algorithm(
     number=27,
     name="adaptive-degree",
     title="two, four or eight samples at a time, by what the increments support",
-    source="facts of this project: smallest N-th difference",
+    source="Trihedron: the degree whose differences still halve",
     kernel="adaptive_degree",
     samples=WINDOW,
     order=10,
@@ -57,21 +61,35 @@ def supported_degree(previous: Vector, known: float, g: Vector, differences: Vec
     longest = 0.0
     for i in range(WINDOW):
         longest = longest + math.sqrt(g[3 * i] * g[3 * i] + g[3 * i + 1] * g[3 * i + 1] + g[3 * i + 2] * g[3 * i + 2])
-    chosen = 2
-    smallest = 0.0
-    for n in range(1, WINDOW + 1):
-        count = length - n
+    second = 0.0
+    fourth = 0.0
+    eighth = 0.0
+    last = 0.0
+    for n in range(1, length):
         total = 0.0
-        for i in range(3 * count):
+        for i in range(3 * (length - n)):
             differences[i] = differences[i + 3] - differences[i]
             total = total + differences[i] * differences[i]
-        if count > 0:
-            total = total / count
+        last = total / (length - n)
         if n == 2:
-            smallest = total
-        if (n == 4 or n == 8) and count > 0 and longest <= math.pi and total <= smallest:
-            smallest = total
-            chosen = n
+            second = last
+        if n == 4:
+            fourth = last
+        # The first eight increments have no eighth difference: their seventh stands for it.
+        if n == 7 or n == 8:
+            eighth = last
+    if longest > math.pi:
+        return 2
+    falling = 0.0
+    if length == 2 * WINDOW and last <= eighth and eighth <= fourth and fourth <= second:
+        falling = 1.0
+    chosen = 2
+    if fourth <= second / 16.0:
+        chosen = 4
+        if eighth <= fourth / 256.0:
+            chosen = 8
+    if falling == 1.0:
+        chosen = 8
     return chosen
 
 
@@ -97,7 +115,7 @@ def adaptive_degree(
     known : float
         1.0 where there is a window before
     table, half_table : from `prepare_functional_iteration` for 8 and 4 increments
-    differences, rates, values, slopes : (48,), (36,), (48,), (48,)
+    differences, rates, values, slopes : (48,), (39,), (52,), (52,)
         working space
     part, turned : (4,)
         working space; the quaternion of the window

@@ -2,7 +2,7 @@
 
 φ = Σ γi + (Σ k_p γ_{N-p}) × γ_N with N - 1 coefficients, p the distance in samples: under coning the vector product of
 two increments has a mean that depends on their distance alone. The k_p solve, order by order in x = Ω Δt,
-Σ k_p · 4 sin²(x/2) sin(p x) = (N x - sin N x)/2. In general motion they are of second order only.
+Σ k_p · 4 sin²(x/2) sin(p x) = (N x - sin N x)/2. In general motion they are of third order only.
 """
 
 import math
@@ -18,7 +18,7 @@ THREE_SAMPLE_CONING = Algorithm(
     source="Miller 1983, three-sample",
     kernel="three_sample_coning",
     samples=3,
-    order=2,
+    order=3,
     coning_order=6,
     norm_order=None,
     previous=False,
@@ -42,7 +42,7 @@ FOUR_SAMPLE_CONING = Algorithm(
     source="Lee et al. 1990; Savage 1998",
     kernel="four_sample_coning",
     samples=4,
-    order=2,
+    order=3,
     coning_order=8,
     norm_order=None,
     previous=False,
@@ -67,7 +67,7 @@ FIVE_SAMPLE_CONING = Algorithm(
     source="Savage 1998, five-sample",
     kernel="five_sample_coning",
     samples=5,
-    order=2,
+    order=3,
     coning_order=10,
     norm_order=None,
     previous=False,

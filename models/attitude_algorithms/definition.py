@@ -36,8 +36,8 @@ class Algorithm:
     constant_rate : bool
         whether a turn at a constant rate is exact but for rounding
     max_increment : float
-        valid range: longest increment over one sample [rad]. Half a turn over a step where a constant rate is exact,
-        else where one update at a constant rate errs by `RANGE_ERROR`
+        valid range: longest increment over one sample [rad]. Where a constant rate is exact: half a turn over a step,
+        or to where it stays exact; else to where one update at a constant rate errs by `RANGE_ERROR`
     """
 
     number: int

@@ -57,7 +57,7 @@ PANOV_SERIES = Algorithm(
     norm_order=5,
     previous=False,
     constant_rate=False,
-    max_increment=0.6,
+    max_increment=0.44,
 )
 
 

@@ -1,7 +1,7 @@
 """Functional iteration: the rate as the polynomial through N increments, the attitude iterated on Chebyshev nodes.
 
 In the manner of Wu 2018 (quaternion functional iterative integration): λ = 1 + ½∫ λ ∘ ω dt is iterated with ω the
-polynomial of degree N - 1 that has the given increments, at P = N + 4 Chebyshev nodes of the step, until the remainder
+polynomial of degree N - 1 that has the given increments, at P = N + 5 Chebyshev nodes of the step, until the remainder
 of the iteration is below rounding. Nothing of second order in the increments is left out, so that the error is that of
 the polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sample one is of order 4, as (22) is.)
 """
@@ -12,14 +12,17 @@ from trihedron.models.attitude_algorithms.definition import Algorithm
 from trihedron.models.attitude_algorithms.quaternion_forms import dot
 from trihedron.models.restricted import Vector
 
-EXTRA_NODES = 4
-"""Nodes of the attitude beyond the degree of the angle."""
+EXTRA_NODES = 5
+"""Nodes of the attitude beyond the degree of the angle; up to N = 6 the second power of the increments is exact."""
 
 ITERATION_REMAINDER = 1e-17
 """The iteration ends when (½∫|ω|)^k / k!, the bound of what is left, is below this."""
 
 MOST_ITERATIONS = 40
 """More mean a polynomial that swings by many radians: the increments are not those of a smooth rate."""
+
+LONGEST_INCREMENT = 0.36
+"""Valid range [rad]: to here the nodes carry a constant rate to 1e-13 rad, for any number of increments."""
 
 FEWEST_INCREMENTS = 2
 MOST_INCREMENTS = 8
@@ -39,7 +42,7 @@ FUNCTIONAL_ITERATIONS = tuple(
         norm_order=None,
         previous=False,
         constant_rate=True,
-        max_increment=math.pi / count,
+        max_increment=LONGEST_INCREMENT,
     )
     for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1)
 )

@@ -48,7 +48,7 @@ ONE_SAMPLE_QUATERNION = Algorithm(
     norm_order=3,
     previous=True,
     constant_rate=False,
-    max_increment=0.8,
+    max_increment=0.86,
 )
 
 
@@ -73,7 +73,7 @@ ONE_SAMPLE_RODRIGUES = Algorithm(
     norm_order=None,
     previous=True,
     constant_rate=False,
-    max_increment=0.8,
+    max_increment=1.15,
 )
 
 
@@ -98,7 +98,7 @@ ONE_SAMPLE_RODRIGUES_SYMMETRIC = Algorithm(
     norm_order=None,
     previous=True,
     constant_rate=False,
-    max_increment=0.8,
+    max_increment=1.15,
 )
 
 

@@ -28,7 +28,7 @@ TWO_SAMPLE_RODRIGUES = Algorithm(
     norm_order=None,
     previous=False,
     constant_rate=False,
-    max_increment=0.4,
+    max_increment=0.57,
 )
 
 
@@ -53,7 +53,7 @@ TWO_SAMPLE_RODRIGUES_SECOND_ITERATE = Algorithm(
     norm_order=None,
     previous=False,
     constant_rate=False,
-    max_increment=0.4,
+    max_increment=0.57,
 )
 
 
@@ -84,7 +84,7 @@ TWO_SAMPLE_RODRIGUES_THIRD_ORDER = Algorithm(
     norm_order=None,
     previous=False,
     constant_rate=False,
-    max_increment=0.4,
+    max_increment=0.57,
 )
 
 
@@ -109,7 +109,7 @@ TWO_SAMPLE_QUATERNION = Algorithm(
     norm_order=3,
     previous=False,
     constant_rate=False,
-    max_increment=0.4,
+    max_increment=0.43,
 )
 
 
@@ -134,7 +134,7 @@ TWO_SAMPLE_TEXTBOOK = Algorithm(
     norm_order=5,
     previous=False,
     constant_rate=False,
-    max_increment=0.4,
+    max_increment=0.58,
 )
 
 
@@ -159,7 +159,7 @@ TWO_SAMPLE_TEXTBOOK_AS_RUN = Algorithm(
     norm_order=3,
     previous=False,
     constant_rate=False,
-    max_increment=0.4,
+    max_increment=0.43,
 )
 
 
@@ -207,7 +207,7 @@ TWO_SAMPLE_FIFTH_POWER = Algorithm(
     norm_order=None,
     previous=False,
     constant_rate=False,
-    max_increment=0.7,
+    max_increment=0.94,
 )
 
 

@@ -47,7 +47,7 @@ TABLE_SIZE = LARGEST_TABLE
 HALF_TABLE_SIZE = (WINDOW + EXTRA_NODES + 1) * (WINDOW // 2 + EXTRA_NODES)
 """Length of `half_table`."""
 
-WORK_SIZE = 6 * WINDOW
+WORK_SIZE = 4 * (MOST_INCREMENTS + EXTRA_NODES)
 """Length of each of the working arrays `differences`, `rates`, `values`, `slopes`."""
 
 
@@ -144,9 +144,7 @@ def update(
     elif algorithm == 19.0:
         five_sample_coning(g, turned)
     elif algorithm == 27.0:
-        adaptive_degree(
-            previous, known, g, table, half_table, differences, rates, values, slopes, part, turned
-        )
+        adaptive_degree(previous, known, g, table, half_table, differences, rates, values, slopes, part, turned)
     else:
         for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1):
             if algorithm == 18.0 + count:

@@ -5,7 +5,8 @@ import math
 import pkgutil
 from collections.abc import Mapping
 
-from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, Rows
+from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace
+from trihedron.models.effects.rows import Rows, Variant
 
 __all__ = [
     "CATALOGUE",
@@ -13,13 +14,16 @@ __all__ = [
     "EffectParameter",
     "EffectPlace",
     "Rows",
+    "Variant",
     "parameter_name",
     "place_from_mapping",
 ]
 
 
 def _read_catalogue() -> dict[str, Effect]:
-    names = sorted(module.name for module in pkgutil.iter_modules(__path__) if module.name != "definition")
+    names = sorted(
+        module.name for module in pkgutil.iter_modules(__path__) if module.name not in ("definition", "rows")
+    )
     effects = (importlib.import_module(f"{__name__}.{name}").EFFECT for name in names)
     return {effect.name: effect for effect in effects}
 
@@ -57,14 +61,16 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
     if effect is None or effect.kernel is None:
         known = ", ".join(entry.name for entry in CATALOGUE.values() if entry.kernel is not None)
         raise ValueError(f"effect {name!r} is not one that extends a component; these do: {known}")
-    where, order, axes = rest.pop("where", None), rest.pop("order", None), rest.pop("axes", ())
-    place = next(
-        (p for p in effect.places if (p.where, p.order) == (where, order) and list(p.axes) == list(axes)),  # type: ignore[arg-type]
-        None,
-    )
+    where, order, axes = rest.pop("where", None), rest.pop("order", None), rest.pop("axes", [])
+    # Products do not depend on the order of their factors.
+    whole = isinstance(axes, list | tuple) and all(type(axis) is int for axis in axes)
+    factors = tuple(sorted(axes)) if whole else None  # type: ignore[arg-type]
+    place = next((p for p in effect.places if (p.where, p.order, p.axes) == (where, order, factors)), None)
     if place is None:
         known = "; ".join(p.title.removeprefix(effect.name).strip() for p in effect.places)
-        raise ValueError(f"effect {name!r} has no place {where!r} with order {order!r}; it has: {known}")
+        with_axes = f" and axes {axes!r}" if axes else ""
+        raise ValueError(f"effect {name!r} has no place {where!r} with order {order!r}{with_axes}; it has: {known}")
+    effect = effect.at(place)
     values: dict[str, float] = {}
     for parameter in effect.parameters:
         value = rest.pop(parameter.name, None)

@@ -6,8 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trihedron.models.effects.rows import Rows, Variant
+
 ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")
+NOMINAL_TEMPERATURE = 20.0
+"""Temperature [degC] at which effects of temperature vanish."""
 
 
 @dataclass(frozen=True)
@@ -57,36 +61,21 @@ class EffectParameter:
         as they stand in the FMU and in the diagnosis
     largest : float
         the largest absolute value that is called possible
+    smallest : float or None
+        the least value that is called possible; by default `largest` with a minus
     """
 
     name: str
     unit: str
     description: str
     largest: float
+    smallest: float | None = None
 
-
-@dataclass(frozen=True)
-class Rows:
-    """Averaged readings as the signatures see them: N rows at the relinearised point.
-
-    Attributes
-    ----------
-    hours : (N,)
-        time since the first row [h]
-    alpha, beta : (N,)
-        true angles of the outer and the inner axis [rad]
-    n : (N, 3)
-        inputs of the accelerometers [g]
-    by_alpha, by_beta : (N, 3)
-        derivatives of the readings by the true angles [g/rad]
-    """
-
-    hours: NDArray[np.float64]
-    alpha: NDArray[np.float64]
-    beta: NDArray[np.float64]
-    n: NDArray[np.float64]
-    by_alpha: NDArray[np.float64]
-    by_beta: NDArray[np.float64]
+    def possible(self, value: float) -> bool:
+        """Whether a value is within the possible ones, to rounding."""
+        room = 1e-9 * self.largest
+        low = -self.largest if self.smallest is None else self.smallest
+        return low - room <= value <= self.largest + room
 
 
 @dataclass(frozen=True)
@@ -119,6 +108,18 @@ class Effect:
     encoder_error : callable or None
         of an effect on the encoders: place, true α (N,), true β (N,) -> (N, 2, K): the readings' errors [rad] per
         coefficient, from which the true angles follow exactly; the signature is their effect to first order
+    needs : tuple of str
+        attributes of the rows without which the effect cannot be tried ("temperature")
+    turns : callable or None
+        of an effect on the table: place, rows -> (N, 4, K): small turns [rad] per coefficient, added to κ, about the
+        outer axis, to ε and about the inner axis, at given encoder readings. With the angles that the turns are
+        functions of taken as the true ones they are exact: of an effect on an encoder, `rows` has the angles with its
+        turns in; of one on the geometry, without. The signature is their effect to first order
+    variants : callable or None
+        of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act. Its
+        signature and coefficients raise TypeError
+    of_place : callable or None
+        place -> the effect there, where parameters and kernel differ between the places
     """
 
     name: str
@@ -133,6 +134,14 @@ class Effect:
     sentence: Callable[[EffectPlace, Mapping[str, float]], str]
     within: str | None = None
     encoder_error: Callable[[EffectPlace, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] | None = None
+    needs: tuple[str, ...] = ()
+    turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
+    variants: Callable[[EffectPlace, Rows, NDArray[np.float64], float], list[Variant]] | None = None
+    of_place: "Callable[[EffectPlace], Effect] | None" = None
+
+    def at(self, place: EffectPlace) -> "Effect":
+        """The effect as it is at one of its places."""
+        return self if self.of_place is None else self.of_place(place)
 
 
 def on_accelerometers(name: str) -> tuple[EffectPlace, ...]:
@@ -155,3 +164,37 @@ def accelerometer_number(place: EffectPlace) -> tuple[int, ...]:
 def only_coefficient(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
     """Parameters of an effect whose only parameter is its linear coefficient."""
     return (float(coefficients[0]),)
+
+
+def no_signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """In place of the signature of an effect that is not linear."""
+    raise TypeError(f"{place.title} is not linear: it has variants, no signature")
+
+
+def no_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    """In place of the parameters' values from linear coefficients, of an effect that is not linear."""
+    raise TypeError("an effect that is not linear has values for each of its variants")
+
+
+def polar_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    """Amplitude and phase of each pair (amplitude·cos(phase), amplitude·sin(phase)) of coefficients (2 K,)."""
+    pairs = [(float(x), float(y)) for x, y in np.reshape(coefficients, (-1, 2))]
+    return tuple(value for x, y in pairs for value in (float(np.hypot(x, y)), float(np.arctan2(y, x))))
+
+
+def all_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    """Parameters of an effect that are its linear coefficients."""
+    return tuple(float(value) for value in coefficients)
+
+
+def turned(rows: Rows, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Change of the readings (N, 3, K), to first order, with small turns (N, 4, K): of κ, outer, of ε, inner."""
+    slopes = np.stack((rows.by_kappa, rows.by_alpha, rows.by_epsilon, rows.by_beta), axis=2)
+    return slopes @ turns
+
+
+def above_nominal(rows: Rows) -> NDArray[np.float64]:
+    """Temperature of the rows (N,) above the nominal one [K]; ValueError where it is not known."""
+    if rows.temperature is None:
+        raise ValueError("effects of temperature need the temperature of the rows")
+    return rows.temperature - NOMINAL_TEMPERATURE

@@ -5,7 +5,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import AXES, Effect, EffectParameter, EffectPlace, Rows
+from trihedron.models.effects.definition import (
+    AXES,
+    Effect,
+    EffectParameter,
+    EffectPlace,
+    polar_coefficients,
+    turned,
+)
+from trihedron.models.effects.rows import Rows
 from trihedron.models.restricted import Vector
 
 ORDERS = (1, 2, 3, 4, 5, 6)
@@ -26,34 +34,31 @@ def encoder_error(place: EffectPlace, alpha: NDArray[np.float64], beta: NDArray[
     return errors
 
 
-def signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Change of the readings with amplitude·cos(phase) and amplitude·sin(phase).
-
-    The true angle is the reading less the harmonic, so at a given encoder reading the block sees the harmonic with the
-    opposite sign.
-    """
-    angle, slope = (rows.alpha, rows.by_alpha) if place.index == 0 else (rows.beta, rows.by_beta)
-    order = place.order or 1
-    return np.stack((-slope * np.sin(order * angle)[:, None], -slope * np.cos(order * angle)[:, None]), axis=2)
+def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2) at given readings: the true angle is the reading less the harmonic."""
+    small = np.zeros((len(rows.hours), 4, 2))
+    small[:, 1::2] = -encoder_error(place, rows.alpha, rows.beta)
+    return small
 
 
 EFFECT = Effect(
     name="encoder-harmonic",
     places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in ORDERS),
     parameters=(
-        EffectParameter("amplitude", "rad", "amplitude of the harmonic", 5e-3),
+        EffectParameter("amplitude", "rad", "amplitude of the harmonic", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "phase of the harmonic", math.pi),
     ),
     component="TurntableMotion",
     stage="encoder_effects",
     kernel=encoder_harmonic,
     place_numbers=lambda place: (place.index, place.order or 1),
-    signature=signature,
-    from_coefficients=lambda c: (float(np.hypot(c[0], c[1])), float(np.arctan2(c[1], c[0]))),
+    signature=lambda place, rows: turned(rows, turns(place, rows)),
+    from_coefficients=polar_coefficients,
     sentence=lambda place, values: (
         f"the encoder of the {place.where.replace('-', ' ')} errs by "
         f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec, {place.order} "
         f"time{'s' if place.order != 1 else ''} a turn"
     ),
     encoder_error=encoder_error,
+    turns=turns,
 )

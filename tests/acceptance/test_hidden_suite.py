@@ -22,7 +22,10 @@ def outcome(seed: int, *, clean: bool) -> str:
     )
     if result.verdict in ("consistent", "unexplained", "insufficient"):
         return result.verdict
-    named = [{cause.place, *cause.equivalents} for cause in (*result.causes, *result.alternatives)]
+    named = [
+        {finding.causes[0].place, *finding.causes[0].equivalents} if len(finding.causes) == 1 else set()
+        for finding in result.findings
+    ]
     if result.verdict == "explained":
         return "right" if case.place in named[0] else "wrong"
     return "candidate" if any(case.place in group for group in named) else "wrong"

@@ -207,7 +207,7 @@ def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[st
     values = zip(here.symbols, here.point, strict=True)
     large = [f"{symbol} = {value:.2g}" for symbol, value in values if abs(value) > 0.2]
     if large:
-        remarks.append(f"values far from an aligned bench ({', '.join(large)}): is --mounting right?")
+        remarks.append(f"values far from an aligned bench ({', '.join(large)}): are --mounting and --gravity right?")
     if contradicts:
         remarks.append("the measurements, too few as they are, contradict the model: see the radius and the witness")
     if unbounded:

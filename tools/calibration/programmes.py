@@ -114,7 +114,7 @@ def chebyshev_radius(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tu
     solution = _solve(highs)
     values = np.array(solution.col_value) * stretch
     duals = np.array(solution.row_dual)
-    return float(values[-1]), values[:-1] / size, (duals[:rows] + duals[rows:]) / bound
+    return max(0.0, float(values[-1])), values[:-1] / size, (duals[:rows] + duals[rows:]) / bound
 
 
 def _model(

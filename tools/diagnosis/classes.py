@@ -1,12 +1,14 @@
 """Effects that no measurement on this bench could tell apart form one class."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import Positions, reading_jacobian
+from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.extended_fit import rows_at, signature_columns
 from trihedron.models.effects import EffectPlace
 
@@ -25,12 +27,10 @@ def residual_spaces(here: Linearisation, places: Sequence[EffectPlace]) -> list[
     mountings = range(len(here.parametrisation.mountings))
     alpha, beta, mounting = (g.ravel() for g in np.meshgrid(degrees, degrees, mountings, indexing="ij"))
     at = Positions(np.radians(alpha), np.radians(beta), mounting.astype(int))
-    # Multiples of the golden ratio, modulo one: times in an order that no angle follows.
-    hours = np.arange(len(alpha)) * 0.6180339887498949 % 1.0
     point = np.zeros(len(here.symbols))
     bench = reading_jacobian(here.parametrisation, point, at).reshape(3 * len(alpha), -1)
     basis = column_space(bench)
-    rows = rows_at(here, point, at, hours)
+    rows = rows_at(here, point, at, varied_circumstances(len(alpha)))
     spaces = []
     for place in places:
         columns = signature_columns([place], rows)
@@ -38,6 +38,16 @@ def residual_spaces(here: Linearisation, places: Sequence[EffectPlace]) -> list[
         left[:, np.linalg.norm(left, axis=0) < 1e-9 * np.linalg.norm(columns, axis=0)] = 0.0
         spaces.append(column_space(left))
     return spaces
+
+
+def varied_circumstances(count: int) -> Circumstances:
+    """Times, temperatures and senses in an order that no angle follows."""
+    index = np.arange(count)
+    # Fractional parts of multiples of irrational numbers fill the unit interval evenly and are unrelated.
+    time, temperature, first, second = (index * step % 1.0 for step in (0.618034, 0.414214, 0.732051, 0.236068))
+    return Circumstances(
+        time, 20.0 + 10.0 * temperature, np.where(first < 0.5, -1.0, 1.0), np.where(second < 0.5, -1.0, 1.0), True
+    )
 
 
 def column_space(columns: NDArray) -> NDArray:
@@ -51,9 +61,46 @@ def same_space(a: NDArray, b: NDArray) -> bool:
     return a.shape == b.shape and float(np.linalg.norm(a - b @ (b.T @ a), 2)) < SAME_SPACE
 
 
-def equivalents(here: Linearisation, place: EffectPlace, others: Sequence[EffectPlace]) -> list[EffectPlace]:
-    """Those of `others` that no measurement with these mountings could tell from the effect at `place`."""
-    spaces = residual_spaces(here, [place, *others])
-    if spaces[0].shape[1] == 0:
-        return []
-    return [other for other, space in zip(others, spaces[1:], strict=True) if same_space(spaces[0], space)]
+@dataclass(frozen=True)
+class Classes:
+    """Effects that can be told apart at all, and what each stands for.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+        one of each class, in the order of the catalogue; effects that lie wholly in the nominal model are left out
+    members : tuple of tuple of EffectPlace
+        the others of each class
+    spaces : tuple of array
+        what each adds to the nominal model, as orthonormal columns over a dense set of positions
+    """
+
+    places: tuple[EffectPlace, ...]
+    members: tuple[tuple[EffectPlace, ...], ...]
+    spaces: tuple[NDArray, ...]
+
+    def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
+        """What no measurement with these mountings could tell from the effect at `place`."""
+        return self.members[self.places.index(place)] if place in self.places else ()
+
+    def joint_space(self, places: Sequence[EffectPlace]) -> NDArray:
+        """What a set of effects adds to the nominal model together."""
+        return column_space(np.hstack([self.spaces[self.places.index(place)] for place in places]))
+
+
+def classes_of(here: Linearisation, places: Sequence[EffectPlace]) -> Classes:
+    """Sort effects into classes by what they add to the nominal model at any positions with these mountings."""
+    firsts: list[EffectPlace] = []
+    spaces: list[NDArray] = []
+    members: list[list[EffectPlace]] = []
+    for place, space in zip(places, residual_spaces(here, places), strict=True):
+        if space.shape[1] == 0:
+            continue
+        same = next((k for k, other in enumerate(spaces) if same_space(space, other)), None)
+        if same is None:
+            firsts.append(place)
+            spaces.append(space)
+            members.append([])
+        else:
+            members[same].append(place)
+    return Classes(tuple(firsts), tuple(tuple(m) for m in members), tuple(spaces))

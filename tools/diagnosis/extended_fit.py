@@ -7,13 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions, predicted_input, predicted_reading, reading_jacobian
+from trihedron.calibration.parametrisation import (
+    Parametrisation,
+    Positions,
+    predicted_input,
+    predicted_reading,
+    reading_jacobian,
+)
 from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 
 MAX_ITERATIONS = 12
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
+INPUT_CHANGE = 1e-4
+"""Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
 
 
 @dataclass(frozen=True)
@@ -69,19 +79,53 @@ def true_angles(here: Linearisation, point: NDArray, places: Sequence[EffectPlac
     return Positions(alpha, beta, at.mounting)
 
 
-def rows_at(here: Linearisation, point: NDArray, at: Positions, hours: NDArray) -> Rows:
+def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: Circumstances) -> Rows:
     """What the signatures see at these positions; derivatives by a complex step."""
-    step = 1e-30
-    by_alpha = predicted_reading(here.parametrisation, point, Positions(at.alpha + 1j * step, at.beta, at.mounting))
-    by_beta = predicted_reading(here.parametrisation, point, Positions(at.alpha, at.beta + 1j * step, at.mounting))
+    p, step = here.parametrisation, 1e-30
+    n = predicted_input(p, point, at)
+
+    def slope(parameter: str | None, alpha: float = 0.0, beta: float = 0.0) -> NDArray:
+        moved = point + 1j * step * np.array([symbol == parameter for symbol in p.symbols])
+        there = Positions(at.alpha + 1j * step * alpha, at.beta + 1j * step * beta, at.mounting)
+        return np.imag(predicted_reading(p, moved, there)) / step
+
+    targets = (p.selection @ point)[at.mounting]
+    plus, minus = (targets[:, [TARGETS.index(pair[k]) for pair in SYMMETRIC_PAIRS]] for k in (0, 1))
     return Rows(
-        hours=hours,
+        hours=circumstances.hours,
         alpha=at.alpha - point[here.symbols.index("X2")],
         beta=at.beta,
-        n=predicted_input(here.parametrisation, point, at),
-        by_alpha=np.imag(by_alpha) / step,
-        by_beta=np.imag(by_beta) / step,
+        n=n,
+        by_alpha=slope(None, alpha=1.0),
+        by_beta=slope(None, beta=1.0),
+        by_kappa=slope("X1"),
+        by_epsilon=slope("X3"),
+        temperature=circumstances.temperature,
+        sense_alpha=circumstances.sense_alpha,
+        sense_beta=circumstances.sense_beta,
+        input_sense=input_senses(p, point, at, circumstances),
+        own=n + np.where(n >= 0.0, plus, minus) * n,
+        prediction=predicted_reading(p, point, at),
     )
+
+
+def input_senses(p: Parametrisation, point: NDArray, at: Positions, circumstances: Circumstances) -> NDArray:
+    """Senses (N, 3) of the last change of each accelerometer's input: with the approach, else from the row before.
+
+    Both axes are taken to end their moves together. The first row comes from no input.
+    """
+    step = 1e-30
+    n = predicted_input(p, point, at)
+    if circumstances.approached or circumstances.before is None:
+        moving = Positions(
+            at.alpha + 1j * step * circumstances.sense_alpha,
+            at.beta + 1j * step * circumstances.sense_beta,
+            at.mounting,
+        )
+        return np.sign(np.imag(predicted_input(p, point, moving)))
+    before = predicted_input(p, point, Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting))
+    change = n - np.nan_to_num(before)
+    return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0)
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
@@ -96,11 +140,15 @@ def coefficient_count(place: EffectPlace) -> int:
 
 
 def extended_reading(
-    here: Linearisation, point: NDArray, places: Sequence[EffectPlace], coefficients: NDArray, hours: NDArray
+    here: Linearisation,
+    point: NDArray,
+    places: Sequence[EffectPlace],
+    coefficients: NDArray,
+    circumstances: Circumstances,
 ) -> tuple[NDArray, NDArray]:
     """Predicted readings (3 N,) over g with the effects, and their signatures (3 N, K) there."""
     at = true_angles(here, point, places, coefficients)
-    rows = rows_at(here, point, at, hours)
+    rows = rows_at(here, point, at, circumstances)
     columns = signature_columns(places, rows)
     reading = predicted_reading(here.parametrisation, point, at, here.sign).ravel()
     first = 0
@@ -122,15 +170,15 @@ def least_squares_step(jacobian: NDArray, residual: NDArray, bound: NDArray) -> 
     return (directions[kept].T @ ((u[:, kept].T @ (residual / bound)) / values[kept])) / size
 
 
-def fit_extended(here: Linearisation, hours: NDArray, places: Sequence[EffectPlace]) -> ExtendedFit:
+def fit_extended(here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]) -> ExtendedFit:
     """Fit the bench together with effects: least squares, relinearised, then the Chebyshev programme.
 
     Parameters
     ----------
     here : Linearisation
         the nominal model at its fit
-    hours : (N,) array
-        time of each row since the first of the record
+    circumstances : Circumstances
+        of the rows
     places : sequence of EffectPlace
         the effects
 
@@ -143,7 +191,7 @@ def fit_extended(here: Linearisation, hours: NDArray, places: Sequence[EffectPla
     reading = here.reading.ravel()
     jacobian = np.zeros((len(reading), 0))
     for _ in range(MAX_ITERATIONS):
-        predicted, columns = extended_reading(here, point, places, coefficients, hours)
+        predicted, columns = extended_reading(here, point, places, coefficients, circumstances)
         at = true_angles(here, point, places, coefficients)
         bench = reading_jacobian(here.parametrisation, point, at, here.sign).reshape(len(reading), -1)
         jacobian = np.hstack((bench, columns))
@@ -152,7 +200,7 @@ def fit_extended(here: Linearisation, hours: NDArray, places: Sequence[EffectPla
             break
         point = point + step[: len(point)]
         coefficients = coefficients + step[len(point) :]
-    predicted, _ = extended_reading(here, point, places, coefficients, hours)
+    predicted, _ = extended_reading(here, point, places, coefficients, circumstances)
     residual = reading - predicted
     radius, centre, duals = chebyshev_radius(jacobian, residual, here.bound)
     return ExtendedFit(tuple(places), point, coefficients, residual, here.bound, jacobian, radius, centre, duals)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions
 from trihedron.calibration.result import component_parameters
+from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, true_angles
 from trihedron.fmus import build
 from trihedron.models.bench import TARGETS
@@ -23,6 +24,11 @@ MAX_LEVERAGE = 1.0
 """A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
 FAST = 1e3
 """Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
+APPROACH = 0.02
+"""From so far [rad] the simulated table comes to a position in the sense of the record."""
+STEPS_PER_GAP = 16
+MAX_STEPS = 100_000
+"""A record whose rows crowd together within a long time is not simulated again."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,12 @@ class Gain:
             "held_out_max_before": float(np.abs(before).max()),
             "held_out_max_after": float(np.abs(after).max()),
         }
+
+    @property
+    def improves(self) -> bool:
+        """Whether held-out readings are predicted better with the effects, on the whole."""
+        summary = self.summary()
+        return summary["held_out_rms_after"] < summary["held_out_rms_before"]
 
 
 def subset(here: Linearisation, rows: NDArray) -> Linearisation:
@@ -96,15 +108,15 @@ def held_out_rows(here: Linearisation, fit: ExtendedFit) -> tuple[NDArray, NDArr
     return best
 
 
-def measure_gain(here: Linearisation, hours: NDArray, fit: ExtendedFit, gravity: float) -> Gain | None:
+def measure_gain(here: Linearisation, circumstances: Circumstances, fit: ExtendedFit, gravity: float) -> Gain | None:
     """Fit without every fourth position, simulate those by the orchestrator without and with the effect, compare.
 
     Parameters
     ----------
     here : Linearisation
         the nominal model at its fit
-    hours : (N,) array
-        time of each row since the first
+    circumstances : Circumstances
+        of the rows
     fit : ExtendedFit
         the model with an effect that has a kernel
     gravity : float
@@ -116,33 +128,38 @@ def measure_gain(here: Linearisation, hours: NDArray, fit: ExtendedFit, gravity:
         None where too few positions remain to judge
     """
     chosen = held_out_rows(here, fit)
-    if chosen is None:
+    hours = circumstances.hours
+    if chosen is None or 3600.0 * hours[-1] * STEPS_PER_GAP > MAX_STEPS * smallest_gap(circumstances):
         return None
     out, scored = chosen
     kept = np.setdiff1d(np.arange(len(here.reading)), out)
     errors = []
     for places in ((), fit.places):
-        trained = fit_extended(subset(here, kept), hours[kept], places)
-        simulated = simulate_rows(here, trained, hours, out, gravity)
+        trained = fit_extended(subset(here, kept), circumstances.selected(kept), places)
+        simulated = simulate_rows(here, trained, circumstances, out, gravity)
         errors.append(here.reading[out] - simulated)
     return Gain(out, scored, errors[0], errors[1])
 
 
-def simulate_rows(here: Linearisation, fit: ExtendedFit, hours: NDArray, rows: NDArray, gravity: float) -> NDArray:
+def simulate_rows(
+    here: Linearisation, fit: ExtendedFit, circumstances: Circumstances, rows: NDArray, gravity: float
+) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
-    simulated = np.zeros((len(rows), 3))
+    readings = np.zeros((len(here.reading), 3))
     at = true_angles(here, fit.point, fit.places, fit.coefficients)
     commands = np.stack((at.alpha, at.beta), axis=1)
     p = here.parametrisation
     for index in range(len(p.mountings)):
-        mine = here.positions.mounting[rows] == index
-        if mine.any():
+        mine = np.flatnonzero(here.positions.mounting == index)
+        if np.isin(mine, rows).any():
             values = dict(zip(TARGETS, p.selection[index] @ fit.point, strict=True))
             parameters = component_parameters(values, p.matrices[index], gravity)
-            simulated[mine] = (
-                simulate_table(parameters, effect_entries(fit), commands[rows[mine]], hours[rows[mine]]) / gravity
-            )
-    return simulated
+            scenario = extended_scenario(parameters, effect_entries(fit), commands[mine], circumstances.selected(mine))
+            run = simulate(scenario).table
+            time, seconds = run["time_s"].to_numpy(), 3600.0 * circumstances.hours[mine]
+            for axis in range(3):
+                readings[mine, axis] = np.interp(seconds, time, run[f"f{axis + 1}_mps2"].to_numpy()) / gravity
+    return readings[rows]
 
 
 def effect_entries(fit: ExtendedFit) -> list[dict[str, object]]:
@@ -168,9 +185,11 @@ def extended_scenario(
     parameters: Mapping[str, Mapping[str, object]],
     effects: Sequence[Mapping[str, object]],
     commands: NDArray,
-    hours: NDArray,
+    circumstances: Circumstances,
 ) -> Scenario:
     """A scenario in which table and block, calibrated and extended, stand at each position at its time.
+
+    The table comes to each position in the sense of the record's last move, and its temperature is the record's.
 
     Parameters
     ----------
@@ -180,21 +199,25 @@ def extended_scenario(
         as in a scenario file
     commands : (n, 2) array
         commanded angles [rad]
-    hours : (n,) array
-        when each position is read, increasing
+    circumstances : Circumstances
+        of the n rows
     """
-    seconds = 3600.0 * hours
-    gap = float(np.diff(seconds).min()) if len(seconds) > 1 else 8.0
-    step = gap / 8.0
-    # The table moves half a gap before each reading, so that the steps about it are at rest there.
-    begin = np.maximum(seconds - 0.5 * gap, 0.0)
-    begin[0] = 0.0
-    steps = int(np.ceil((seconds[-1] + step) / step))
-    table = {
-        "time_s": begin.tolist(),
-        "alpha_rad": commands[:, 0].tolist(),
-        "beta_rad": commands[:, 1].tolist(),
+    seconds = 3600.0 * circumstances.hours
+    gap = smallest_gap(circumstances)
+    step = gap / STEPS_PER_GAP
+    # The table arrives half a gap before each reading, so that the steps about it are at rest there.
+    before = np.maximum(seconds - 0.5 * gap, 0.0)
+    after = np.maximum(seconds - 0.25 * gap, 0.25 * step)
+    senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
+    temperature = np.full(len(seconds), 20.0) if circumstances.temperature is None else circumstances.temperature
+    rows = {
+        "time_s": np.stack((before, after), axis=1).ravel(),
+        "alpha_rad": np.stack((commands - APPROACH * senses, commands), axis=1)[:, :, 0].ravel(),
+        "beta_rad": np.stack((commands - APPROACH * senses, commands), axis=1)[:, :, 1].ravel(),
+        "temperature_degC": np.repeat(temperature, 2),
     }
+    rows["time_s"][0] = 0.0
+    steps = int(np.ceil(seconds[-1] / step)) + 1
     belongs = {component: [dict(e) for e in effects if home(e) == component] for component in parameters}
     return Scenario.model_validate(
         {
@@ -211,7 +234,7 @@ def extended_scenario(
                         "earth_rotation": False,
                         "max_rate": [FAST, FAST],
                         "max_acceleration": [FAST, FAST],
-                        "initial_angle": commands[0].tolist(),
+                        "initial_angle": (commands[0] - APPROACH * senses[0]).tolist(),
                     },
                 },
                 "block": {
@@ -223,8 +246,13 @@ def extended_scenario(
             "connections": [{"from": "table.specific_force", "to": "block.specific_force"}],
             "stimuli": [
                 {
-                    "table": table,
-                    "columns": {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"},
+                    "table": {name: values.tolist() for name, values in rows.items()},
+                    "columns": {
+                        "table.command[1]": "alpha_rad",
+                        "table.command[2]": "beta_rad",
+                        "table.temperature": "temperature_degC",
+                        "block.temperature": "temperature_degC",
+                    },
                 }
             ],
             "record": {"columns": {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)}},
@@ -232,23 +260,14 @@ def extended_scenario(
     )
 
 
+def smallest_gap(circumstances: Circumstances) -> float:
+    """Shortest time [s] between two rows."""
+    return float(np.diff(3600.0 * circumstances.hours).min()) if len(circumstances.hours) > 1 else 8.0
+
+
 def home(entry: Mapping[str, object]) -> str | None:
     """Component that an entry of a scenario's effects extends."""
     return CATALOGUE[str(entry["effect"])].component
-
-
-def simulate_table(
-    parameters: Mapping[str, Mapping[str, object]],
-    effects: Sequence[Mapping[str, object]],
-    commands: NDArray,
-    hours: NDArray,
-) -> NDArray:
-    """Readings (n, 3) [m/s²] of the simulated bench at commanded angles (n, 2) [rad] and times (n,) [h]."""
-    run = simulate(extended_scenario(parameters, effects, commands, hours - hours[0])).table
-    time = run["time_s"].to_numpy()
-    return np.stack(
-        [np.interp(3600.0 * (hours - hours[0]), time, run[f"f{p}_mps2"].to_numpy()) for p in (1, 2, 3)], axis=1
-    )
 
 
 def export_extended(places: Sequence[EffectPlace], folder: Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """The sizes of an effect that a record leaves possible."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,51 +14,103 @@ DIRECTIONS = 72
 """Directions in which a set of two coefficients is enclosed."""
 
 
-def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[float, float], ...]:
-    """Ends of the values that each parameter of the only effect of a fit can have.
+Interval = tuple[float, float]
+
+
+def feasible_set(fit: ExtendedFit, columns: NDArray, room: float) -> tuple[Polytope, NDArray, NDArray]:
+    """The steps from a fit's Chebyshev centre that keep every residual within its bound.
 
     Parameters
     ----------
     fit : ExtendedFit
-        with one effect, consistent with the record
+        consistent with the record
+    columns : (M, C) array
+        of further effects, beside those of the fit
     room : float
         what the readings' rounding adds to their bounds, as a fraction of g
 
     Returns
     -------
-    tuple of (low, high)
-        one for each parameter; (-inf, inf) where the measurements do not determine it
+    polytope : Polytope
+        in the coordinates `span`
+    span : (P + K + C, rank) array
+        orthonormal basis of what the measurements determine, of parameters times their scale
+    scale : (P + K + C,) array
     """
-    effect = CATALOGUE[fit.places[0].effect]
-    first = len(fit.point)
-    centre = fit.residual - fit.jacobian @ fit.centre
-    bound = np.maximum(fit.bound + room, np.abs(centre)) * (1.0 + 1e-9)
-    columns = fit.jacobian.shape[1]
-    scale = np.abs(fit.jacobian).max(axis=0)
+    left = fit.residual - fit.jacobian @ fit.centre
+    bound = np.maximum(fit.bound + room, np.abs(left)) * (1.0 + 1e-9)
+    jacobian = np.hstack((fit.jacobian, columns))
+    scale = np.abs(jacobian).max(axis=0)
     scale[scale == 0.0] = 1.0
-    _, values, directions = np.linalg.svd(fit.jacobian / scale, full_matrices=True)
-    values = np.append(values, np.zeros(columns - len(values)))
+    _, values, directions = np.linalg.svd(jacobian / scale, full_matrices=len(jacobian) < jacobian.shape[1])
+    values = np.append(values, np.zeros(len(directions) - len(values)))
     span = directions[values > 1e-8 * values.max()].T
-    if np.linalg.norm(np.eye(columns)[first:] - span[first:] @ span.T) > 1e-6:
-        return ((-math.inf, math.inf),) * len(effect.parameters)
-    polytope = Polytope(fit.jacobian / scale @ span, bound)
-    polytope.confine(centre - bound, centre + bound)
-    middle = fit.coefficients + fit.centre[first:]
-
-    def reach(direction: NDArray) -> float:
-        weights = np.zeros(columns)
-        weights[first:] = direction / scale[first:]
-        return float(direction @ middle + polytope.maximise(span.T @ weights)[0])
-
-    try:
-        if len(middle) == 1:
-            return ((-reach(np.array([-1.0])), reach(np.array([1.0]))),)
-        return polar_intervals(reach)
-    except SolverError:
-        return ((-math.inf, math.inf),) * len(effect.parameters)
+    polytope = Polytope(jacobian / scale @ span, bound)
+    polytope.confine(left - bound, left + bound)
+    return polytope, span, scale
 
 
-def polar_intervals(reach) -> tuple[tuple[float, float], tuple[float, float]]:
+def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, ...], ...]:
+    """Ends of the values that each parameter of each effect of a fit can have.
+
+    Parameters
+    ----------
+    fit : ExtendedFit
+        consistent with the record
+    room : float
+        what the readings' rounding adds to their bounds, as a fraction of g
+
+    Returns
+    -------
+    tuple of tuple of (low, high)
+        for each effect, for each of its parameters; (-inf, inf) where the measurements do not determine it
+    """
+    count = fit.jacobian.shape[1]
+    polytope, span, scale = feasible_set(fit, np.zeros((len(fit.residual), 0)), room)
+    at = fit.coefficients + fit.centre[len(fit.point) :]
+    found: list[tuple[Interval, ...]] = []
+    first = 0
+    for place in fit.places:
+        parameters = CATALOGUE[place.effect].parameters
+        own = np.arange(first, first + len(parameters))
+        first += len(parameters)
+        columns = len(fit.point) + own
+        determined = np.linalg.norm(np.eye(count)[columns] - span[columns] @ span.T) <= 1e-6
+        unknown = ((-math.inf, math.inf),) * len(parameters)
+
+        def reach(direction: NDArray, own: NDArray = own, columns: NDArray = columns) -> float:
+            weights = np.zeros(count)
+            weights[columns] = direction / scale[columns]
+            return float(direction @ at[own] + polytope.maximise(span.T @ weights)[0])
+
+        try:
+            found.append(effect_intervals(place.effect, len(parameters), reach) if determined else unknown)
+        except SolverError:
+            found.append(unknown)
+    return tuple(found)
+
+
+def effect_intervals(name: str, count: int, reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:
+    """Intervals of an effect's parameters: amplitudes and phases in pairs, others one by one."""
+    names = [parameter.name for parameter in CATALOGUE[name].parameters]
+    found: list[Interval] = []
+    k = 0
+    while k < count:
+        unit = np.eye(count)
+        if names[k].endswith("amplitude"):
+
+            def in_plane(direction: NDArray, k: int = k, unit: NDArray = unit) -> float:
+                return reach(direction[0] * unit[k] + direction[1] * unit[k + 1])
+
+            found += polar_intervals(in_plane)
+            k += 2
+        else:
+            found.append((-reach(-unit[k]), reach(unit[k])))
+            k += 1
+    return tuple(found)
+
+
+def polar_intervals(reach: Callable[[NDArray], float]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Intervals of amplitude and phase that hold a convex set of (amplitude·cos(phase), amplitude·sin(phase)).
 
     The set lies within the polygon of its supporting lines in `DIRECTIONS` directions; the polygon's corners bound

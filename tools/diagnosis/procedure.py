@@ -1,36 +1,32 @@
 """From a position record to a verdict on the simulation's model: the procedure of `trihedron diagnose`."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.procedure import (
-    STANDARD_BOUNDS,
-    calibrate,
-    chebyshev_centre,
-    radius_limit,
-    reading_uncertainty,
-)
+from trihedron.calibration.next_positions import repeats
+from trihedron.calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
 from trihedron.calibration.programmes import SolverError
-from trihedron.diagnosis.classes import equivalents
-from trihedron.diagnosis.extension import measure_gain
+from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
+from trihedron.diagnosis.classes import Classes, classes_of, same_space
+from trihedron.diagnosis.extended_fit import fit_extended
+from trihedron.diagnosis.extension import Gain, measure_gain
 from trihedron.diagnosis.intervals import parameter_intervals
+from trihedron.diagnosis.limits import excluded_sizes, target_shifts
 from trihedron.diagnosis.residual_structure import residual_structure
-from trihedron.diagnosis.result import Cause, Diagnosis
-from trihedron.diagnosis.search import Candidate, catalogue_places, outlier_places, try_effects
+from trihedron.diagnosis.result import Cause, Diagnosis, Finding
+from trihedron.diagnosis.search import Explanation, catalogue_places, single_radii, smallest_explanations
 from trihedron.diagnosis.separation import separating_positions
 from trihedron.errors import InputError
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
-
-if TYPE_CHECKING:
-    from trihedron.records import PositionRecord
+from trihedron.records import PositionRecord
 
 
 def diagnose(
-    record: "PositionRecord",
+    record: PositionRecord,
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
@@ -40,7 +36,7 @@ def diagnose(
     rerun: bool = True,
     progress: bool = False,
 ) -> Diagnosis:
-    """Say whether the bench's model can be true of a record, and if not, which single effect mends it.
+    """Say whether the bench's model can be true of a record, and if not, which smallest set of effects mends it.
 
     Parameters
     ----------
@@ -64,71 +60,88 @@ def diagnose(
         record, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting
     )
     here = nominal.linearised
-    hours = (record.time_s - record.time_s[0]) / 3600.0
+    circumstances = circumstances_of(record)
+    places = catalogue_places(baseline, circumstances)
+    room = reading_uncertainty(record.resolution / gravity)
+    limit = radius_limit(nominal.noise_bound, record.resolution / gravity)
     if nominal.verdict != "falsified":
         # With no more measurements than parameters every record fits.
         enough = nominal.verdict == "consistent" and len(here.residual) > here.span.shape[1]
-        positions = () if enough else nominal.next_positions
-        verdict = "consistent" if enough else "insufficient"
-        return Diagnosis(verdict, nominal, record.position, next_positions=positions)
-    resolution = record.resolution / gravity
-    limit = radius_limit(nominal.noise_bound, resolution)
+        if not enough:
+            proposed = nominal.next_positions or tuple(repeats(here))
+            return Diagnosis("insufficient", nominal, record.position, next_positions=proposed)
+        return Diagnosis(
+            "consistent",
+            nominal,
+            record.position,
+            excluded=excluded_sizes(here, circumstances, places, fit_extended(here, circumstances, ()), room),
+        )
     try:
-        _, _, duals = chebyshev_centre(here)
-        places = [*catalogue_places(baseline), *outlier_places(here, duals)]
-        tried = try_effects(here, hours, places, progress=progress)
+        classes = classes_of(here, places)
+        found = smallest_explanations(here, circumstances, classes.places, limit, nominal.radius, progress=progress)
+        tried = tuple(single_radii(here, circumstances, classes.places))
+        if not found:
+            structure = tuple(residual_structure(here, circumstances.hours))
+            return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
+        groups = equivalence_groups(classes, found)
+        findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)
+        if len(groups) > 1:
+            ahead = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
+            positions = separating_positions(here, ahead, [group[0] for group in groups], bounds)
+            return Diagnosis(
+                "ambiguous", nominal, record.position, findings, tried=tried, next_positions=tuple(positions)
+            )
+        named = groups[0][0]
+        return Diagnosis(
+            "explained",
+            nominal,
+            record.position,
+            findings,
+            tuple(other.places for other in groups[0][1:]),
+            tried,
+            gain_of(here, circumstances, named, gravity) if rerun else None,
+            excluded=excluded_sizes(here, circumstances, classes.places, named.fit, room),
+            targets=target_shifts(nominal, named.fit, room),
+        )
     except SolverError as error:
         raise InputError(
             f"{record.path}: {error}; is --noise-bound {nominal.noise_bound:g} a fraction of g?"
         ) from error
-    standing = [candidate for candidate in tried if candidate.possible and candidate.fit.radius <= limit]
-    if not standing:
-        structure = tuple(residual_structure(here, hours))
-        return Diagnosis("unexplained", nominal, record.position, tried=tuple(tried), residual_structure=structure)
-    groups = classes_of(here, standing)
-    room = reading_uncertainty(resolution)
-    causes = [cause_of(here, group, catalogue_places(baseline), record.position, room) for group in groups]
-    if len(groups) > 1:
-        ahead = float(hours[-1] + (hours[-1] / max(len(hours) - 1, 1)))
-        positions = separating_positions(here, ahead, [group[0] for group in groups], bounds)
-        return Diagnosis(
-            "ambiguous",
-            nominal,
-            record.position,
-            (causes[0],),
-            tuple(causes[1:]),
-            tuple(tried),
-            next_positions=tuple(positions),
-        )
-    named = groups[0][0]
-    physical = CATALOGUE[named.place.effect].kernel is not None
-    gain = measure_gain(here, hours, named.fit, gravity) if rerun and physical else None
-    return Diagnosis("explained", nominal, record.position, (causes[0],), tried=tuple(tried), gain=gain)
 
 
-def classes_of(here: Linearisation, standing: Sequence[Candidate]) -> list[list[Candidate]]:
-    """Candidates that no measurement could tell apart, together; the class with the least radius first."""
-    groups: list[list[Candidate]] = []
-    left = list(standing)
-    while left:
-        first = left.pop(0)
-        others = [c for c in left if c.place.effect != "outlier"] if first.place.effect != "outlier" else []
-        same = equivalents(here, first.place, [c.place for c in others]) if others else []
-        groups.append([first, *(c for c in left if c.place in same)])
-        left = [c for c in left if c.place not in same]
+def gain_of(here: Linearisation, circumstances: Circumstances, named: Explanation, gravity: float) -> Gain | None:
+    """The gain of a set of effects on held-out positions; None for outliers, which say nothing of other positions."""
+    if any(CATALOGUE[place.effect].kernel is None for place in named.places):
+        return None
+    return measure_gain(here, circumstances, named.fit, gravity)
+
+
+def equivalence_groups(classes: Classes, found: Sequence[Explanation]) -> list[list[Explanation]]:
+    """Sets that no measurement on this bench could tell apart, together; the least radius first."""
+    groups: list[list[Explanation]] = []
+    spaces: list[tuple[frozenset[EffectPlace], NDArray]] = []
+    for explanation in found:
+        outliers = frozenset(place for place in explanation.places if place.effect == "outlier")
+        physical = [place for place in explanation.places if place.effect != "outlier"]
+        space = classes.joint_space(physical) if physical else np.zeros((1, 0))
+        for group, (others, other) in zip(groups, spaces, strict=True):
+            if outliers == others and same_space(space, other):
+                group.append(explanation)
+                break
+        else:
+            groups.append([explanation])
+            spaces.append((outliers, space))
     return groups
 
 
-def cause_of(
-    here: Linearisation, group: Sequence[Candidate], places: Sequence[EffectPlace], numbers: NDArray, room: float
-) -> Cause:
-    """The first candidate of a class as a cause, with everything in the catalogue that is equivalent to it."""
-    first = group[0]
-    intervals = parameter_intervals(first.fit, room)
-    if first.place.effect == "outlier":
-        row = int(first.place.where.removeprefix("position-")) - 1
-        place = place_of(int(numbers[row]), first.place.axes[0])
-        return Cause(place, (), first.values, intervals, first.fit.radius)
-    others = [place for place in places if place != first.place]
-    same = tuple(equivalents(here, first.place, others))
-    return Cause(first.place, same, first.values, intervals, first.fit.radius)
+def finding_of(classes: Classes, explanation: Explanation, numbers: NDArray, room: float) -> Finding:
+    """A set of effects as causes, each with everything in the catalogue that is equivalent to it."""
+    intervals = parameter_intervals(explanation.fit, room)
+    causes = []
+    for place, values, ends in zip(explanation.places, explanation.values, intervals, strict=True):
+        named = place
+        if place.effect == "outlier":
+            row = int(place.where.removeprefix("position-")) - 1
+            named = place_of(int(numbers[row]), place.axes[0])
+        causes.append(Cause(named, classes.equivalents(place), values, ends))
+    return Finding(tuple(causes), explanation.fit)

@@ -2,14 +2,14 @@
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
 
 from trihedron.calibration.result import Calibration
+from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.diagnosis.extension import Gain
-from trihedron.diagnosis.search import Candidate
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
 SCHEMA = "trihedron.diagnosis/1"
@@ -17,7 +17,7 @@ SCHEMA = "trihedron.diagnosis/1"
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect that explains the record.
+    """An effect that explains the record, alone or with others.
 
     Attributes
     ----------
@@ -29,15 +29,12 @@ class Cause:
         its parameters
     intervals : tuple of (low, high)
         what the measurements leave possible
-    radius : float
-        of the model with it
     """
 
     place: EffectPlace
     equivalents: tuple[EffectPlace, ...]
     values: tuple[float, ...]
     intervals: tuple[tuple[float, float], ...]
-    radius: float
 
     @property
     def sentence(self) -> str:
@@ -77,6 +74,31 @@ def place_json(place: EffectPlace) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
+class Finding:
+    """A smallest set of effects that makes the record consistent.
+
+    Attributes
+    ----------
+    causes : tuple of Cause
+    fit : ExtendedFit
+        the model with them
+    """
+
+    causes: tuple[Cause, ...]
+    fit: ExtendedFit
+
+    @property
+    def title(self) -> str:
+        """The effects in words."""
+        return " and ".join(cause.place.title for cause in self.causes)
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """The effects."""
+        return tuple(cause.place for cause in self.causes)
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """What a record says of the simulation's model.
 
@@ -88,29 +110,45 @@ class Diagnosis:
         of the nominal model
     position_numbers : (N,) array of int
         the record's own numbers of its rows
-    causes : tuple of Cause
-        the effect that was named, or the best of several
-    alternatives : tuple of Cause
-        the others
-    tried : tuple of Candidate
-        every effect that was tried, the least radius first
+    findings : tuple of Finding
+        the set that was named, or the sets that remain, the best first
+    equivalent_sets : tuple of tuple of EffectPlace
+        other sets that no measurement on this bench could tell from the first
+    tried : tuple of (str, float)
+        single effects and the radius that each leaves, the least first
     gain : Gain or None
         None where nothing is named or too few positions remain
     next_positions : tuple of dict
         what to measure next
     residual_structure : tuple of dict
         of an unexplained residual
+    excluded : tuple of dict
+        upper bounds of effects that were not found
+    targets : tuple of dict
+        the calibration's targets before and after the extension
     """
 
     verdict: str
     baseline: Calibration
     position_numbers: NDArray
-    causes: tuple[Cause, ...] = ()
-    alternatives: tuple[Cause, ...] = ()
-    tried: tuple[Candidate, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    equivalent_sets: tuple[tuple[EffectPlace, ...], ...] = ()
+    tried: tuple[tuple[str, float], ...] = ()
     gain: Gain | None = None
     next_positions: tuple[dict[str, Any], ...] = ()
-    residual_structure: tuple[dict[str, Any], ...] = field(default=())
+    residual_structure: tuple[dict[str, Any], ...] = ()
+    excluded: tuple[dict[str, Any], ...] = ()
+    targets: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The effects that were named, or the best of several sets."""
+        return self.findings[0].causes if self.findings else ()
+
+    @property
+    def alternatives(self) -> tuple[tuple[Cause, ...], ...]:
+        """The other sets that remain."""
+        return tuple(finding.causes for finding in self.findings[1:])
 
     def to_json(self) -> dict[str, Any]:
         """The object of schema trihedron.diagnosis/1."""
@@ -126,12 +164,18 @@ class Diagnosis:
                 "witness": [{"position": n, "accelerometer": p} for n, p in self.baseline.witness],
             },
             "causes": [cause.to_json() for cause in self.causes],
-            "extended": {"radius": self.causes[0].radius} if self.causes else None,
+            "extended": {"radius": self.findings[0].fit.radius} if self.findings else None,
             "gain": self.gain.summary() if self.gain is not None else None,
             "next_positions": list(self.next_positions),
         }
         if self.verdict == "ambiguous":
-            content["alternatives"] = [[cause.to_json()] for cause in self.alternatives]
+            content["alternatives"] = [[cause.to_json() for cause in causes] for causes in self.alternatives]
+        if self.equivalent_sets:
+            content["equivalent_sets"] = [[place_json(place) for place in places] for places in self.equivalent_sets]
+        if self.targets:
+            content["targets"] = list(self.targets)
+        if self.excluded:
+            content["excluded"] = list(self.excluded)
         if self.verdict == "unexplained":
             content["residual_structure"] = list(self.residual_structure)
         if self.verdict == "insufficient":

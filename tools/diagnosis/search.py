@@ -1,80 +1,151 @@
-"""Which single effects would make the record consistent."""
+"""The smallest sets of effects that explain a record: candidates, linear search, exact judgement."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended
+from trihedron.calibration.parametrisation import Positions
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, rows_at, signature_columns
+from trihedron.diagnosis.lawson import Problem
+from trihedron.diagnosis.sets import MAX_SET, EffectSet, smallest_sets
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 
-MANY_MEASUREMENTS = 1500
-"""From here on the search takes seconds and shows its progress."""
-
 
 @dataclass(frozen=True)
-class Candidate:
-    """An effect that was tried.
+class Explanation:
+    """A set of effects, fitted.
 
     Attributes
     ----------
     fit : ExtendedFit
-        the model with it
-    values : tuple of float
-        its parameters at the Chebyshev centre
+        the model with them
+    values : tuple of tuple of float
+        parameters of each effect at the Chebyshev centre
     possible : bool
-        whether its catalogue entry calls that size possible
+        whether the catalogue calls all those sizes possible
     """
 
     fit: ExtendedFit
-    values: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
     possible: bool
 
     @property
-    def place(self) -> EffectPlace:
-        """The effect."""
-        return self.fit.places[0]
+    def places(self) -> tuple[EffectPlace, ...]:
+        """The effects."""
+        return self.fit.places
+
+    @property
+    def title(self) -> str:
+        """The effects in words."""
+        return " and ".join(place.title for place in self.places)
 
 
-def catalogue_places(baseline: str) -> list[EffectPlace]:
-    """Every effect at every place that the baseline's model does not hold already, outliers apart."""
-    return [place for effect in CATALOGUE.values() if effect.within != baseline for place in effect.places]
-
-
-def outlier_places(here: Linearisation, duals: NDArray) -> list[EffectPlace]:
-    """Outliers that could mend the record: only those of the witness, which alone proves the falsification."""
-    witness = np.abs(duals) * here.bound > 1e-9
+def catalogue_places(baseline: str, circumstances: Circumstances) -> list[EffectPlace]:
+    """Every effect at every place that can be tried: not in the baseline's model, nothing missing in the record."""
     return [
-        place_of(int(i) + 1, int(axis))
-        for i, axis in zip(here.position[witness], here.accelerometer[witness], strict=True)
+        place
+        for effect in CATALOGUE.values()
+        if effect.within != baseline
+        and ("temperature" not in getattr(effect, "needs", ()) or circumstances.temperature is not None)
+        for place in effect.places
     ]
 
 
-def try_effects(
-    here: Linearisation, hours: NDArray, places: Sequence[EffectPlace], *, progress: bool = False
-) -> list[Candidate]:
-    """Fit the model with each effect in turn; the one that leaves the least radius comes first."""
-    console = Console(stderr=True)
-    quiet = not progress or not console.is_terminal or len(here.residual) < MANY_MEASUREMENTS
-    tried = [
-        assess(fit_extended(here, hours, [place]))
-        for place in track(places, "effects", console=console, disable=quiet, transient=True)
-    ]
-    return sorted(tried, key=lambda candidate: candidate.fit.radius)
-
-
-def assess(fit: ExtendedFit) -> Candidate:
-    """The parameters of a fitted effect, and whether they are possible."""
-    effect = CATALOGUE[fit.places[0].effect]
+def explain(fit: ExtendedFit) -> Explanation:
+    """The parameters of fitted effects, and whether they are possible."""
     coefficients = fit.coefficients + fit.centre[len(fit.point) :]
-    values = effect.from_coefficients(coefficients)
-    possible = all(
-        abs(value) <= parameter.largest * (1.0 + 1e-9)
-        for value, parameter in zip(values, effect.parameters, strict=True)
-    )
-    return Candidate(fit, values, possible)
+    values, possible = [], True
+    first = 0
+    for place in fit.places:
+        effect = CATALOGUE[place.effect]
+        count = len(effect.parameters)
+        parameters = effect.from_coefficients(coefficients[first : first + count])
+        first += count
+        values.append(parameters)
+        possible &= all(
+            abs(value) <= parameter.largest * (1.0 + 1e-9)
+            for value, parameter in zip(parameters, effect.parameters, strict=True)
+        )
+    return Explanation(fit, tuple(values), possible)
+
+
+def linear_problem(here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]) -> Problem:
+    """The search as a linear problem at the fit of the nominal model, in units of the bounds."""
+    at: Positions = here.positions
+    rows = rows_at(here, here.point, at, circumstances)
+    columns, blocks, first = [], [], 0
+    for place in places:
+        block = signature_columns([place], rows) / here.bound[:, None]
+        columns.append(block)
+        blocks.append(slice(first, first + block.shape[1]))
+        first += block.shape[1]
+    stacked = np.hstack(columns) if columns else np.zeros((len(here.residual), 0))
+    return Problem(here.residual / here.bound, here.jacobian / here.bound[:, None], stacked, tuple(blocks))
+
+
+def smallest_explanations(
+    here: Linearisation,
+    circumstances: Circumstances,
+    places: Sequence[EffectPlace],
+    limit: float,
+    radius: float,
+    *,
+    progress: bool = False,
+) -> list[Explanation]:
+    """All sets of effects of the smallest size, up to three, that make the record consistent; the least radius first.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model at its fit
+    circumstances : Circumstances
+    places : sequence of EffectPlace
+        candidates; outliers are tried at every reading besides
+    limit : float
+        radius up to which a model is consistent
+    radius : float
+        of the nominal model: the larger, the farther its fit may be from the truth
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Returns
+    -------
+    list of Explanation
+    """
+    problem = linear_problem(here, circumstances, places)
+    found: dict[EffectSet, Explanation] = {}
+
+    def judge(candidate: EffectSet) -> bool:
+        chosen = [places[i] for i in candidate.effects]
+        chosen += [place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in candidate.outliers]
+        explanation = explain(fit_extended(here, circumstances, chosen))
+        found[candidate] = explanation
+        return explanation.possible and explanation.fit.radius <= limit
+
+    def tracked(order: Sequence[int]) -> Iterable[int]:
+        console = Console(stderr=True)
+        return track(order, "sets of three effects", console=console, disable=not console.is_terminal, transient=True)
+
+    # Of second order in the misfit: by so much the linear model at a wrong fit may err.
+    slack = 0.05 + 20.0 * radius**2 * float(here.bound.min())
+    sets = smallest_sets(problem, slack, judge, MAX_SET, tracked if progress else iter)
+    return sorted((found[candidate] for candidate in sets), key=lambda e: (round(e.fit.radius, 9), e.title))
+
+
+def single_radii(
+    here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]
+) -> list[tuple[str, float]]:
+    """What each single effect leaves, by the model linearised at the nominal fit; the least radius first."""
+    rows = rows_at(here, here.point, here.positions, circumstances)
+    tried = []
+    for place in places:
+        jacobian = np.hstack((here.jacobian, signature_columns([place], rows)))
+        tried.append((place.title, chebyshev_radius(jacobian, here.residual, here.bound)[0]))
+    return sorted(tried, key=lambda entry: (round(entry[1], 9), entry[0]))

@@ -5,18 +5,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from fmpy.model_description import ModelDescription
+from fmpy.model_description import ModelDescription, SimpleType
 
 from trihedron.errors import InputError, nearest
 from trihedron.orchestrator.quantities import Scale, scale_of
 
 Value = bool | int | float | str
 LARGEST_INTEGER = 2**31 - 1
+MANY_ITEMS = 6
+"""So many values of an enumeration can be listed in a line."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable; `kind` is Real, Integer, Boolean, String or Enumeration."""
+    """One scalar variable; `kind` is Real, Integer, Boolean, String or Enumeration, `items` what that can be."""
 
     name: str
     kind: str
@@ -27,6 +29,7 @@ class Variable:
     minimum: float | None
     maximum: float | None
     start: Value | None
+    items: tuple[tuple[int, str], ...] = ()
 
     @property
     def access(self) -> str:
@@ -96,6 +99,11 @@ def _number(text: object) -> float | None:
     return None if math.isnan(value) else value
 
 
+def _items(declared: SimpleType | None) -> tuple[tuple[int, str], ...]:
+    """Values and names of an enumeration's items."""
+    return tuple((int(str(item.value)), str(item.name)) for item in declared.items) if declared is not None else ()
+
+
 def _start(kind: str, text: object) -> Value | None:
     if text is None:
         return None
@@ -137,6 +145,7 @@ def interface_of(name: str, label: str, description: ModelDescription) -> Interf
                 _number(attribute("min")) if kind in ("Real", "Integer", "Enumeration") else None,
                 _number(attribute("max")) if kind in ("Real", "Integer", "Enumeration") else None,
                 _start(kind, entry.start),
+                _items(declared) if kind == "Enumeration" else (),
             )
         except ValueError as error:
             raise InputError(f"{label}: modelDescription.xml, variable '{entry.name}': {error}") from error
@@ -202,6 +211,10 @@ def checked(value: Value, variable: Variable) -> Value:
         if (low is not None and value < low) or (high is not None and value > high):
             span = f"[{'-inf' if low is None else low}, {'inf' if high is None else high}]"
             raise InputError(f"{variable.name} = {value} is outside its limits {span}")
+        if variable.items and value not in dict(variable.items):
+            known = [f"{number} ({item})" for number, item in variable.items]
+            shown = known if len(known) <= MANY_ITEMS else [*known[:2], "...", known[-1]]
+            raise InputError(f"{variable.name} = {value} is none of its values: {', '.join(shown)}")
     return value
 
 

@@ -17,6 +17,7 @@ from trihedron.orchestrator.archive import UnpackedFmu
 from trihedron.orchestrator.bus import FmuBus, Port
 from trihedron.orchestrator.grid import Grid
 from trihedron.orchestrator.interface import Value, Variable
+from trihedron.orchestrator.interrupts import held_interrupt
 from trihedron.orchestrator.slave import WARNING, Slave
 
 Recorded = dict[tuple[str, str], Any]
@@ -55,9 +56,11 @@ def run_fmus(
     ------
     InputError
         a call that does not end with OK or Warning, or an output that is not finite
+    KeyboardInterrupt
+        Ctrl-C, once the FMUs are closed
     """
     rows = grid.steps // every + 1
-    with ExitStack() as stack:
+    with held_interrupt() as interrupt, ExitStack() as stack:
         slaves: dict[str, Slave] = {}
         for name in order:
             slaves[name] = slave = Slave(name, fmus[name])
@@ -71,6 +74,8 @@ def run_fmus(
         start, step = grid.start, grid.step
         with np.errstate(invalid="ignore"):
             for k in ticks(range(grid.steps)):
+                if interrupt:
+                    break
                 time = start + k * step
                 for advance in steppers:
                     advance(k, time)
@@ -79,7 +84,7 @@ def run_fmus(
                     for record in recorders:
                         record(row)
         for slave in slaves.values():
-            slave.close(finished=True)
+            slave.close(finished=not interrupt)
         return {key: values for name in order for key, values in lines[name].recorded().items()}
 
 

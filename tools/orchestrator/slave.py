@@ -134,7 +134,9 @@ class Slave:
     def _said(self) -> str:
         """What the FMU said of its failure."""
         serious = [text for status, text in self._log if status >= DISCARD and text]
-        messages = serious or [text for _, text in self._log if text]
+        # PythonFMU may lose the exception that it reports; what the script logged before says more.
+        telling = [text for text in serious if not text.endswith("PyObject_CallMethod unknown error")]
+        messages = telling or serious or [text for _, text in self._log if text]
         return f": {messages[-1]}" if messages else " (its log says nothing)"
 
     def fail(self, call: str, status: int, time: float | None) -> NoReturn:

@@ -3,7 +3,7 @@
 Branch and bound over boxes in (α, β). On a box, with f = ±F'y and the set {c ≥ 0}: freezing the signs of the absolute
 values in c gives functions c_i ≥ c, so that f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that cancel the
 gradient, h is bounded by its quadratic expansion about the centre plus a bound of the third-order remainder. Every
-bound is raised by more than the rounding errors of its evaluation can amount to, so the result is proven, not estimated.
+bound is raised by more than the rounding errors of its evaluation can amount to: it is proven, not estimated.
 """
 
 from collections.abc import Sequence
@@ -13,15 +13,14 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.forms import Sheet
+from trihedron.planning.forms import MOST_TERMS, Sheet, dual_forms
 
 FIRST_BOXES = 16
 MAX_BOXES = 400_000
 SMALLEST = 1e-9
 """Half-width [rad] below which a box is not divided."""
 ROUNDING = 64 * np.finfo(float).eps
-"""A form of nine terms, with its sines and cosines, is evaluated to less than this times the sum of its coefficients."""
-TERMS = 5
+"""A form of nine terms, sines and cosines included, is evaluated to within this times the sum of its coefficients."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +92,19 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
         half[along, np.arange(len(case))] *= 0.5
         step = np.where(along == 0, half[0], 0.0), np.where(along == 1, half[1], 0.0)
         case = np.concatenate([case, case])
-        alpha, beta = np.concatenate([alpha - step[0], alpha + step[0]]), np.concatenate([beta - step[1], beta + step[1]])
+        alpha, beta = (
+            np.concatenate([alpha - step[0], alpha + step[0]]),
+            np.concatenate([beta - step[1], beta + step[1]]),
+        )
         half = np.concatenate([half, half], axis=1)
     return Ceiling(bound, np.zeros((0, 4)), seen)
 
 
 def _forms(sheets: Sequence[Sheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Forms (2S, 7, 3, 3): ±F'y, base and terms; bounds (2S, 7, 3) of their third derivatives, sizes (2S, 7)."""
-    forms = np.zeros((2 * len(sheets), 2 + TERMS, 3, 3))
-    for k, sheet in enumerate(sheets):
-        forms[2 * k, 0] = np.tensordot(dual, sheet.regressor, axes=(0, 0))
+    forms = np.zeros((2 * len(sheets), 2 + MOST_TERMS, 3, 3))
+    for k, (sheet, of_dual) in enumerate(zip(sheets, dual_forms(sheets, dual), strict=True)):
+        forms[2 * k, 0] = of_dual
         forms[2 * k, 1] = sheet.base
         forms[2 * k, 2 : 2 + len(sheet.terms)] = sheet.terms
         forms[2 * k + 1] = forms[2 * k]
@@ -132,9 +134,7 @@ def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDA
     return values
 
 
-def _upper(
-    values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float
-) -> tuple[NDArray, NDArray]:
+def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float) -> tuple[NDArray, NDArray]:
     """Upper bounds (N,) of f on the boxes, -inf where a box lies outside the set; and each direction's share (2, N)."""
     side = np.where(values[:, 0, 2:] < 0.0, -1.0, 1.0)
     pattern = values[:, :, 1] - np.einsum("nkt,nt->nk", values[:, :, 2:], side)
@@ -165,10 +165,10 @@ def _upper(
     weight[~(weight < 1e9)] = 0.0
     h = f[rows] + weight[:, None] * pattern[rows]
     improve(rows, h, _with_rows(h, weight, rows, radius, of_f + rounding_f, of_c + rounding_c))
-    flips: list[tuple[int, ...]] = [(), *((t,) for t in range(TERMS)), *combinations(range(TERMS), 2)]
-    pairs = [(flips[0], (t,)) for t in range(TERMS)]
-    pairs += [(flips[0], pair) for pair in combinations(range(TERMS), 2)]
-    pairs += [((i,), (j,)) for i, j in combinations(range(TERMS), 2)]
+    flips: list[tuple[int, ...]] = [(), *((t,) for t in range(MOST_TERMS)), *combinations(range(MOST_TERMS), 2)]
+    pairs = [(flips[0], (t,)) for t in range(MOST_TERMS)]
+    pairs += [(flips[0], pair) for pair in combinations(range(MOST_TERMS), 2)]
+    pairs += [((i,), (j,)) for i, j in combinations(range(MOST_TERMS), 2)]
     turned = 2.0 * values[:, :, 2:] * side[:, None, :]
     reach = np.abs(values[:, 1, 2:]) * radius[0][:, None] + np.abs(values[:, 2, 2:]) * radius[1][:, None]
     near = np.abs(values[:, 0, 2:]) <= 2.0 * reach + 1e-12

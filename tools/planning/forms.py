@@ -21,6 +21,8 @@ from trihedron.models.regressors import ASYMMETRIC_SLOTS
 
 DEFAULT_BOUNDS = (3e-3, 1e-2)
 """u^max [rad] and v^0max of section 3 of the paper."""
+MOST_TERMS = 5
+"""Absolute values in s_p^max: three of the stand, two of the other accelerometers' inputs."""
 RULES = ("paper", "tables")
 """(1.7) as printed; with the bias rows too, as the published tables were computed."""
 
@@ -40,7 +42,7 @@ class Sheet:
     base : (3, 3) array
         c without its absolute values
     terms : (T, 3, 3) array
-        the forms in absolute value, each times its weight; T ≤ 5
+        the forms in absolute value, each times its weight; T ≤ `MOST_TERMS`
     """
 
     accelerometer: int
@@ -142,11 +144,16 @@ def _check_not_empty(found: Sequence[Sheet], bounds: tuple[float, float]) -> Non
             )
 
 
+def dual_forms(found: Sequence[Sheet], dual: NDArray) -> NDArray:
+    """F'y (S, 3, 3) of each sheet for a dual y (P,)."""
+    return np.array([np.tensordot(dual, sheet.regressor, axes=(0, 0)) for sheet in found])
+
+
 def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     """Values (..., K) of forms (K, 3, 3), or (...) of one form (3, 3), at angles (...) that broadcast [rad]."""
     a, b = basis(alpha), basis(beta)
     if form.ndim == 2:
-        return np.einsum("ij,...i,...j->...", form, a, b)
+        return ((a @ form) * b).sum(axis=-1)
     return np.einsum("kij,...i,...j->...k", form, a, b)
 
 

@@ -102,5 +102,7 @@ def _write(path: Path, columns: Mapping[str, Sequence[str]]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
+    if Path(path).suffix.lower() == ".parquet":
+        raise InputError(f"{path}: records are written as CSV; give a name that ends with .csv")
     with whole_file(Path(path)) as beside:
         beside.write_text(text.getvalue(), encoding="utf-8", newline="")

@@ -66,7 +66,7 @@ def diagnosis_sections(result: Diagnosis, files: list[Path] | None = None) -> li
     nominal = result.baseline
     here = nominal.linearised
     sigma = nominal.noise_bound
-    fit = next((c.fit for c in result.tried if result.causes and c.fit.radius == result.causes[0].radius), None)
+    fit = result.findings[0].fit if result.findings else None
     proof = np.zeros((len(here.reading), 3), dtype=bool)
     witness = set(nominal.witness)
     numbers = result.position_numbers
@@ -99,7 +99,7 @@ def diagnosis_sections(result: Diagnosis, files: list[Path] | None = None) -> li
                     "Each effect of the catalogue was added to the model in turn. At or below one σ the extended model "
                     "explains every reading."
                 ],
-                candidates([c.place.title for c in shown], [c.fit.radius for c in shown]),
+                candidates([title for title, _ in shown], [radius for _, radius in shown]),
                 "Least largest residual that each effect leaves, in units of σ; the best sixteen.",
             )
         )
@@ -135,14 +135,16 @@ def centred(residual: np.ndarray, bound: np.ndarray, fit: ExtendedFit | None) ->
 def cause_section(result: Diagnosis, files: list[Path]) -> Section:
     """The cause that was named, or the candidates that remain."""
     rows = [
-        [cause.place.title, parameter.name, value, finite(low), finite(high), parameter.unit, cause.radius]
-        for cause in (*result.causes, *result.alternatives)
+        [cause.place.title, parameter.name, value, finite(low), finite(high), parameter.unit, finding.fit.radius]
+        for finding in result.findings
+        for cause in finding.causes
         for parameter, value, (low, high) in zip(
             CATALOGUE[cause.place.effect].parameters, cause.values, cause.intervals, strict=True
         )
     ]
     same = [e.title for cause in result.causes for e in cause.equivalents]
-    told = [cause.sentence.capitalize() + "." for cause in (*result.causes, *result.alternatives)]
+    same += [" with ".join(place.title for place in places) for places in result.equivalent_sets]
+    told = [cause.sentence.capitalize() + "." for finding in result.findings for cause in finding.causes]
     if same:
         told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
     told += [f"Measure next: {position_text(position)}." for position in result.next_positions]
@@ -198,7 +200,7 @@ def diagnosis_page(result: Diagnosis, name: str) -> str:
 def verdict_sentence(result: Diagnosis) -> str:
     """The verdict, with the cause when one is named."""
     if result.verdict == "explained":
-        return f"The simulation lacked one effect: {result.causes[0].sentence}."
+        return f"The simulation lacked this: {'; '.join(cause.sentence for cause in result.causes)}."
     return VERDICTS[result.verdict].capitalize() + "."
 
 

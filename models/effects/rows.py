@@ -1,0 +1,116 @@
+"""What an effect sees of a record, and the ways in which one that is not linear can act on it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def _not_given() -> NDArray[np.float64]:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Averaged readings as the signatures see them: N rows at the relinearised point.
+
+    Attributes
+    ----------
+    hours : (N,)
+        time since the first row [h]
+    alpha, beta : (N,)
+        true angles of the outer and the inner axis [rad]
+    n : (N, 3)
+        inputs of the accelerometers [g]
+    by_alpha, by_beta : (N, 3)
+        derivatives of the readings by the turns about the outer and the inner axis [g/rad]
+    by_kappa, by_epsilon : (N, 3)
+        derivatives of the readings by κ and ε [g/rad]; zeros where not given
+    temperature : (N,) or None
+        [degC]; None where the record has none
+    sense_alpha, sense_beta : (N,)
+        sense of the last move of each axis: +1, -1, 0 where there was none; zeros where not given
+    input_sense : (N, 3)
+        sense of the last change of each accelerometer's input; zeros where not given
+    own : (N, 3)
+        response of each accelerometer to its own input, (1 + Γ±) n [g]; n where not given
+    prediction : (N, 3)
+        readings of the nominal model [g]; n where not given
+    resolution : float
+        half of a last digit of the readings [g]
+    """
+
+    hours: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    beta: NDArray[np.float64]
+    n: NDArray[np.float64]
+    by_alpha: NDArray[np.float64]
+    by_beta: NDArray[np.float64]
+    by_kappa: NDArray[np.float64] = field(default_factory=_not_given)
+    by_epsilon: NDArray[np.float64] = field(default_factory=_not_given)
+    temperature: NDArray[np.float64] | None = None
+    sense_alpha: NDArray[np.float64] = field(default_factory=_not_given)
+    sense_beta: NDArray[np.float64] = field(default_factory=_not_given)
+    input_sense: NDArray[np.float64] = field(default_factory=_not_given)
+    own: NDArray[np.float64] = field(default_factory=_not_given)
+    prediction: NDArray[np.float64] = field(default_factory=_not_given)
+    resolution: float = 0.0
+
+    def __post_init__(self) -> None:
+        instead = {
+            **dict.fromkeys(("by_kappa", "by_epsilon", "input_sense"), np.zeros_like(self.n)),
+            **dict.fromkeys(("sense_alpha", "sense_beta"), np.zeros_like(self.hours)),
+            **dict.fromkeys(("own", "prediction"), self.n),
+        }
+        for name, values in instead.items():
+            if len(getattr(self, name)) != len(self.hours):
+                object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way in which an effect that is not linear in its parameters can act on N rows: which readings it changes.
+
+    Within a variant the effect is linear: the prediction gains ``offset + columns @ coefficients``.
+
+    Attributes
+    ----------
+    offset : (N, 3)
+        what is added to the prediction of the nominal model [g]
+    columns : (N, 3, K)
+        derivatives by the K coefficients that remain; K may be 0
+    widening : (N, 3)
+        by which the bounds of the readings grow [g]
+    low, high : (K,)
+        limits of the coefficients
+    values : callable
+        K coefficients -> values of the parameters
+    limits : tuple of (low, high)
+        for each parameter, the values with which the effect acts in this way
+    lost : (N, 3) of bool
+        readings to which the accelerometer's own input adds nothing, derivatives by the bench's parameters included
+    fixed : (N, 3) of bool
+        readings that do not depend on the bench at all
+    stands : callable
+        rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
+        would change these readings there, and no others
+    """
+
+    offset: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    widening: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    values: Callable[[NDArray[np.float64]], tuple[float, ...]]
+    limits: tuple[tuple[float, float], ...]
+    lost: NDArray[np.bool_]
+    fixed: NDArray[np.bool_]
+    stands: Callable[[Rows, NDArray[np.float64]], bool]
+
+
+def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:
+    """True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
+    chosen = np.zeros(shape, dtype=bool)
+    chosen[rows, accelerometer] = True
+    return chosen

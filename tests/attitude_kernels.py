@@ -1,0 +1,97 @@
+"""The attitude computer's kernels for tests: the very text that an FMU carries, in multiple precision."""
+
+import ast
+from collections.abc import Callable, Sequence
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import mpmath
+from mpmath import mpf
+
+from trihedron.fmus import components
+from trihedron.fmus.flat_source import flat_source
+from trihedron.models.attitude_algorithms import Algorithm
+from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+
+DIGITS = 50
+
+
+class ExactNumbers(ast.NodeTransformer):
+    """Every float literal becomes the decimal number that it says, in multiple precision."""
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        if isinstance(node.value, float):
+            text = ast.Constant(repr(node.value))
+            return ast.Call(ast.Name("mpf", ast.Load()), [text], [])
+        return node
+
+
+def computer_source() -> str:
+    """All kernels of the attitude computer."""
+    return flat_source(components()["AttitudeComputer"])
+
+
+def precise_kernels(source: str) -> dict[str, Any]:
+    """The kernels of a source with mpmath's numbers and functions in place of floats and `math`."""
+    functions = {name: getattr(mpmath.mp, name) for name in ("sqrt", "sin", "cos", "atan2", "floor", "fabs", "pi")}
+    namespace: dict[str, Any] = {"math": SimpleNamespace(**functions), "mpf": mpf}
+    tree = ast.fix_missing_locations(ExactNumbers().visit(ast.parse("from __future__ import annotations\n" + source)))
+    exec(compile(tree, "<kernels in multiple precision>", "exec"), namespace)
+    namespace["ITERATION_REMAINDER"] = mpf(10) ** -DIGITS
+    return namespace
+
+
+@cache
+def standard_kernels() -> dict[str, Any]:
+    """The kernels as they are, in multiple precision."""
+    return precise_kernels(computer_source())
+
+
+def updater(algorithm: Algorithm, kernels: dict[str, Any]) -> Callable[[Sequence, Sequence | None], list]:
+    """A function that makes one update.
+
+    Returns
+    -------
+    callable
+        (increments of the step, those of the step before or None) -> quaternion; increments are flat lists
+    """
+    number = mpf(algorithm.number)
+    table, half_table = [mpf(0)] * TABLE_SIZE, [mpf(0)] * HALF_TABLE_SIZE
+    kernels["prepare_update"](number, table, half_table)
+
+    def update(g: Sequence, before: Sequence | None) -> list:
+        empty = [mpf(0)] * STEP_SIZE
+        work = [[mpf(0)] * WORK_SIZE for _ in range(4)]
+        turned = [mpf(0)] * 4
+        failed = kernels["update"](
+            number,
+            [*(before or []), *empty][:STEP_SIZE],
+            mpf(0 if before is None else 1),
+            [*g, *empty][:STEP_SIZE],
+            table,
+            half_table,
+            *work,
+            [mpf(0)] * 4,
+            turned,
+        )
+        assert failed == 0
+        return turned
+
+    return update
+
+
+def product(p: Sequence, q: Sequence) -> list:
+    """Quaternion product, written here once more."""
+    return [
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
+        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
+    ]
+
+
+def angle_between(p: Sequence, q: Sequence) -> Any:
+    """Angle between two attitudes [rad], whatever their norms."""
+    turned = product([p[0], -p[1], -p[2], -p[3]], q)
+    return 2 * mpmath.atan2(mpmath.sqrt(turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2), abs(turned[0]))

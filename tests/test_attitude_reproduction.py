@@ -1,0 +1,158 @@
+"""The published errors of attitude algorithms come out under the paper's conditions, and only under those.
+
+Chelnokov, Perelyaev, Chelnokova 2016, Tables 1 to 3 and section 3.1.1. Of the 264 printed numbers 240 come out within
+5 % (99 of the 105 of Table 1 within 0.2 %); `trihedron.attitude.unexplained` says which do not, and what was tried.
+"""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+from trihedron.attitude.compiled_runs import angle_errors, run_algorithm, sample_motion, step_kernel
+from trihedron.attitude.conditions import CAUSES, EXACT, PAPER, Conditions
+from trihedron.attitude.paper_motions import MOTIONS, paper_motion
+from trihedron.attitude.published import algorithm_named, published_rows
+from trihedron.attitude.reproduction import reproduce_attitude
+from trihedron.attitude.reproduction_output import (
+    reproduction_csv,
+    reproduction_json,
+    reproduction_summary,
+    write_reproduction,
+)
+from trihedron.attitude.unexplained import UNEXPLAINED, not_reproduced, sentence_for
+from trihedron.errors import InputError
+from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
+
+QUICK = (8, 10, 12, 24, 32, 34, 39, 42, 56, 57)
+"""Rows with steps of 10 ms and more: one algorithm of each family, and five of the nine causes."""
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return reproduce_attitude(QUICK)
+
+
+def test_all_published_rows_are_there():
+    rows = published_rows()
+    assert [row.number for row in rows] == list(range(1, 89))
+    assert [sum(row.table == table for row in rows) for table in ("1", "3.1.1", "2", "3")] == [35, 24, 12, 17]
+
+
+def test_rows_of_coarse_steps_come_out(quick):
+    for row in quick.rows:
+        # Printed to three or four digits; the ψ of row 57 and others of 3.1.1 to three.
+        bound = 2e-3 if row.row.table == "1" else 6e-3
+        assert np.abs(row.ratio - 1.0).max() < bound, row.row.title
+
+
+def test_leaving_a_cause_out_spoils_the_rows_that_show_it(quick):
+    assert {effect.cause.switch for effect in quick.effects} == {"other_frequencies", "series_cut", "nodes_as_run"}
+    for effect in quick.effects:
+        assert np.abs(effect.ratio - 1.0).max() < 6e-3
+        assert np.abs(effect.ratio_without - 1.0).min() > 0.2
+
+
+def test_causes_are_the_switches():
+    assert {cause.switch for cause in CAUSES} == set(Conditions.__dataclass_fields__)
+    assert PAPER.without("short_pi", "trapezoid", "not_normalised") == EXACT
+
+
+def test_true_method_error_is_that_of_an_independent_computation():
+    """(22) at 100 Hz, h = 0.01 s, on variant 1: SciPy's rotations, Gauss-Legendre increments of twelve nodes."""
+    from scipy.spatial.transform import Rotation
+
+    harmonics = paper_motion("1", EXACT)
+    period, count = 0.005, 400
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+
+    def rate(t):
+        angle, angle_rate, found = np.zeros(3), np.zeros(3), np.zeros(3)
+        move_harmonically(t, harmonics, angle, angle_rate, found)
+        return found
+
+    increments = np.array(
+        [
+            0.5 * period * sum(w * rate(period * (k + 0.5 + 0.5 * x)) for x, w in zip(nodes, weights, strict=True))
+            for k in range(count)
+        ]
+    )
+    samples = sample_motion(harmonics, period, count)
+    assert np.abs(samples.increments - increments).max() < 1e-16
+    algorithm = algorithm_named("two-sample-rodrigues")
+    attitudes = run_algorithm(algorithm, samples.increments)
+    turned = Rotation.identity()
+    for k in range(0, count, 2):
+        a, b = increments[k], increments[k + 1]
+        x = (0.25 + a @ a / 48) * a + (0.25 + b @ b / 48) * b + np.cross(a, b) / 6
+        turned = turned * Rotation.from_mrp(x)
+        assert abs(turned.as_quat(scalar_first=True) @ attitudes[k // 2]) > 1.0 - 1e-14
+    true, work = np.zeros(4), np.zeros(4)
+    attitude_of_angles(list(samples.angles[-1]), true, work)
+    euler = (Rotation.from_quat(true, scalar_first=True)).as_euler("YZX")
+    assert euler == pytest.approx(samples.angles[-1], abs=1e-14)
+    last = turned.as_euler("YZX") - euler
+    history = angle_errors(attitudes[-1:], samples.angles_at_steps(algorithm)[-1:], True)
+    assert np.abs(last) == pytest.approx(history, abs=1e-14)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
+def test_every_algorithm_has_its_kernel(algorithm):
+    assert step_kernel(algorithm).__name__ == algorithm.kernel
+
+
+def test_angles_beyond_half_a_turn_are_compared_around_the_circle():
+    q = np.array([[math.cos(1.5707963), 0.0, math.sin(1.5707963), 0.0]])
+    angles = np.array([[-math.pi + 1e-3, 0.0, 0.0]])
+    assert angle_errors(q, angles, True)[0] == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_unknown_motion_is_refused():
+    with pytest.raises(InputError, match="did you mean 'second'"):
+        paper_motion("secnd", PAPER)
+    assert len(MOTIONS) == 9
+
+
+def test_outputs_agree(quick, tmp_path):
+    files = write_reproduction(quick, tmp_path / "out", tmp_path / "out.json")
+    assert [file.name for file in files] == ["attitude.csv", "attitude.svg", "out.json"]
+    assert all(file.is_file() for file in files)
+    table = list(csv.DictReader(io.StringIO(reproduction_csv(quick))))
+    document = json.loads(reproduction_json(quick))
+    assert document["schema"] == "trihedron.attitude-reproduction/1"
+    assert [float(line["ratio_psi"]) for line in table] == [row["ratio"][0] for row in document["rows"]]
+    assert [int(line["row"]) for line in table] == list(QUICK)
+    text = "\n".join(reproduction_summary(quick))
+    assert "Table 1: 18 of 18 numbers within 0.2%" in text
+    assert reproduction_json(quick) == reproduction_json(reproduce_attitude(QUICK))
+
+
+@pytest.mark.acceptance
+def test_all_published_rows():
+    """Scores that are reached; what is not reproduced is named, row by row."""
+    result = reproduce_attitude()
+    for line in reproduction_summary(result):
+        print(line)
+    assert result.score(("1",), 0.002) == (99, 105)
+    assert result.score(("3.1.1",), 0.05) == (63, 72)
+    assert result.score(("2", "3"), 0.05) == (76, 87)
+    named = {number for entry in UNEXPLAINED for number in entry.rows}
+    assert {row.row.number for row in result.rows if not_reproduced(row)} == named
+    assert all(sentence_for(row) for row in result.rows if not_reproduced(row))
+    ratios = {row.row.number: row.ratio for row in result.rows}
+    # The "instability" of ψ comes out to the printed digits with amplitudes as they were typed.
+    for number in (60, 61, 67, 71, 72, 73, 76, 79, 81, 84, 88):
+        assert ratios[number][0] == pytest.approx(1.0, abs=5e-4)
+    for effect in result.effects:
+        if effect.cause.switch == "short_pi":
+            assert effect.ratio_without[0] < 3e-3
+        elif effect.cause.switch == "typed_amplitudes":
+            assert effect.ratio_without[0] == pytest.approx(1.0037, abs=3e-4)
+        else:
+            assert np.abs(effect.ratio_without - 1.0).max() > 0.2
+    # The printed 4e-7 degrees of (22) are the trapezoid rule's.
+    assert result.rows[0].row.error_deg[0] / np.degrees(result.rows[0].method[0]) > 1000.0

@@ -1,0 +1,124 @@
+"""Where a command writes: nothing of the user's is replaced by mistake, and a full or foreign output is one line."""
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from trihedron import cli
+from trihedron.models.bench import elementary, elementary_reading
+
+PROGRAM = [sys.executable, "-m", "trihedron.cli"]
+
+
+@pytest.fixture
+def record(tmp_path, monkeypatch) -> Path:
+    """A record of a faultless bench, in the current folder."""
+    import numpy as np
+
+    monkeypatch.chdir(tmp_path)
+    angles = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
+    alpha, beta = np.radians(np.array(angles, dtype=float)).T
+    reading = 9.80665 * elementary_reading(elementary(), alpha, beta, np.eye(3))
+    lines = ["position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"]
+    for k, ((a, b), f) in enumerate(zip(angles, reading, strict=True)):
+        lines.append(f"{k + 1},{60 * k},{a},{b},{f[0]:.9f},{f[1]:.9f},{f[2]:.9f}")
+    path = tmp_path / "record.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return Path("record.csv")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["calibrate", "record.csv", "--noise-bound", "1e-5", "--json", "pipe"],
+        ["calibrate", "record.csv", "--noise-bound", "1e-5", "--report", "pipe"],
+        ["diagnose", "record.csv", "--noise-bound", "1e-5", "--json", "pipe"],
+        ["hidden", "pipe"],
+        ["hidden", "new.csv", "--answer", "pipe"],
+    ],
+    ids=" ".join,
+)
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_device_is_not_replaced_by_a_file(arguments, record, capsys):
+    """A pipe stands for /dev/null: as root, a rename would put a file in its place for the whole machine."""
+    os.mkfifo("pipe")
+    assert cli.main(arguments) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == "trihedron: pipe: is not a regular file; give the name of a file\n"
+    assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
+    assert sorted(p.name for p in Path().iterdir()) == ["pipe", "record.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["calibrate", "record.csv", "--json", "record.csv"], "--json record.csv: is the record too"),
+        (["diagnose", "record.csv", "--report", "../{}/record.csv"], "is the record too"),
+        (["diagnose", "record.csv", "--json", "x", "--report", "x"], "--report x: is --json too"),
+        (["hidden", "new.csv", "--answer", "new.csv"], "--answer new.csv: is the record too"),
+    ],
+)
+def test_a_result_is_not_written_over_another_file_of_the_command(arguments, said, record, capsys):
+    before = record.read_bytes()
+    assert cli.main([a.format(Path.cwd().name) for a in arguments]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert record.read_bytes() == before
+    assert [p.name for p in Path().iterdir()] == ["record.csv"]
+
+
+def test_a_loop_of_links_is_one_line(record, capsys):
+    Path("loop").symlink_to("loop")
+    assert cli.main(["calibrate", "loop", "--json", "record.csv"]) == 2
+    assert capsys.readouterr().err == "trihedron: loop: no such file\n"
+
+
+def test_a_record_is_not_written_as_csv_under_the_name_of_parquet(record, capsys):
+    assert cli.main(["hidden", "new.parquet", "--answer", "answer.json"]) == 2
+    assert "CSV" in capsys.readouterr().err
+    assert [p.name for p in Path().iterdir()] == ["record.csv"]
+
+
+def test_a_wrong_seed_stops_the_demo_before_it_begins(record, capsys):
+    assert cli.main(["demo", "--no-show", "--seed", "-1", "--out", "results"]) == 2
+    assert "--seed -1" in capsys.readouterr().err
+    assert [p.name for p in Path().iterdir()] == ["record.csv"]
+
+
+def test_a_target_may_begin_with_a_minus(record, capsys):
+    assert cli.main(["calibrate", "record.csv", "--noise-bound", "1e-5", "--target", "-X4"]) == 0
+    assert "-X4" in capsys.readouterr().out.splitlines()[-1]
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("arguments", [["calibrate", "record.csv", "--noise-bound", "1e-5"], ["--help"]], ids=" ".join)
+def test_a_full_disk_behind_standard_output_is_one_line(arguments, record):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr == "trihedron: standard output: cannot be written (No space left on device)\n"
+
+
+def test_an_output_without_greek_letters_gets_the_result_all_the_same(record):
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [*PROGRAM, "calibrate", "record.csv", "--noise-bound", "1e-5"],
+        env=environment, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "\\u03c3 = 1e-05 g" in done.stdout
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(record, capsys):
+    """A file stands where the demo's folder would be."""
+    assert cli.main(["demo", "--no-show", "--out", "record.csv/results"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("trihedron: record.csv")
+    assert err.count("\n") == 1
+    assert [p.name for p in Path().iterdir()] == ["record.csv"]

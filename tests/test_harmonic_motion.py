@@ -1,0 +1,142 @@
+"""The harmonic motion: angles, rates, increments and attitude belong together."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad_vec
+from scipy.spatial.transform import Rotation
+
+from trihedron.fmus import components
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.instance import Instance
+
+MOTION = components()["HarmonicMotion"]
+AT = references(MOTION)
+
+
+def motion(parameters: dict[str, float]) -> Instance:
+    model = instantiate(MOTION)
+    for name, value in parameters.items():
+        model.set(AT[name], value)
+    assert model.initialise(0.0) == 0
+    return model
+
+
+def output(model: Instance, name: str, count: int = 3) -> np.ndarray:
+    return np.array([model.get(AT[f"{name}[{i + 1}]"]) for i in range(count)])
+
+
+def rotation(angle: np.ndarray) -> Rotation:
+    """ψ about the second axis, then ϑ about the third, then γ about the first, by scipy."""
+    return Rotation.from_euler("YZX", angle)
+
+
+FAST = {
+    "psi_amplitude[1]": 0.3,
+    "psi_frequency[1]": 1.0,
+    "psi_amplitude[2]": 0.01,
+    "psi_frequency[2]": 40.0,
+    "psi_phase[2]": 1.0,
+    "theta_amplitude[1]": -0.5,
+    "theta_frequency[1]": 0.7,
+    "theta_phase[1]": 0.4,
+    "gamma_amplitude[1]": 2.0,
+    "gamma_frequency[1]": 1.5,
+    "gamma_amplitude[4]": 0.002,
+    "gamma_frequency[4]": 90.0,
+}
+
+
+def test_angles_and_attitude_are_what_the_harmonics_say() -> None:
+    model = motion(FAST)
+    for k in range(40):
+        assert model.do_step(0.037 * k, 0.037) == 0
+        t = 0.037 * (k + 1)
+        expected = [
+            0.3 * math.sin(2 * math.pi * t) + 0.01 * math.sin(80 * math.pi * t + 1.0),
+            -0.5 * math.sin(1.4 * math.pi * t + 0.4),
+            2.0 * math.sin(3 * math.pi * t) + 0.002 * math.sin(180 * math.pi * t),
+        ]
+        np.testing.assert_allclose(output(model, "angle"), expected, rtol=0, atol=1e-12)
+        attitude = Rotation.from_quat(np.roll(output(model, "attitude", 4), -1))
+        assert (attitude.inv() * rotation(np.array(expected))).magnitude() < 1e-12
+        up = attitude.inv().apply([0.0, 9.80665, 0.0])
+        np.testing.assert_allclose(output(model, "specific_force"), up, rtol=0, atol=1e-13)
+
+
+def test_the_rate_is_the_derivative_of_the_attitude() -> None:
+    h = 1e-5
+    for k in range(20):
+        t = 0.11 * k
+        model = motion(FAST)
+        model.do_step(0.0, t + h)
+        rate = output(model, "rate")
+        turned = []
+        for moment in (t, t + 2 * h):
+            model.do_step(0.0, moment if moment > 0 else 1e-300)
+            turned.append(Rotation.from_quat(np.roll(output(model, "attitude", 4), -1)))
+        np.testing.assert_allclose((turned[0].inv() * turned[1]).as_rotvec() / (2 * h), rate, rtol=0, atol=3e-5)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.0, 600.0), st.floats(1e-4, 0.2))
+def test_the_increment_is_the_integral_of_the_rate(begin: float, step: float) -> None:
+    model = motion(FAST)
+
+    def rate(t: float) -> np.ndarray:
+        model.do_step(0.0, t)
+        return output(model, "rate")
+
+    expected, error = quad_vec(rate, begin, begin + step, epsabs=1e-13, epsrel=1e-13, limit=400)
+    model = motion(FAST)
+    assert model.do_step(begin, step) == 0
+    np.testing.assert_allclose(output(model, "increment"), expected, rtol=0, atol=1e-12 + 2 * error)
+
+
+def test_the_trapezoid_lies_over_the_whole_step() -> None:
+    """M = 21 nodes over two increments are ten intervals in each, and the error is that of the trapezoid rule."""
+    plain = motion(FAST)
+    model = motion({**FAST, "trapezoid_nodes": 21.0, "step_samples": 2.0})
+    rates = []
+    for node in range(11):
+        plain.do_step(0.0, 0.3 + 0.001 * node)
+        rates.append(output(plain, "rate"))
+    model.do_step(0.3, 0.01)
+    expected = 0.001 * (np.sum(rates, axis=0) - 0.5 * (rates[0] + rates[-1]))
+    np.testing.assert_allclose(output(model, "increment"), expected, rtol=0, atol=1e-14)
+    plain.do_step(0.3, 0.01)
+    assert np.abs(output(plain, "increment") - expected).max() > 1e-8
+
+
+@pytest.mark.parametrize(("nodes", "samples"), [(2.0, 2.0), (22.0, 2.0), (1.0, 1.0), (21.0, 3.0)])
+def test_nodes_that_do_not_fit_are_refused(nodes: float, samples: float) -> None:
+    model = instantiate(MOTION)
+    model.set(AT["trapezoid_nodes"], nodes)
+    model.set(AT["step_samples"], samples)
+    assert "whole number" in MOTION.messages[model.initialise(0.0) - 1]
+
+
+def test_a_step_of_too_many_periods_is_refused() -> None:
+    model = motion({"psi_amplitude[1]": 1e-3, "psi_frequency[1]": 1e9})
+    assert "1e6 rad" in MOTION.messages[model.do_step(0.0, 1.0) - 1]
+
+
+def test_another_pi_moves_the_frequencies() -> None:
+    """Over 600 s the paper's 3.141592 is 2.5e-4 of a period at 1 Hz short."""
+    model = motion({"pi": 3.141592})
+    model.do_step(0.0, 600.0)
+    assert output(model, "angle")[0] == pytest.approx(
+        math.radians(15.0) * math.sin(2 * 3.141592 * 600.0), rel=1e-9, abs=1e-12
+    )
+    assert abs(output(model, "angle")[0]) > 2e-4
+
+
+def test_a_last_step_of_nothing_does_no_harm() -> None:
+    model = motion(FAST)
+    assert model.do_step(0.0, 0.1) == 0
+    before = [model.get(AT[e]) for v in MOTION.interface if v.causality == "output" for e in v.elements]
+    assert model.do_step(0.1, 1e-14) == 0
+    assert [model.get(AT[e]) for v in MOTION.interface if v.causality == "output" for e in v.elements] == before

@@ -1,0 +1,66 @@
+"""Ctrl-C in the middle of a run."""
+
+import os
+import signal
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from trihedron.orchestrator import interrupts, simulate
+from trihedron.scenario import Scenario
+
+RUN = {
+    "run": {"stop_s": 1.0, "step_s": 0.1},
+    "fmus": {"table": {"component": "TurntableMotion"}},
+    "record": {"format": "csv", "columns": {"alpha_deg": "table.angle[1]"}},
+}
+
+
+def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_path: Path, monkeypatch):
+    """The signal comes while the component's Python runs: it must not strike there as an exception."""
+    from trihedron.fmus import python_flavour
+
+    struck = "import os, signal\n            os.kill(os.getpid(), signal.SIGINT)\n            "
+    monkeypatch.setattr(
+        python_flavour,
+        "SCRIPT",
+        python_flavour.SCRIPT.replace(
+            "        return self.report(self.model.do_step(current_time, step_size))",
+            f"        if 0.45 < current_time < 0.55:\n            {struck}\n"
+            "        return self.report(self.model.do_step(current_time, step_size))",
+        ),
+    )
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with pytest.raises(KeyboardInterrupt):
+        simulate(Scenario.model_validate({**RUN, "base_folder": tmp_path}), tmp_path / "out")
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["temporary"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_the_second_ctrl_c_acts_at_once():
+    """An FMU that never returns to the loop must not make the program immortal."""
+
+    def stuck() -> None:
+        with interrupts.held_interrupt() as interrupt:
+            assert not interrupt
+            os.kill(os.getpid(), signal.SIGINT)
+            assert interrupt
+            os.kill(os.getpid(), signal.SIGINT)
+            pytest.fail("the second signal was held back too")
+
+    with pytest.raises(KeyboardInterrupt):
+        stuck()
+
+
+def test_a_hosts_own_handler_stays_in_force():
+    heard = []
+    before = signal.signal(signal.SIGINT, lambda *_: heard.append("host"))
+    try:
+        with interrupts.held_interrupt() as interrupt:
+            os.kill(os.getpid(), signal.SIGINT)
+        assert heard == ["host"]
+        assert not interrupt
+    finally:
+        signal.signal(signal.SIGINT, before)

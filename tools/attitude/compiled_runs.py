@@ -1,0 +1,220 @@
+"""Long runs of attitude algorithms over harmonic motions, with the compiled kernels."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+
+from trihedron.compiled import compiled_callee
+from trihedron.models import harmonic_motion, rotation
+from trihedron.models.attitude_algorithms import (
+    Algorithm,
+    adaptive_degree,
+    coning_optimised,
+    four_sample,
+    functional_iteration,
+    one_sample,
+    two_sample,
+)
+from trihedron.models.attitude_algorithms.update import (
+    HALF_TABLE_SIZE,
+    STEP_SIZE,
+    TABLE_SIZE,
+    WORK_SIZE,
+    prepare_update,
+)
+
+FAMILIES: tuple[ModuleType, ...] = (
+    one_sample,
+    two_sample,
+    four_sample,
+    coning_optimised,
+    functional_iteration,
+    adaptive_degree,
+)
+"""Modules with the kernels of the algorithms."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What the gyros give over a motion, and the true angles.
+
+    Attributes
+    ----------
+    period : float
+        [s]
+    increments : ndarray, shape (N, 3)
+        over each sample period [rad]
+    angles : ndarray, shape (N, 3)
+        true ψ, ϑ, γ at the end of each [rad]
+    """
+
+    period: float
+    increments: np.ndarray
+    angles: np.ndarray
+
+    def angles_at_steps(self, algorithm: Algorithm) -> np.ndarray:
+        """True angles at the end of each step of an algorithm."""
+        samples = algorithm.samples
+        return self.angles[samples - 1 : len(self.angles) // samples * samples : samples]
+
+
+def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: int = 0) -> Samples:
+    """Increments and true angles of a harmonic motion.
+
+    Parameters
+    ----------
+    harmonics : ndarray, shape (36,)
+        of the motion
+    period : float
+        of the gyro samples [s]
+    count : int
+        number of samples
+    intervals : int
+        of the trapezoid rule in each sample; 0: increments exact to rounding
+    """
+    increments, angles = np.empty((count, 3)), np.empty((count, 3))
+    axes = harmonics.reshape(3, harmonic_motion.HARMONICS, 3)
+    shaking = axes[:, :, 0] != 0.0
+    bandwidth = float((np.abs(axes[:, :, 1]) * (1.0 + np.abs(axes[:, :, 0])))[shaking].sum())
+    pieces = 1 + math.floor(bandwidth * period / harmonic_motion.PHASE_OF_PIECE)
+    _sampler()(harmonics, period, intervals, pieces, increments, angles)
+    return Samples(period, increments, angles)
+
+
+def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False) -> np.ndarray:
+    """Attitudes at the end of each step of an algorithm, from the attitude 1.
+
+    Parameters
+    ----------
+    increments : ndarray, shape (N, 3)
+        of the gyro samples [rad]; samples that do not fill a step are left out
+
+    Returns
+    -------
+    ndarray, shape (N // samples, 4)
+        quaternions, scalar first
+    """
+    table, half_table = np.zeros(TABLE_SIZE), np.zeros(HALF_TABLE_SIZE)
+    prepare_update(float(algorithm.number), table, half_table)
+    attitudes = np.empty((len(increments) // algorithm.samples, 4))
+    work = (table, half_table, *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
+    _runner(algorithm)(np.ascontiguousarray(increments), renormalise, work, attitudes)
+    return attitudes
+
+
+def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
+    """Largest errors of ψ, ϑ, γ [rad].
+
+    Parameters
+    ----------
+    attitudes : ndarray, shape (N, 4)
+        computed quaternions
+    angles : ndarray, shape (N, 3)
+        true angles
+    normalised : bool
+        whether the quaternions are brought to the unit sphere before the angles are taken; the formulas are those of
+        the paper, C11 = 2(λ0² + λ1²) - 1, which hold on it
+    """
+    return angle_error_history(attitudes, angles, normalised).max(axis=0)
+
+
+def angle_error_history(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
+    """Errors of ψ, ϑ, γ over the run, without sign (N, 3) [rad]; arguments as of `angle_errors`."""
+    l0, l1, l2, l3 = attitudes.T / np.linalg.norm(attitudes, axis=1) if normalised else attitudes.T
+    c11, c22 = 2.0 * (l0 * l0 + l1 * l1) - 1.0, 2.0 * (l0 * l0 + l2 * l2) - 1.0
+    c31, c23, c21 = 2.0 * (l1 * l3 - l0 * l2), 2.0 * (l2 * l3 - l0 * l1), 2.0 * (l1 * l2 + l0 * l3)
+    found = np.column_stack((np.arctan2(-c31, c11), np.arctan2(c21, np.hypot(c11, c31)), np.arctan2(-c23, c22)))
+    apart = np.abs(found - angles)
+    return np.minimum(apart, np.abs(apart - 2.0 * math.pi))
+
+
+def step_kernel(algorithm: Algorithm) -> Callable[..., Any]:
+    """The kernel of an algorithm."""
+    return next(found for family in FAMILIES if (found := getattr(family, algorithm.kernel, None)) is not None)
+
+
+@cache
+def _sampler() -> Callable[..., None]:
+    trapezoid, exactly, move = (
+        compiled_callee(kernel)
+        for kernel in (
+            harmonic_motion.integrate_by_trapezoid,
+            harmonic_motion.integrate_exactly,
+            harmonic_motion.move_harmonically,
+        )
+    )
+
+    @numba.njit(nogil=True)
+    def sample(harmonics, period, intervals, pieces, increments, angles):
+        angle, angle_rate, rate, increment = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+        for k in range(len(increments)):
+            if intervals > 0:
+                trapezoid(k * period, period, intervals, harmonics, angle, angle_rate, rate, increment)
+            else:
+                exactly(k * period, period, pieces, harmonics, angle, angle_rate, rate, increment)
+            increments[k] = increment
+            move((k + 1) * period, harmonics, angle, angle_rate, rate)
+            angles[k] = angle
+
+    return sample
+
+
+@cache
+def _runner(algorithm: Algorithm) -> Callable[..., None]:
+    turn = _turn(algorithm)
+    samples = algorithm.samples
+    multiply, normalise = compiled_callee(rotation.multiply), compiled_callee(rotation.normalise)
+
+    @numba.njit(nogil=True)
+    def run(increments, renormalise, work, attitudes):
+        attitude, turned = np.zeros(4), np.zeros(4)
+        attitude[0] = 1.0
+        previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
+        known = 0.0
+        for k in range(len(attitudes)):
+            for i in range(samples):
+                for j in range(3):
+                    g[3 * i + j] = increments[samples * k + i, j]
+            turn(previous, known, g, work, turned)
+            known = 1.0
+            multiply(attitude, turned, attitude)
+            if renormalise:
+                normalise(attitude)
+            attitudes[k] = attitude
+            for i in range(3 * samples):
+                previous[i] = g[i]
+
+    return run
+
+
+def _turn(algorithm: Algorithm) -> Callable[..., None]:
+    """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
+    kernel = compiled_callee(step_kernel(algorithm))
+    samples = algorithm.samples
+    if algorithm.kernel == "functional_iteration":
+
+        def turn(previous, known, g, work, turned):
+            kernel(samples, g, 0, work[0], work[3], work[4], work[5], turned)
+
+    elif algorithm.kernel == "adaptive_degree":
+
+        def turn(previous, known, g, work, turned):
+            kernel(previous, known, g, work[0], work[1], work[2], work[3], work[4], work[5], work[6], turned)
+
+    elif algorithm.previous:
+
+        def turn(previous, known, g, work, turned):
+            kernel(previous, g, turned)
+
+    else:
+
+        def turn(previous, known, g, work, turned):
+            kernel(g, turned)
+
+    return numba.njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(turn)

@@ -1,0 +1,32 @@
+"""Options that several commands take."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from trihedron.outputs import ordinary_file
+
+Baseline = Literal["asymmetric", "symmetric"]
+Record = Annotated[Path, Parameter(help="Position record or raw record, CSV or Parquet.")]
+NoiseBound = Annotated[
+    float | None,
+    Parameter(
+        allow_leading_hyphen=True,
+        help="σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.",
+    ),
+]
+Gravity = Annotated[float, Parameter(allow_leading_hyphen=True, help="Model value of gravity [m/s²].")]
+Bounds = Annotated[
+    tuple[float, float],
+    Parameter(allow_leading_hyphen=True, help="u^max and v0^max of (1.7): when the sign of an input is certain."),
+]
+Mounting = Annotated[str, Parameter(help="Name of a preset, or a TOML file with [name] matrix = [[...], ...].")]
+JsonFile = Annotated[
+    Path | None,
+    Parameter(name="--json", help="Write the result as JSON to this file.", validator=ordinary_file),
+]
+ReportFile = Annotated[
+    Path | None,
+    Parameter(name="--report", help="Write a page with pictures to this HTML file.", validator=ordinary_file),
+]

@@ -1,0 +1,185 @@
+"""Optimal plans on a grid of table positions, of any step, by column generation."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.errors import InputError
+from trihedron.planning.forms import Sheet, basis, clearance, dual_forms, value
+from trihedron.planning.master import Master
+from trihedron.planning.optimum import Optimum, UndeterminedError, settled
+from trihedron.planning.ridges import OUTSIDE, arcs_at, heights, stack
+
+TOLERANCE = 1e-10
+"""|F'y| may exceed one by this on the grid: the cost is then optimal to this."""
+SEEDS = 12
+"""Rows and columns of the coarse grid that the search begins with."""
+BEST_ROWS = 20
+WHOLE = 480
+"""Lines of a grid that is priced whole, at most."""
+ROWS_AT_ONCE = 64
+FINEST_DEG = 0.01
+ROUNDING = 64 * np.finfo(float).eps
+
+
+class Grid:
+    """A grid over [0°, 360°] × [0°, 360°] and the columns found on it so far, shared by all targets.
+
+    Positions that coincide (0° and 360°) count once. A coarse grid is priced whole. Of a fine one no list of positions
+    is ever made: its every n-th line gives the first columns, and then a row of it is looked at only where the greatest
+    |F'y| over its β, known exactly, exceeds one.
+
+    Parameters
+    ----------
+    sheets : sequence of Sheet
+    step_deg : float
+        step in both angles [deg]
+
+    Raises
+    ------
+    InputError
+        for a step that is not between 0.01 and 180
+    """
+
+    def __init__(self, sheets: Sequence[Sheet], step_deg: float):
+        if not FINEST_DEG <= step_deg <= 180.0:
+            raise InputError(f"--grid {step_deg:g}: the step must be between {FINEST_DEG:g} and 180 degrees")
+        count = int(360.0 / step_deg + 1e-9) + 1
+        degrees = np.arange(count) * step_deg
+        self._degrees = degrees[degrees < 360.0 - 1e-9 * step_deg]
+        self._angle = np.radians(self._degrees)
+        self._basis = basis(self._angle)
+        self._sheets, self._size = sheets, len(self._degrees)
+        self._master = Master(sheets[0].regressor.shape[0])
+        self._at = np.zeros((0, 3), dtype=int)
+        lines = np.arange(0, self._size, -(-self._size // WHOLE))
+        self._coarse = Lines(sheets, self._angle, lines)
+        self._fine = Rows(sheets, self._angle) if len(lines) < self._size else None
+        some = lines[np.unique(np.linspace(len(lines) // 90, len(lines) - 1, SEEDS).astype(int))]
+        for k, sheet in enumerate(sheets):
+            i, j = (g.ravel() for g in np.meshgrid(some, some, indexing="ij"))
+            inside = clearance(sheet, self._angle[i], self._angle[j]) > 0.0
+            self._add(np.column_stack([np.full(inside.sum(), k), i[inside], j[inside]]))
+
+    def _add(self, places: NDArray) -> None:
+        if len(places):
+            angle = self._angle
+            columns = [value(self._sheets[k].regressor, angle[i], angle[j]) for k, i, j in places]
+            self._master.add(np.array(columns))
+            self._at = np.vstack([self._at, places])
+
+    def ceiling(self, dual: NDArray) -> float:
+        """What |F'y| does not exceed on the grid, rounding included."""
+        forms = dual_forms(self._sheets, dual)
+        return (self._fine.price(forms, None) if self._fine is not None else self._coarse.price(forms))[0]
+
+    def _price(self, dual: NDArray) -> tuple[float, NDArray]:
+        """As `Lines.price`, of the whole grid once its coarser lines and its best rows hold nothing above one."""
+        forms = dual_forms(self._sheets, dual)
+        bound, places = self._coarse.price(forms)
+        if self._fine is not None:
+            for most in (BEST_ROWS, None):
+                if not len(places):
+                    bound, places = self._fine.price(forms, most)
+        return bound, places
+
+    def optimum(self, target: NDArray) -> Optimum:
+        """The plan of least cost for a target a (P,), with the dual that proves it.
+
+        Raises
+        ------
+        UndeterminedError
+            when the grid's positions cannot determine the target
+        """
+        self._master.aim(target)
+        while True:
+            weights, dual, possible = self._master.solve()
+            bound, places = self._price(dual)
+            if not len(places):
+                break
+            self._add(places)
+        if not possible:
+            raise UndeterminedError
+        used = np.flatnonzero(weights)
+        sheet, i, j = self._at[used].T
+        accelerometer = np.array([self._sheets[k].accelerometer for k in sheet])
+        places = accelerometer, self._angle[i], self._angle[j], self._degrees[i], self._degrees[j]
+        return settled(target, dual, bound, self._master.regressors[used], weights[used], places)
+
+
+class Lines:
+    """A grid that is priced whole: every admissible position of the given lines of both angles.
+
+    Parameters
+    ----------
+    sheets : sequence of Sheet
+    angle : (n,) array
+        [rad]
+    lines : (k,) array of int
+        which of them
+    """
+
+    def __init__(self, sheets: Sequence[Sheet], angle: NDArray, lines: NDArray):
+        self._lines, self._basis = lines, basis(angle[lines])
+        here = angle[lines]
+        self._inside = [(clearance(s, here[:, None], here[None, :]) > 0.0).astype(float) for s in sheets]
+
+    def price(self, forms: NDArray) -> tuple[float, NDArray]:
+        """The greatest |F'y|, rounding included, and the worst positions (K, 3) (sheet, row, column) above one."""
+        slack = _rounding(forms)
+        found, ceiling = [], 0.0
+        for k, (form, inside) in enumerate(zip(forms, self._inside, strict=True)):
+            values = (self._basis @ form @ self._basis.T) * inside
+            for worst in (int(values.argmax()), int(values.argmin())):
+                ceiling = max(ceiling, abs(values.flat[worst]))
+                if abs(values.flat[worst]) > 1.0 + TOLERANCE:
+                    i, j = divmod(worst, len(self._lines))
+                    found.append((k, self._lines[i], self._lines[j]))
+        return ceiling + slack, np.array(found, dtype=int).reshape(-1, 3)
+
+
+class Rows:
+    """A grid that is priced row by row, and only where a row may hold a position above one.
+
+    Parameters
+    ----------
+    sheets : sequence of Sheet
+    angle : (n,) array
+        [rad]
+    """
+
+    def __init__(self, sheets: Sequence[Sheet], angle: NDArray):
+        self._sheets, self._angle, self._basis = sheets, angle, basis(angle)
+        self._outer = stack(sheets, OUTSIDE)
+        self._arcs = [arcs_at(self._outer, np.full(len(angle), k), angle) for k in range(len(sheets))]
+
+    def price(self, forms: NDArray, most: int | None) -> tuple[float, NDArray]:
+        """As `Lines.price`; of each sheet and sense at most `most` rows, the most promising, are looked at."""
+        limit, slack = 1.0 + TOLERANCE, _rounding(forms)
+        found, ceiling = [], limit
+        for k, sheet in enumerate(self._sheets):
+            for sense in (1.0, -1.0):
+                height, _ = heights(self._outer, self._arcs[k], forms, np.full(len(self._angle), sense))
+                rows = np.flatnonzero(height + 2.0 * slack > limit)
+                if most is not None:
+                    rows = rows[np.argsort(-height[rows], kind="stable")[:most]]
+                best, where = limit, None
+                for block in np.array_split(rows, len(rows) // ROWS_AT_ONCE + 1):
+                    values = sense * (self._basis[block] @ forms[k] @ self._basis.T)
+                    i, j = np.nonzero(values + slack > best)
+                    inside = clearance(sheet, self._angle[block[i]], self._angle[j]) > 0.0
+                    i, j = i[inside], j[inside]
+                    if len(i):
+                        worst = int(values[i, j].argmax())
+                        top = float(values[i[worst], j[worst]])
+                        ceiling = max(ceiling, top)
+                        if top > best:
+                            best, where = top, (k, block[i[worst]], j[worst])
+                if where is not None:
+                    found.append(where)
+        return ceiling + slack, np.array(found, dtype=int).reshape(-1, 3)
+
+
+def _rounding(forms: NDArray) -> float:
+    return ROUNDING * float(np.abs(forms).sum(axis=(1, 2)).max())

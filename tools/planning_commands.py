@@ -1,0 +1,73 @@
+"""The commands that plan measurements; thin layers over `trihedron.planning`."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from trihedron.errors import InputError
+from trihedron.options import Baseline, Bounds, JsonFile, Mounting, ReportFile
+from trihedron.outputs import distinct_files, ordinary_file
+
+
+def plan(
+    *,
+    target: Annotated[
+        tuple[str, ...],
+        Parameter(
+            allow_leading_hyphen=True,
+            help="A target, as X4 or X4-X5; may be repeated. All of the convention without it.",
+        ),
+    ] = (),
+    grid: Annotated[
+        float | None,
+        Parameter(allow_leading_hyphen=True, help="Step of the grid of positions [deg]; 1 by default."),
+    ] = None,
+    continuum: Annotated[bool, Parameter(help="All angles in place of a grid.")] = False,
+    admissible: Annotated[
+        Literal["paper", "tables"],
+        Parameter(help="(1.7) as printed, or with the bias rows, as the published tables were computed."),
+    ] = "paper",
+    bounds: Bounds = (3e-3, 1e-2),
+    convention: Literal["A1", "A2"] = "A1",
+    baseline: Baseline = "asymmetric",
+    mounting: Mounting = "identity",
+    json: JsonFile = None,
+    report: ReportFile = None,
+    picture: Annotated[
+        Path | None,
+        Parameter(help="Write the paper's figure, for one target, to this SVG file.", validator=ordinary_file),
+    ] = None,
+) -> None:
+    """Find the table positions and weights that estimate each target best, with the proof that none are better.
+
+    Example: trihedron plan --target X4 --continuum --picture X4.svg
+    """
+    distinct_files({"--json": json, "--report": report, "--picture": picture})
+    if continuum and grid is not None:
+        raise InputError("--grid and --continuum: give one of the two")
+    if picture is not None and len(target) != 1:
+        raise InputError("--picture: is of one target; give one --target")
+    from trihedron.planning.plan import json_text, plan_summary, plan_targets
+    from trihedron.writing import write_text
+
+    plans = plan_targets(
+        target,
+        grid=None if continuum else 1.0 if grid is None else grid,
+        admissible=admissible,
+        bounds=bounds,
+        convention=convention,
+        baseline=baseline,
+        mounting=mounting,
+        progress=True,
+    )
+    if json is not None:
+        write_text(json, json_text(plans))
+    if report is not None or picture is not None:
+        from trihedron.report.plan_page import plan_page, plan_picture
+
+        if report is not None:
+            write_text(report, plan_page(plans))
+        if picture is not None:
+            write_text(picture, plan_picture(plans[0]))
+    print(plan_summary(plans))

@@ -1,0 +1,58 @@
+"""The commands that compute published tables again."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from trihedron.options import JsonFile
+from trihedron.outputs import distinct_files
+
+reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
+
+
+@reproduce.command
+def calibration() -> None:
+    """Compute the published calibration tables again, and say where they are wrong.
+
+    Example: trihedron reproduce calibration
+    """
+    from trihedron.planning.published import check_published_calibration, published_summary
+
+    print(published_summary(check_published_calibration()))
+
+
+@reproduce.command
+def attitude(
+    *,
+    out: Annotated[Path | None, Parameter(help="Folder for attitude.csv and attitude.svg.")] = None,
+    json: JsonFile = None,
+) -> None:
+    """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
+
+    Example: trihedron reproduce attitude --out reproduced
+    """
+    distinct_files(
+        {"--json": json, "--out (attitude.csv)": _within(out, "csv"), "--out (attitude.svg)": _within(out, "svg")}
+    )
+    from trihedron.attitude.reproduction import reproduce_attitude
+    from trihedron.attitude.reproduction_output import reproduction_summary, write_reproduction
+
+    result = reproduce_attitude(progress=True)
+    files = write_reproduction(result, out, json)
+    print("\n".join([*reproduction_summary(result), *(str(file) for file in files)]))
+
+
+@reproduce.command
+def word_length() -> None:
+    """Show what 32-bit arithmetic and 32-bit increments cost the update (22), and what mends it.
+
+    Example: trihedron reproduce word-length
+    """
+    from trihedron.attitude.word_length import word_length_errors, word_length_summary
+
+    print("\n".join(word_length_summary(word_length_errors(progress=True))))
+
+
+def _within(folder: Path | None, form: str) -> Path | None:
+    return None if folder is None else folder / f"attitude.{form}"
