@@ -12,7 +12,8 @@ import math
 import numpy as np
 import pytest
 
-from trihedron.attitude.compiled_runs import angle_errors, run_algorithm, sample_motion, step_kernel
+from trihedron.attitude.angles import angle_errors
+from trihedron.attitude.compiled_runs import run_algorithm, sample_motion, step_kernel
 from trihedron.attitude.conditions import CAUSES, EXACT, PAPER, Conditions
 from trihedron.attitude.paper_motions import MOTIONS, paper_motion
 from trihedron.attitude.published import algorithm_named, published_rows

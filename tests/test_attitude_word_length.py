@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from trihedron.attitude.angles import angle_between
 from trihedron.attitude.compiled_runs import run_algorithm
 from trihedron.attitude.published import algorithm_named
 from trihedron.attitude.single_precision import ARITHMETICS, run_single
@@ -14,7 +15,6 @@ from trihedron.attitude.word_length import (
     INCOMMENSURATE,
     REPEATING,
     ROUNDINGS,
-    angle_between,
     rounded_increments,
     word_length_errors,
     word_length_summary,

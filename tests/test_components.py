@@ -17,11 +17,20 @@ EXTENDED = {
     "TurntableMotion": [
         EffectPlace("encoder-harmonic", "outer-axis", 2),
         EffectPlace("encoder-harmonic", "inner-axis", 1),
+        EffectPlace("axis-wobble", "inner-axis", 2),
+        EffectPlace("backlash", "outer-axis"),
+        EffectPlace("sag", "inner-axis"),
+        EffectPlace("base-drift", "base"),
     ],
     "AccelerometerBlock": [
         EffectPlace("quadratic", "accelerometer-3"),
         EffectPlace("bias-drift", "accelerometer-1"),
         EffectPlace("scale-asymmetry", "accelerometer-2"),
+        EffectPlace("cross-product", "accelerometer-1", axes=(2, 3)),
+        EffectPlace("temperature-scale", "accelerometer-2"),
+        EffectPlace("hysteresis", "accelerometer-3"),
+        EffectPlace("dead-zone", "accelerometer-1"),
+        EffectPlace("quantisation", "accelerometer-3"),
     ],
     "AttitudeComputer": [],
     "HarmonicMotion": [],
@@ -214,7 +223,7 @@ def test_composing_only_appends_parameters(component):
     numbers, base = references(component), references(components()[component.name])
     assert {name: numbers[name] for name in base} == base
     added = sorted(set(numbers) - set(base), key=lambda name: numbers[name])
-    parameters = [p for place in component.effects for p in CATALOGUE[place.effect].parameters]
+    parameters = [p for place in component.effects for p in CATALOGUE[place.effect].at(place).parameters]
     assert [numbers[name] for name in added] == list(range(len(base) + 1, len(base) + 1 + len(parameters)))
 
 

@@ -4,121 +4,137 @@ import math
 
 import numpy as np
 import pytest
+from effect_readings import ROWS, readings, true_bench
 
-from trihedron.calibration.linearisation import linearise
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.calibration.result import component_parameters
-from trihedron.diagnosis.circumstances import standing_still
-from trihedron.diagnosis.extended_fit import rows_at, signature_columns
+from trihedron.diagnosis.extended_fit import signature_columns
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import instantiate, references
-from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
+from trihedron.fmus.units import UNITS
+from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name, place_from_mapping
 from trihedron.models.effects.outlier import place_of
 
-G = 9.80665
-RNG = np.random.default_rng(3)
-ALPHA, BETA = RNG.uniform(-3.0, 3.0, 12), RNG.uniform(-3.0, 3.0, 12)
-HOURS = np.linspace(0.0, 2.0, 12)
-TRUTH = RNG.uniform(-0.005, 0.005, len(TARGETS))
+CONTRACT = {
+    "scale-asymmetry": ["coefficient"],
+    "bias-asymmetry": ["coefficient"],
+    "quadratic": ["coefficient"],
+    "odd-quadratic": ["coefficient"],
+    "cubic": ["coefficient"],
+    "cross-product": ["coefficient"],
+    "cross-square": ["coefficient"],
+    "dead-zone": ["width"],
+    "saturation": ["level"],
+    "quantisation": ["step"],
+    "hysteresis": ["width"],
+    "bias-drift": ["rate"],
+    "scale-drift": ["rate"],
+    "temperature-bias": ["coefficient"],
+    "temperature-scale": ["coefficient"],
+    "encoder-harmonic": ["amplitude", "phase"],
+    "axis-wobble": ["amplitude", "phase"],
+    "sag": ["amplitude", "phase"],
+    "backlash": ["width"],
+    "base-drift": ["kappa_rate", "alpha_star_rate"],
+    "outlier": ["size"],
+}
+ON_AXES = {"encoder-harmonic", "axis-wobble", "sag", "backlash"}
 PLACES = [p for effect in CATALOGUE.values() if effect.kernel for p in effect.places]
+LINEAR = [p for p in PLACES if CATALOGUE[p.effect].variants is None]
 
 
-def configured(name: str, place: EffectPlace, parameters: dict, values: tuple[float, ...]):
-    """An instance of a component with the effect at its place, where it belongs there."""
-    mine = CATALOGUE[place.effect].component == name
-    component = extend(components()[name], [place] if mine else [])
-    at = references(component)
-    model = instantiate(component)
-    for variable, value in parameters.items():
-        for i, element in enumerate(np.ravel(value)):
-            model.set(at[f"{variable}[{i + 1}]" if isinstance(value, list) else variable], float(element))
-    if mine:
-        for parameter, value in zip(CATALOGUE[place.effect].parameters, values, strict=True):
-            model.set(at[parameter_name(place, parameter.name)], value)
-    return model, at
+def test_the_catalogue_is_the_contracts():
+    """Every static effect of the table in the contract, with its parameters, and no other."""
+    assert {name: [p.name for p in effect.parameters] for name, effect in CATALOGUE.items()} == CONTRACT
+    accelerometers = {f"accelerometer-{p}" for p in (1, 2, 3)}
+    for name, effect in CATALOGUE.items():
+        expected = {"outer-axis", "inner-axis"} if name in ON_AXES else accelerometers
+        expected = {"base": {"base"}, "outl": set()}.get(name[:4], expected)
+        assert {p.where for p in effect.places} == expected
+    assert sorted(p.order or 0 for p in CATALOGUE["encoder-harmonic"].places) == sorted([1, 2, 3, 4, 5, 6] * 2)
+    assert sorted(p.order or 0 for p in CATALOGUE["axis-wobble"].places) == [1, 1, 2, 2, 3, 3]
+    products = {(p.where, p.axes) for p in CATALOGUE["cross-product"].places}
+    assert products == {(where, axes) for where in accelerometers for axes in ((1, 2), (1, 3), (2, 3))}
+    squares = {(p.where, p.axes) for p in CATALOGUE["cross-square"].places}
+    assert squares == {(f"accelerometer-{p}", (j,)) for p in (1, 2, 3) for j in (1, 2, 3) if j != p}
+    inner = [EffectPlace("axis-wobble", "inner-axis", order) for order in (1, 2, 3)]
+    names = [[p.name for p in CATALOGUE["axis-wobble"].at(place).parameters] for place in inner]
+    four = ["epsilon_amplitude", "epsilon_phase", "tilt_amplitude", "tilt_phase"]
+    assert names == [four[:2], four, four]
 
 
-def readings(place: EffectPlace, coefficients: np.ndarray) -> np.ndarray:
-    """Readings (12, 3) [g] of table and block, with the effect composed in, at given encoder readings and hours.
-
-    The components themselves read: the command is sought at which the encoders show the angles that are asked for.
-    """
-    values = CATALOGUE[place.effect].from_coefficients(coefficients)
-    parameters = component_parameters(dict(zip(TARGETS, TRUTH, strict=True)), np.eye(3), G)
-    table_parameters = {**parameters["TurntableMotion"], "encoder_fluctuation_bound": 0.0}
-    shown = np.zeros((len(ALPHA), 3))
-    for row, wanted in enumerate(zip(ALPHA, BETA, strict=True)):
-        command = list(wanted)
-        for _ in range(4):
-            table, at = configured("TurntableMotion", place, {**table_parameters, "initial_angle": [*command]}, values)
-            assert table.initialise(0.0) == 0
-            for i in range(2):
-                command[i] += wanted[i] - table.get(at[f"angle_reading[{i + 1}]"])
-        force = [table.get(at[f"specific_force[{i + 1}]"]) for i in range(3)]
-        block, at = configured("AccelerometerBlock", place, parameters["AccelerometerBlock"], values)
-        assert block.initialise(0.0) == 0
-        for i in range(3):
-            block.set(at[f"specific_force[{i + 1}]"], force[i])
-        if HOURS[row] > 0.0:
-            assert block.do_step(0.0, 3600.0 * HOURS[row]) == 0
-        shown[row] = [block.get(at[f"reading[{i + 1}]"]) / G for i in range(3)]
-    return shown
-
-
-def signatures(place: EffectPlace) -> np.ndarray:
-    p = parametrise({"identity": np.eye(3)})
-    at = Positions(ALPHA, BETA, np.zeros(len(ALPHA), dtype=int))
-    here = linearise(p, at, np.zeros((len(ALPHA), 3)), true_point(p), np.full(3 * len(ALPHA), 1e-5))
-    return signature_columns([place], rows_at(here, here.point, at, standing_still(len(HOURS), HOURS)))
-
-
-def true_point(p) -> np.ndarray:
-    """The true targets in the order of the parametrisation."""
-    values = dict(zip(TARGETS, TRUTH, strict=True))
-    return np.array([values[symbol] for symbol in p.symbols])
-
-
-@pytest.mark.parametrize("place", PLACES, ids=lambda p: p.title)
+@pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
 def test_signatures_are_the_derivatives_of_what_the_components_read(place):
     """Written by hand, they share no code with the kernels; central differences at two sizes, extrapolated."""
-    columns = signatures(place)
+    effect = CATALOGUE[place.effect].at(place)
+    columns = signature_columns([place], true_bench()[1])
+    assert columns.shape[1] == len(effect.parameters)
     for k in range(columns.shape[1]):
-        direction = np.eye(columns.shape[1])[k]
         slopes = []
         for size in (1e-3, 5e-4):
-            apart = readings(place, size * direction) - readings(place, -size * direction)
-            slopes.append(apart / (2.0 * size))
+            ends = [effect.from_coefficients(sign * size * np.eye(columns.shape[1])[k]) for sign in (1.0, -1.0)]
+            up, down = (readings([place], [values]) for values in ends)
+            slopes.append((up - down) / (2.0 * size))
         derivative = (4.0 * slopes[1] - slopes[0]) / 3.0
         assert np.abs(derivative.ravel() - columns[:, k]).max() < 2e-9
+        assert np.abs(columns[:, k]).max() > 0.0
 
 
 def test_an_outlier_marks_one_reading():
-    columns = signatures(place_of(4, 2))
+    columns = signature_columns([place_of(4, 2)], true_bench()[1])
     assert columns.sum() == 1.0
     assert columns[3 * 3 + 1, 0] == 1.0
 
 
+def test_effects_of_temperature_need_the_temperature():
+    values = np.ones((ROWS, 3))
+    rows = Rows(np.zeros(ROWS), np.zeros(ROWS), np.zeros(ROWS), values, values, values)
+    for name in ("temperature-bias", "temperature-scale"):
+        effect = CATALOGUE[name]
+        assert effect.needs == ("temperature",)
+        with pytest.raises(ValueError, match="need the temperature"):
+            effect.signature(effect.places[0], rows)
+
+
 @pytest.mark.parametrize("place", PLACES, ids=lambda p: p.title)
 def test_parameters_come_back_from_coefficients_and_have_one_name(place):
-    effect = CATALOGUE[place.effect]
-    coefficients = np.array([3e-4, -4e-4])[: len(effect.parameters)]
-    values = effect.from_coefficients(coefficients)
-    if len(values) == 2:
-        amplitude, phase = values
-        assert amplitude == pytest.approx(5e-4)
-        assert [amplitude * math.cos(phase), amplitude * math.sin(phase)] == pytest.approx(coefficients.tolist())
+    effect = CATALOGUE[place.effect].at(place)
+    names = [parameter.name for parameter in effect.parameters]
+    if effect.variants is None:
+        coefficients = np.array([3e-4, -4e-4, -5e-4, 2e-4])[: len(names)]
+        values = effect.from_coefficients(coefficients)
+        back = []
+        for k, name in enumerate(names):
+            if name.endswith("amplitude"):
+                amplitude, phase = values[k : k + 2]
+                back += [amplitude * math.cos(phase), amplitude * math.sin(phase)]
+                assert amplitude >= 0.0
+            elif not name.endswith("phase"):
+                back.append(values[k])
+        assert back == pytest.approx(coefficients.tolist())
     else:
-        assert values == (3e-4,)
+        values = tuple(p.largest for p in effect.parameters)
+        with pytest.raises(TypeError, match="not linear"):
+            effect.signature(place, true_bench()[1])
+        with pytest.raises(TypeError, match="not linear"):
+            effect.from_coefficients(np.zeros(1))
+    named = dict(zip(names, values, strict=True))
     entry: dict = {"effect": place.effect, "where": place.where}
     if place.order is not None:
         entry["order"] = place.order
-    named = dict(zip([p.name for p in effect.parameters], values, strict=True))
+    if place.axes:
+        entry["axes"] = list(place.axes[::-1])
     assert place_from_mapping({**entry, **named}) == (place, named)
     variables = extend(components()[effect.component or ""], [place]).variables
-    assert [v.name for v in variables[-len(values) :]] == [parameter_name(place, p.name) for p in effect.parameters]
+    assert [v.name for v in variables[-len(values) :]] == [parameter_name(place, name) for name in names]
+    assert all(parameter.unit in UNITS for parameter in effect.parameters)
     assert effect.sentence(place, named)
+
+
+def test_sizes_are_possible_or_not():
+    width, level = CATALOGUE["hysteresis"].parameters[0], CATALOGUE["saturation"].parameters[0]
+    coefficient = CATALOGUE["quadratic"].parameters[0]
+    assert [width.possible(value) for value in (width.largest, 0.0, -1e-4, 1.001 * width.largest)] == [1, 1, 0, 0]
+    assert [level.possible(value) for value in (0.8, 0.95)] == [0, 1]
+    assert coefficient.possible(-coefficient.largest)
 
 
 @pytest.mark.parametrize(
@@ -132,6 +148,17 @@ def test_parameters_come_back_from_coefficients_and_have_one_name(place):
         ({"effect": "quadratic", "where": "accelerometer-1", "coefficient": math.nan}, "needs a finite number"),
         ({"effect": "quadratic", "where": "accelerometer-1", "coefficient": True}, "needs a finite number"),
         ({"effect": "quadratic", "where": "accelerometer-1", "coefficient": 1e-4, "rate": 1.0}, "no parameter 'rate'"),
+        ({"effect": "quadratic", "where": "accelerometer-1", "axes": [1], "coefficient": 1e-4}, r"axes \[1\]"),
+        (
+            {"effect": "cross-product", "where": "accelerometer-1", "axes": [1, 1], "coefficient": 1e-4},
+            r"axes \[1, 1\]",
+        ),
+        ({"effect": "cross-product", "where": "accelerometer-1", "axes": 3, "coefficient": 1e-4}, "axes 3"),
+        ({"effect": "cross-square", "where": "accelerometer-1", "axes": ["2"], "coefficient": 1e-4}, "axes"),
+        (
+            {"effect": "axis-wobble", "where": "inner-axis", "order": 2, "amplitude": 1e-4, "phase": 0.0},
+            "'epsilon_amplitude' needs a finite number",
+        ),
     ],
 )
 def test_wrong_entries_are_refused_in_one_line(entry, said):

@@ -208,26 +208,37 @@ def attitude(
     rates: Annotated[
         Literal["instantaneous", "averaged"], Parameter(help="What a rate in the record means.")
     ] = "instantaneous",
+    rate_divisor: Annotated[int, Parameter(help="Add up so many increments to one: a slower gyro.")] = 1,
+    compare: Annotated[bool, Parameter(help="Run every algorithm and show them side by side.")] = False,
     out: Path | None = None,
 ) -> None:
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
 
-    Example: trihedron attitude broad-03.strapdown.csv --out attitude
+    Example: trihedron attitude broad-03.strapdown.csv --algorithm adaptive-degree --out attitude
 
     Parameters
     ----------
     algorithm
-        Name of the attitude algorithm.
+        Name of the attitude algorithm; with --compare every one is run.
     out
-        Folder for the computed attitude.
+        Folder for the computed attitude, or for the comparison.
     """
     from trihedron.attitude import attitude_of_record
+    from trihedron.attitude.comparison import compare_algorithms, comparison_text, write_comparison
     from trihedron.records import StrapdownRecord, read_record
 
     measured = read_record(record)
     if not isinstance(measured, StrapdownRecord):
         raise InputError(f"{record}: is a table record; `trihedron attitude` takes a strapdown record (w1_radps, ...)")
-    result = attitude_of_record(measured, algorithm=algorithm, rates=rates, out=out, progress=True)
+    if compare:
+        rows = compare_algorithms(measured, rates=rates, rate_divisor=rate_divisor, progress=True)
+        if out is not None:
+            write_comparison(rows, out / "comparison.csv")
+        print(comparison_text(rows))
+        return
+    result = attitude_of_record(
+        measured, algorithm=algorithm, rates=rates, rate_divisor=rate_divisor, out=out, progress=True
+    )
     print("\n".join(result.summary()))
 
 

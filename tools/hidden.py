@@ -63,12 +63,14 @@ class HiddenCase:
         """The secret, for whoever wants to compare."""
         if self.place is None:
             return {"effect": None}
-        names = [parameter.name for parameter in CATALOGUE[self.place.effect].parameters]
+        names = [parameter.name for parameter in CATALOGUE[self.place.effect].at(self.place).parameters]
         entry: dict[str, Any] = {"effect": self.place.effect, "where": self.place.where}
         if self.place.order is not None:
             entry["order"] = self.place.order
-        if self.place.axes:
+        if self.place.effect == "outlier":
             entry["accelerometer"] = self.place.axes[0]
+        elif self.place.axes:
+            entry["axes"] = list(self.place.axes)
         return {**entry, "parameters": dict(zip(names, self.values, strict=True))}
 
 
@@ -131,6 +133,19 @@ def sure_size(here: Linearisation, hours: NDArray, place: EffectPlace, direction
     return 2.0 * NOISE_BOUND / radius if radius > 1e-9 else math.inf
 
 
+def visible_places(here: Linearisation, hours: NDArray, baseline: str) -> list[EffectPlace]:
+    """Where linear effects show in the readings at these positions and times, at one temperature and without senses."""
+    rows = rows_at(here, here.point, here.positions, standing_still(len(hours), hours))
+    basis, _ = np.linalg.qr(here.jacobian)
+    found = []
+    for effect in CATALOGUE.values():
+        for place in effect.places if effect.within != baseline and effect.variants is None else ():
+            columns = signature_columns([place], rows)
+            if np.linalg.norm(columns - basis @ (basis.T @ columns)) > 1e-9:
+                found.append(place)
+    return found
+
+
 def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> HiddenCase:
     """Draw truth, effect and size.
 
@@ -154,7 +169,10 @@ def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: boo
     order = rng.permutation(len(alpha))
     alpha, beta = alpha[order], beta[order]
     baseline = "symmetric" if symmetric else "asymmetric"
-    usable = [e.name for e in CATALOGUE.values() if e.within != baseline]
+    here = faultless_bench(alpha, beta, symmetric=symmetric)
+    hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
+    visible = visible_places(here, hours, baseline)
+    usable = [e.name for e in CATALOGUE.values() if e.name == "outlier" or any(p.effect == e.name for p in visible)]
     for name in effects or ():
         if name not in usable:
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
@@ -165,13 +183,11 @@ def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: boo
     if name == "outlier":
         place = place_of(int(rng.integers(len(alpha))) + 1, int(rng.integers(3)) + 1)
     else:
-        places = CATALOGUE[name].places
+        places = [place for place in visible if place.effect == name]
         place = places[rng.integers(len(places))]
     count = coefficient_count(place)
     direction = rng.normal(size=count)
     direction /= np.linalg.norm(direction)
-    here = faultless_bench(alpha, beta, symmetric=symmetric)
-    hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
     size = rng.uniform(3.0, 6.0) * sure_size(here, hours, place, direction)
     largest = CATALOGUE[name].parameters[0].largest
     values = CATALOGUE[name].from_coefficients(min(size, largest) * direction)

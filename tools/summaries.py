@@ -63,7 +63,7 @@ def cause_lines(cause: Cause) -> list[str]:
     """A cause with its parameters."""
     lines = [f"cause: {cause.place.title}: {cause.sentence}"]
     for parameter, value, (low, high) in zip(
-        CATALOGUE[cause.place.effect].parameters, cause.values, cause.intervals, strict=True
+        CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
     ):
         lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
     return lines + [f"  cannot be told from {other.title}" for other in cause.equivalents]

@@ -108,32 +108,6 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     return attitudes
 
 
-def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
-    """Largest errors of ψ, ϑ, γ [rad].
-
-    Parameters
-    ----------
-    attitudes : ndarray, shape (N, 4)
-        computed quaternions
-    angles : ndarray, shape (N, 3)
-        true angles
-    normalised : bool
-        whether the quaternions are brought to the unit sphere before the angles are taken; the formulas are those of
-        the paper, C11 = 2(λ0² + λ1²) - 1, which hold on it
-    """
-    return angle_error_history(attitudes, angles, normalised).max(axis=0)
-
-
-def angle_error_history(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
-    """Errors of ψ, ϑ, γ over the run, without sign (N, 3) [rad]; arguments as of `angle_errors`."""
-    l0, l1, l2, l3 = attitudes.T / np.linalg.norm(attitudes, axis=1) if normalised else attitudes.T
-    c11, c22 = 2.0 * (l0 * l0 + l1 * l1) - 1.0, 2.0 * (l0 * l0 + l2 * l2) - 1.0
-    c31, c23, c21 = 2.0 * (l1 * l3 - l0 * l2), 2.0 * (l2 * l3 - l0 * l1), 2.0 * (l1 * l2 + l0 * l3)
-    found = np.column_stack((np.arctan2(-c31, c11), np.arctan2(c21, np.hypot(c11, c31)), np.arctan2(-c23, c22)))
-    apart = np.abs(found - angles)
-    return np.minimum(apart, np.abs(apart - 2.0 * math.pi))
-
-
 def step_kernel(algorithm: Algorithm) -> Callable[..., Any]:
     """The kernel of an algorithm."""
     return next(found for family in FAMILIES if (found := getattr(family, algorithm.kernel, None)) is not None)

@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 
 from trihedron.attitude.run import AttitudeRun, attitude_error, heading_and_tilt, rotation_of
-from trihedron.attitude.sampling import Increments, increments_from
+from trihedron.attitude.sampling import Increments, coarser, increments_from
 from trihedron.errors import InputError, nearest
-from trihedron.models.attitude import ALGORITHMS
+from trihedron.models.attitude import ALGORITHMS, Algorithm
 from trihedron.orchestrator import simulate
 from trihedron.records import StrapdownRecord
 from trihedron.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
@@ -28,6 +28,7 @@ def attitude_of_record(
     algorithm: str = "two-sample-rodrigues",
     rates: str = "instantaneous",
     gyro_bias: Sequence[float] | np.ndarray | None = None,
+    rate_divisor: int = 1,
     out: Path | None = None,
     progress: bool = False,
 ) -> AttitudeRun:
@@ -46,6 +47,8 @@ def attitude_of_record(
         "instantaneous" (integrated by the trapezoid rule) or "averaged" (mean over the interval before each row)
     gyro_bias : sequence of 3 float or None
         rate that is taken out of every sample [rad/s], `rate_at_rest(record)` say; None: the rates as measured
+    rate_divisor : int
+        how many of the record's increments are added up to one, as a slower gyro would give them
     out : Path or None
         folder for the orchestrator's run; None: nothing is written
     progress : bool
@@ -59,17 +62,16 @@ def attitude_of_record(
     ------
     InputError
         unknown algorithm or meaning of the rates; a record that is not uniform, has a gap, ends where its true
-        attitude begins, or turns by more than half a turn between two rows
+        attitude begins, or turns by more than the algorithm takes in one sample
     """
-    known = {a.name: a.number for a in ALGORITHMS}
-    if algorithm not in known:
-        raise InputError(f"algorithm '{algorithm}' is not known; {nearest(algorithm, tuple(known))}")
+    chosen = _algorithm_named(algorithm)
     first, start = _start(record)
-    increments = increments_from(record, first, rates, gyro_bias)
-    run = simulate(_scenario(record, increments, known[algorithm], start), out, progress=progress)
+    increments = coarser(increments_from(record, first, rates, gyro_bias), rate_divisor)
+    _check_range(record, chosen, increments, first, rate_divisor)
+    run = simulate(_scenario(record, increments, chosen.number, start), out, progress=progress)
     updated = run.table["updated"].to_numpy()
     attitude = run.table.select(QUATERNION_COLUMNS).to_numpy()[updated]
-    index = first + np.flatnonzero(updated)
+    index = first + rate_divisor * np.flatnonzero(updated)
     error = np.full((len(index), 3), np.nan)
     if record.attitude is not None:
         true = record.attitude[index]
@@ -96,6 +98,29 @@ def attitude_of_record(
         provenance=run.provenance,
         files=run.files,
     )
+
+
+def _algorithm_named(name: str) -> Algorithm:
+    """The algorithm of a name; InputError where there is none."""
+    known = {a.name: a for a in ALGORITHMS}
+    if name not in known:
+        raise InputError(f"algorithm '{name}' is not known; {nearest(name, tuple(known))}")
+    return known[name]
+
+
+def _check_range(
+    record: StrapdownRecord, algorithm: Algorithm, increments: Increments, first: int, rate_divisor: int
+) -> None:
+    """Refuse a turn that is beyond the algorithm's valid range, by its row."""
+    size = np.linalg.norm(increments.angle, axis=1)
+    beyond = np.flatnonzero(size > algorithm.max_increment)
+    if beyond.size:
+        k = int(beyond[0])
+        row = int(record.row[first + (k + 1) * rate_divisor])
+        raise InputError(
+            f"{record.path}, row {row}: a turn of {size[k]:.6g} rad in one sample; {algorithm.name} is valid to "
+            f"{algorithm.max_increment:.3g} rad: sample faster or take mean-rate"
+        )
 
 
 def _start(record: StrapdownRecord) -> tuple[int, list[float]]:

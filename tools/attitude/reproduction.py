@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.attitude.compiled_runs import angle_errors, run_algorithm, sample_motion
+from trihedron.attitude.angles import angle_errors
+from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
 from trihedron.attitude.conditions import CAUSES, EXACT, PAPER, Cause, Conditions
 from trihedron.attitude.paper_motions import paper_motion
 from trihedron.attitude.progress import progress_bar

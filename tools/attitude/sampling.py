@@ -128,6 +128,28 @@ def increments_from(
     return Increments(period, time, np.ascontiguousarray(angle))
 
 
+def coarser(increments: Increments, divisor: int) -> Increments:
+    """Increments of a gyro that is sampled less often: every `divisor` of them added up.
+
+    Parameters
+    ----------
+    divisor : int
+        1 changes nothing; increments at the end that fill no sample are left out
+
+    Raises
+    ------
+    InputError
+        a divisor that is not positive, or more than there are increments
+    """
+    count = len(increments.angle)
+    if not 1 <= divisor <= count:
+        raise InputError(f"--rate-divisor {divisor}: give a whole number from 1 to {count}, the record's increments")
+    kept = count // divisor
+    angle = increments.angle[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1)
+    time = increments.time_s[: kept * divisor + 1 : divisor]
+    return Increments(divisor * increments.period, time, np.ascontiguousarray(angle))
+
+
 def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
     """Mean rate over the rest with which a record begins: what a user takes for the gyros' bias.
 

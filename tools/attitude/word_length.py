@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trihedron.attitude.angles import angle_between
 from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
 from trihedron.attitude.conditions import EXACT
 from trihedron.attitude.paper_motions import paper_motion
@@ -107,13 +108,6 @@ def word_length_errors(
                     found.append(WordLengthError(motion, arithmetic, rounding, error))
                     advance(1)
     return tuple(found)
-
-
-def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Angles (N,) between the attitudes of quaternions (N, 4), whatever their norms [rad]; right for small angles."""
-    scalar = (p * q).sum(axis=1)
-    vector = p[:, :1] * q[:, 1:] - q[:, :1] * p[:, 1:] - np.cross(p[:, 1:], q[:, 1:])
-    return 2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar))
 
 
 def word_length_summary(errors: Sequence[WordLengthError]) -> list[str]:

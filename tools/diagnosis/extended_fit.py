@@ -136,7 +136,7 @@ def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
 
 def coefficient_count(place: EffectPlace) -> int:
     """Number of linear coefficients of an effect: it has as many parameters."""
-    return len(CATALOGUE[place.effect].parameters)
+    return len(CATALOGUE[place.effect].at(place).parameters)
 
 
 def extended_reading(

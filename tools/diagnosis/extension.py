@@ -167,7 +167,7 @@ def effect_entries(fit: ExtendedFit) -> list[dict[str, object]]:
     entries: list[dict[str, object]] = []
     first = 0
     for place in fit.places:
-        effect = CATALOGUE[place.effect]
+        effect = CATALOGUE[place.effect].at(place)
         count = len(effect.parameters)
         values = effect.from_coefficients(fit.coefficients[first : first + count])
         first += count

@@ -1,14 +1,14 @@
 """The sizes of an effect that a record leaves possible."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.programmes import Polytope, SolverError
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects import CATALOGUE, EffectParameter
 
 DIRECTIONS = 72
 """Directions in which a set of two coefficients is enclosed."""
@@ -71,7 +71,7 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
     found: list[tuple[Interval, ...]] = []
     first = 0
     for place in fit.places:
-        parameters = CATALOGUE[place.effect].parameters
+        parameters = CATALOGUE[place.effect].at(place).parameters
         own = np.arange(first, first + len(parameters))
         first += len(parameters)
         columns = len(fit.point) + own
@@ -84,15 +84,15 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
             return float(direction @ at[own] + polytope.maximise(span.T @ weights)[0])
 
         try:
-            found.append(effect_intervals(place.effect, len(parameters), reach) if determined else unknown)
+            found.append(effect_intervals(parameters, reach) if determined else unknown)
         except SolverError:
             found.append(unknown)
     return tuple(found)
 
 
-def effect_intervals(name: str, count: int, reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:
+def effect_intervals(parameters: Sequence[EffectParameter], reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:
     """Intervals of an effect's parameters: amplitudes and phases in pairs, others one by one."""
-    names = [parameter.name for parameter in CATALOGUE[name].parameters]
+    names, count = [parameter.name for parameter in parameters], len(parameters)
     found: list[Interval] = []
     k = 0
     while k < count:

@@ -53,7 +53,7 @@ def excluded_sizes(
             continue
         columns = signature_columns([place], rows)
         reach = reaches(model, columns, room)
-        for k, parameter in enumerate(CATALOGUE[place.effect].parameters):
+        for k, parameter in enumerate(CATALOGUE[place.effect].at(place).parameters):
             if parameter.name.endswith("phase"):
                 continue
             above = largest_size(reach, columns.shape[1], k, paired=parameter.name.endswith("amplitude"))

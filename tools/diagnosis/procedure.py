@@ -87,7 +87,7 @@ def diagnose(
         findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)
         if len(groups) > 1:
             ahead = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
-            positions = separating_positions(here, ahead, [group[0] for group in groups], bounds)
+            positions = separating_positions(here, ahead, [group[0] for group in groups], bounds, room)
             return Diagnosis(
                 "ambiguous", nominal, record.position, findings, tried=tried, next_positions=tuple(positions)
             )

@@ -39,7 +39,7 @@ class Cause:
     @property
     def sentence(self) -> str:
         """What an engineer is told."""
-        effect = CATALOGUE[self.place.effect]
+        effect = CATALOGUE[self.place.effect].at(self.place)
         named = {p.name: value for p, value in zip(effect.parameters, self.values, strict=True)}
         return effect.sentence(self.place, named)
 
@@ -54,7 +54,7 @@ class Cause:
                 "high": high if math.isfinite(high) else None,
             }
             for parameter, value, (low, high) in zip(
-                CATALOGUE[self.place.effect].parameters, self.values, self.intervals, strict=True
+                CATALOGUE[self.place.effect].at(self.place).parameters, self.values, self.intervals, strict=True
             )
         ]
         entry = place_json(self.place)

@@ -53,7 +53,8 @@ def catalogue_places(baseline: str, circumstances: Circumstances) -> list[Effect
         place
         for effect in CATALOGUE.values()
         if effect.within != baseline
-        and ("temperature" not in getattr(effect, "needs", ()) or circumstances.temperature is not None)
+        and effect.variants is None
+        and all(getattr(circumstances, need) is not None for need in effect.needs)
         for place in effect.places
     ]
 
@@ -64,14 +65,13 @@ def explain(fit: ExtendedFit) -> Explanation:
     values, possible = [], True
     first = 0
     for place in fit.places:
-        effect = CATALOGUE[place.effect]
+        effect = CATALOGUE[place.effect].at(place)
         count = len(effect.parameters)
         parameters = effect.from_coefficients(coefficients[first : first + count])
         first += count
         values.append(parameters)
         possible &= all(
-            abs(value) <= parameter.largest * (1.0 + 1e-9)
-            for value, parameter in zip(parameters, effect.parameters, strict=True)
+            parameter.possible(value) for value, parameter in zip(parameters, effect.parameters, strict=True)
         )
     return Explanation(fit, tuple(values), possible)
 

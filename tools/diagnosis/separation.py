@@ -1,19 +1,26 @@
-"""Table positions that would tell candidate causes apart."""
+"""Table positions that tell candidate causes apart, whatever parameters they have."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.parametrisation import Positions
+from trihedron.calibration.parametrisation import Positions, reading_jacobian
+from trihedron.calibration.programmes import SolverError
 from trihedron.diagnosis.circumstances import Circumstances, standing_still
 from trihedron.diagnosis.extended_fit import extended_reading
+from trihedron.diagnosis.intervals import feasible_set
 from trihedron.diagnosis.search import Explanation
-from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.regressors import admissible
 
 GRID_STEP_DEG = 5.0
+SHORTLIST = 12
+"""So many positions, those where the fitted predictions differ most, are judged over all possible parameters."""
+MOST_PAIRS = 15
+"""So many pairs of candidates, the best ones first, get a position of their own."""
 
 
 def separating_positions(
@@ -21,9 +28,13 @@ def separating_positions(
     hours: float,
     candidates: Sequence[Explanation],
     bounds: tuple[float, float],
+    room: float,
     most: int = 6,
 ) -> list[dict[str, object]]:
-    """For each pair of candidates the position at which their predictions are farthest apart.
+    """For each pair of candidates the position where their predictions are farthest apart.
+
+    Each candidate predicts an interval, over all parameters that the record leaves it; the gap between the intervals is
+    what a reading there must be nearer to one of.
 
     Parameters
     ----------
@@ -35,49 +46,111 @@ def separating_positions(
         sets of effects that explain the record; outliers say nothing about other positions
     bounds : (float, float)
         u^max and v^0max: only readings whose sign is certain count
+    room : float
+        what the readings' rounding adds to their bounds, as a fraction of g
     most : int
         at most so many positions
 
     Returns
     -------
     list of dict
-        alpha_deg, beta_deg, mounting where there are several, and what is separated
+        alpha_deg, beta_deg, mounting where there are several, what is separated, and ``apart_g``: the least distance of
+        the predictions, over all parameters (negative: they overlap, one reading there need not decide)
     """
     physical = [c for c in candidates if any(place.effect != "outlier" for place in c.places)]
     p = here.parametrisation
     degrees = np.arange(0.0, 360.0, GRID_STEP_DEG)
     alpha, beta, mounting = (g.ravel() for g in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij"))
     at = Positions(np.radians(alpha), np.radians(beta), mounting.astype(int))
-    there = linearise(p, at, np.zeros((len(alpha), 3)), here.point, np.full(3 * len(alpha), here.bound.min()))
     certain = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds)
-    predictions = [prediction(there, c, standing_still(len(alpha), np.full(len(alpha), hours))) for c in physical]
-    chosen: dict[int, list[str]] = {}
-    for i, first in enumerate(predictions):
-        for j, second in enumerate(predictions[:i]):
-            apart = np.where(certain, np.abs(first - second).reshape(-1, 3), 0.0).max(axis=1)
-            best = int(np.argmax(np.round(apart, 12)))
-            names = chosen.setdefault(best, [])
-            names += [t for t in (physical[j].title, physical[i].title) if t not in names]
+    centres = [predictions(here, c, at, hours)[0] for c in physical]
+    chosen: dict[int, tuple[float, list[str]]] = {}
+    for first, second in list(combinations(range(len(physical)), 2))[:MOST_PAIRS]:
+        apart = np.where(certain, np.abs(centres[first] - centres[second]), 0.0).max(axis=1)
+        shortlist = np.argsort(-np.round(apart, 12), kind="stable")[:SHORTLIST]
+        part = Positions(at.alpha[shortlist], at.beta[shortlist], at.mounting[shortlist])
+        gap = guaranteed_gap(here, physical[first], physical[second], part, hours, certain[shortlist], room)
+        best = int(np.argmax(np.round(gap, 12)))
+        distance, names = chosen.setdefault(int(shortlist[best]), (np.inf, []))
+        names += [c.title for c in (physical[first], physical[second]) if c.title not in names]
+        chosen[int(shortlist[best])] = (min(distance, float(gap[best])), names)
     positions = []
-    for index, names in list(chosen.items())[:most]:
+    for index, (distance, names) in list(chosen.items())[:most]:
         position: dict[str, object] = {"alpha_deg": float(alpha[index]), "beta_deg": float(beta[index])}
         if len(p.mountings) > 1:
             position["mounting"] = p.mountings[int(mounting[index])]
-        positions.append({**position, "separates": names})
+        apart_g = distance if np.isfinite(distance) else None
+        positions.append({**position, "separates": names, "apart_g": apart_g})
     return positions
 
 
-def prediction(there: Linearisation, candidate: Explanation, circumstances: Circumstances) -> NDArray:
-    """Readings (3 N,) over g that the model with a set of effects predicts at other positions; outliers stay behind."""
-    fit = candidate.fit
-    step = fit.centre[: len(fit.point)]
-    coefficients = fit.coefficients + fit.centre[len(fit.point) :]
-    kept, values, first = [], [], 0
-    for place in fit.places:
+def physical_part(candidate: Explanation) -> tuple[list[EffectPlace], NDArray]:
+    """The effects of a set that act at other positions too, and which of its coefficients are theirs."""
+    kept, own, first = [], [], 0
+    for place in candidate.places:
         count = len(CATALOGUE[place.effect].parameters)
         if place.effect != "outlier":
             kept.append(place)
-            values.append(coefficients[first : first + count])
+            own += list(range(first, first + count))
         first += count
-    joined = np.concatenate(values) if values else np.zeros(0)
-    return extended_reading(there, fit.point + step, kept, joined, circumstances)[0]
+    return kept, np.array(own, dtype=int)
+
+
+def predictions(here: Linearisation, candidate: Explanation, at: Positions, hours: float) -> tuple[NDArray, NDArray]:
+    """What a candidate predicts at other positions, and how that changes with its parameters.
+
+    Returns
+    -------
+    reading : (N, 3) array
+        over g, at the centre of what is possible
+    slopes : (N, 3, P + K) array
+    """
+    fit = candidate.fit
+    count = len(at.alpha)
+    point = fit.point + fit.centre[: len(fit.point)]
+    coefficients = fit.coefficients + fit.centre[len(fit.point) :]
+    places, own = physical_part(candidate)
+    there = linearise(
+        here.parametrisation, at, np.zeros((count, 3)), point, np.full(3 * count, float(here.bound.min()))
+    )
+    circumstances: Circumstances = standing_still(count, np.full(count, hours))
+    reading, columns = extended_reading(there, point, places, coefficients[own], circumstances)
+    slopes = np.zeros((count, 3, len(fit.centre)))
+    slopes[..., : len(fit.point)] = reading_jacobian(here.parametrisation, point, at, there.sign)
+    slopes[..., len(fit.point) + own] = columns.reshape(count, 3, -1)
+    return reading.reshape(count, 3), slopes
+
+
+def guaranteed_gap(
+    here: Linearisation,
+    first: Explanation,
+    second: Explanation,
+    at: Positions,
+    hours: float,
+    certain: NDArray,
+    room: float,
+) -> NDArray:
+    """Least distance (N,) [g] of two candidates' predictions over all their parameters, the best reading of each."""
+    low_1, high_1 = prediction_intervals(here, first, at, hours, room)
+    low_2, high_2 = prediction_intervals(here, second, at, hours, room)
+    gap = np.maximum(low_1 - high_2, low_2 - high_1)
+    return np.where(certain, gap, -np.inf).max(axis=1)
+
+
+def prediction_intervals(
+    here: Linearisation, candidate: Explanation, at: Positions, hours: float, room: float
+) -> tuple[NDArray, NDArray]:
+    """Ends (N, 3) of what a candidate can predict at other positions; infinite where nothing bounds it."""
+    reading, slopes = predictions(here, candidate, at, hours)
+    polytope, span, scale = feasible_set(candidate.fit, np.zeros((len(candidate.fit.residual), 0)), room)
+    low, high = np.full_like(reading, -np.inf), np.full_like(reading, np.inf)
+    for row, axis in np.ndindex(*reading.shape):
+        weights = slopes[row, axis] / scale
+        if np.linalg.norm(weights - span @ (span.T @ weights)) > 1e-6 * np.linalg.norm(weights):
+            continue
+        try:
+            low[row, axis] = reading[row, axis] - polytope.maximise(-span.T @ weights)[0]
+            high[row, axis] = reading[row, axis] + polytope.maximise(span.T @ weights)[0]
+        except SolverError:
+            continue
+    return low, high

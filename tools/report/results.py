@@ -139,7 +139,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
         for finding in result.findings
         for cause in finding.causes
         for parameter, value, (low, high) in zip(
-            CATALOGUE[cause.place.effect].parameters, cause.values, cause.intervals, strict=True
+            CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
         )
     ]
     same = [e.title for cause in result.causes for e in cause.equivalents]

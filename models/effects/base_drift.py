@@ -1,0 +1,51 @@
+"""Drift of the base: the foundation tilts with time, and the table with it."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.models.effects.definition import (
+    Effect,
+    EffectParameter,
+    EffectPlace,
+    all_coefficients,
+    turned,
+)
+from trihedron.models.effects.rows import Rows
+from trihedron.models.restricted import HOURS, Vector
+
+
+def base_drift(context: Vector, angles: Vector, kappa_rate: float, alpha_star_rate: float, turns: Vector) -> None:
+    """Add rate·hours to κ and to α*; the true outer angle is the reading less α*."""
+    turns[0] = turns[0] + kappa_rate * context[HOURS]
+    turns[1] = turns[1] - alpha_star_rate * context[HOURS]
+
+
+def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2) per rate of κ and of α*."""
+    small = np.zeros((len(rows.hours), 4, 2))
+    small[:, 0, 0] = rows.hours
+    small[:, 1, 1] = -rows.hours
+    return small
+
+
+EFFECT = Effect(
+    name="base-drift",
+    places=(EffectPlace("base-drift", "base"),),
+    parameters=(
+        EffectParameter("kappa_rate", "rad/h", "growth of κ with time", 1e-2),
+        EffectParameter("alpha_star_rate", "rad/h", "growth of α* with time", 1e-2),
+    ),
+    component="TurntableMotion",
+    stage="geometry_effects",
+    kernel=base_drift,
+    place_numbers=lambda place: (),
+    signature=lambda place, rows: turned(rows, turns(place, rows)),
+    from_coefficients=all_coefficients,
+    sentence=lambda place, values: (
+        f"the base tilts with time: κ by {math.degrees(values['kappa_rate']) * 3600.0:+.1f} arcsec an hour, "
+        f"α* by {math.degrees(values['alpha_star_rate']) * 3600.0:+.1f} arcsec an hour"
+    ),
+    turns=turns,
+)

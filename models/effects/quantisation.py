@@ -1,0 +1,144 @@
+"""Quantisation: an accelerometer's reading is rounded to a step."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.models.effects.definition import (
+    Effect,
+    EffectParameter,
+    EffectPlace,
+    accelerometer_number,
+    no_coefficients,
+    no_signature,
+    on_accelerometers,
+)
+from trihedron.models.effects.rows import Rows, Variant, at_readings
+from trihedron.models.restricted import Vector
+
+LEAST_STEP, LARGEST_STEP = 1e-7, 1e-2
+LEAST_PART = 0.2
+"""A step below this part of σ widens no bound that matters."""
+FINEST = 1e-10
+"""Digits of a reading [g] finer than this are rounding."""
+SHARE = 0.7
+"""Part of the readings that are multiples of the step; the others are means over rests between two of them."""
+FEWEST = 6
+"""Fewer readings prove no step."""
+
+
+def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vector) -> None:
+    """Round the reading of accelerometer p to a multiple of the step; a step of 0 stands for none."""
+    if step > 0.0:
+        reading[p] = step * math.floor(reading[p] / step + 0.5)
+
+
+def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+    """The largest step of which the readings are multiples; they lie within half a step of what they would be."""
+    p = place.index
+    tolerance = max(FINEST, rows.resolution)
+    step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, 20.0 * tolerance))
+    if step is None:
+        return []
+    rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
+
+    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
+        return True
+
+    return [
+        Variant(
+            offset=np.zeros_like(rows.n),
+            columns=np.zeros((*rows.n.shape, 0)),
+            widening=np.where(rounded, 0.5 * step, 0.0),
+            low=np.zeros(0),
+            high=np.zeros(0),
+            values=lambda coefficients: (step,),
+            limits=((step - tolerance, step + tolerance),),
+            lost=np.zeros_like(rounded),
+            fixed=np.zeros_like(rounded),
+            stands=stands,
+        )
+    ]
+
+
+def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
+    """The largest step, up to 1e-2, of which at least seven in ten values (N,) are whole multiples.
+
+    Each of some values is tried as m steps, for all m at once: where it is, most of some others are multiples too, and
+    few steps are left for the rest to judge.
+
+    Parameters
+    ----------
+    values : (N,) array
+    tolerance : float
+        by which a value may miss its multiple
+    least : float
+        of the steps that are tried; more than ten times the tolerance
+
+    Returns
+    -------
+    float or None
+        None where there is no such step, or too few different values
+    """
+    distinct = np.unique(np.round(np.abs(values[np.abs(values) > least]) / tolerance)) * tolerance
+    if len(distinct) < FEWEST:
+        return None
+    # Spread over the range, the largest first: its multiples pin the step down best.
+    probes = distinct[np.unique(np.linspace(0, len(distinct) - 1, 12).round().astype(int))][::-1]
+    best: float | None = None
+    for base in probes[:4]:
+        steps = base / np.arange(math.ceil(base / LARGEST_STEP), math.floor(base / least) + 1)
+        others = probes[probes != base]
+        for tried in (others[:4], others):
+            hits = sum((misses(other, steps) <= 2.0 * tolerance) * 1.0 for other in tried)
+            steps = steps[hits >= SHARE * len(tried) - 1.0]
+        for step in steps:
+            if best is not None and step <= best:
+                break
+            refined = refine(values, float(step))
+            if share(values, refined, tolerance) >= SHARE:
+                best = refined
+                break
+    if best is None:
+        return None
+    # Of few multiples of a step most may be even by chance.
+    finer = [best / k for k in (2, 3) if share(values, best / k, tolerance) >= share(values, best, tolerance) + 0.15]
+    return finer[0] if finer else best
+
+
+def share(values: NDArray[np.float64], step: float, tolerance: float) -> float:
+    """Part of the values that are multiples of a step."""
+    return float(np.mean(misses(values, np.full(len(values), step)) <= 2.0 * tolerance))
+
+
+def refine(values: NDArray[np.float64], step: float) -> float:
+    """The step that fits the multiples best, in the least-squares sense, where most values are multiples."""
+    for _ in range(3):
+        counts = np.round(values / step)
+        left = np.abs(values - counts * step)
+        kept = left <= 3.0 * np.median(left)
+        if (counts[kept] ** 2).sum() == 0.0:
+            return step
+        step = float((values[kept] * counts[kept]).sum() / (counts[kept] ** 2).sum())
+    return step
+
+
+def misses(values: NDArray[np.float64] | float, steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances of values from the nearest multiples of steps."""
+    return np.abs(values - np.round(values / steps) * steps)
+
+
+EFFECT = Effect(
+    name="quantisation",
+    places=on_accelerometers("quantisation"),
+    parameters=(EffectParameter("step", "g", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),),
+    component="AccelerometerBlock",
+    stage="final_effects",
+    kernel=quantisation,
+    place_numbers=accelerometer_number,
+    signature=no_signature,
+    from_coefficients=no_coefficients,
+    sentence=lambda place, values: f"accelerometer {place.index + 1} reads in steps of {values['step']:.3e} g",
+    variants=variants,
+)

@@ -1,0 +1,60 @@
+"""Sag: the table gives way under the weight it carries, behind its encoders."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.models.effects.definition import (
+    AXES,
+    Effect,
+    EffectParameter,
+    EffectPlace,
+    polar_coefficients,
+    turned,
+)
+from trihedron.models.effects.rows import Rows
+from trihedron.models.restricted import Vector
+
+
+def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: float, turns: Vector) -> None:
+    """Add the elastic turn: outer amplitude·sin(α + phase), inner amplitude·sin α·cos(β + phase).
+
+    Weight acts across the outer axis by the angle of what it carries; across the inner one by what gravity has across
+    that axis, sin α, and the angle β.
+    """
+    if axis == 0:
+        turns[1] = turns[1] + amplitude * math.sin(angles[0] + phase)
+    else:
+        turns[3] = turns[3] + amplitude * math.sin(angles[0]) * math.cos(angles[1] + phase)
+
+
+def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2) per amplitude·cos(phase) and amplitude·sin(phase)."""
+    small = np.zeros((len(rows.hours), 4, 2))
+    if place.index == 0:
+        small[:, 1] = np.stack((np.sin(rows.alpha), np.cos(rows.alpha)), axis=1)
+    else:
+        small[:, 3] = np.sin(rows.alpha)[:, None] * np.stack((np.cos(rows.beta), -np.sin(rows.beta)), axis=1)
+    return small
+
+
+EFFECT = Effect(
+    name="sag",
+    places=tuple(EffectPlace("sag", where) for where in AXES),
+    parameters=(
+        EffectParameter("amplitude", "rad", "amplitude of the elastic turn", 5e-3, smallest=0.0),
+        EffectParameter("phase", "rad", "phase of the elastic turn", math.pi),
+    ),
+    component="TurntableMotion",
+    stage="geometry_effects",
+    kernel=sag,
+    place_numbers=lambda place: (place.index,),
+    signature=lambda place, rows: turned(rows, turns(place, rows)),
+    from_coefficients=polar_coefficients,
+    sentence=lambda place, values: (
+        f"weight turns the table elastically about the {place.where.replace('-', ' ')}, by up to "
+        f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec"
+    ),
+    turns=turns,
+)

@@ -1,0 +1,76 @@
+"""The bound of |F'y| holds, is tight, and knows when there is none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from trihedron.calibration.parametrisation import parametrise
+from trihedron.planning.certificate import ROUNDING, ceiling
+from trihedron.planning.forms import Sheet, clearance, dual_forms, sheets, value
+
+
+def sampled_maximum(found: list[Sheet], dual: np.ndarray, seed: int) -> float:
+    """The greatest |F'y| of many admissible positions, corners of the set among them by chance only."""
+    rng = np.random.default_rng(seed)
+    alpha, beta = rng.uniform(0, 2 * np.pi, (2, 40_000))
+    greatest = 0.0
+    for sheet, form in zip(found, dual_forms(found, dual), strict=True):
+        inside = clearance(sheet, alpha, beta) >= 0.0
+        greatest = max(greatest, float(np.abs(value(form, alpha[inside], beta[inside])).max()))
+    return greatest
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 10**6), symmetric=st.booleans(), rule=st.sampled_from(["paper", "tables"]))
+def test_the_bound_is_between_samples_and_violation(seed: int, symmetric: bool, rule: str) -> None:
+    """Nothing sampled exceeds a proven bound; what is said to exceed a limit does, at an admissible position."""
+    rng = np.random.default_rng(seed)
+    p = parametrise({"q": Rotation.random(random_state=seed).as_matrix()}, symmetric=symmetric)
+    found = sheets(p, bounds=(1e-3, 3e-2), rule=rule)
+    dual = rng.normal(size=len(p.symbols))
+    greatest = sampled_maximum(found, dual, seed)
+    proven = ceiling(found, dual, 1.02 * greatest)
+    assert not len(proven.violations)
+    assert greatest <= proven.bound <= 1.02 * greatest
+    refuted = ceiling(found, dual, 0.99 * greatest)
+    assert len(refuted.violations)
+    assert refuted.bound == np.inf
+    for k, sense, alpha, beta in refuted.violations:
+        form = dual_forms(found, dual)[int(k)]
+        assert sense * value(form, alpha, beta) > 0.99 * greatest
+        assert clearance(found[int(k)], alpha, beta) >= 0.0
+
+
+@pytest.mark.parametrize("excess", [1e-6, 1e-9, 1e-12])
+def test_a_curve_of_contact_is_bounded_tightly(excess: float) -> None:
+    """y for scale factor and bias at Q = I: F'y = (2|m| − 1 − δ)/(1 − δ) is −1 on a whole circle and 1 at the pole."""
+    u, v = 3e-3, 1e-2
+    delta = np.sin(np.arcsin(v / np.hypot(1 - v, u + v)) + np.arctan2(u + v, 1 - v))
+    p = parametrise({"q": np.eye(3)})
+    dual = np.zeros(18)
+    for symbol, amount in (("X14", 2.0), ("X15", -2.0), ("X18", -1.0 - delta)):
+        dual[p.symbols.index(symbol)] = amount / (1.0 - delta)
+    found = sheets(p, bounds=(u, v), rule="tables")
+    assert ceiling(found, dual, 1.0 + excess).bound <= 1.0 + excess + 1e-15
+    assert len(ceiling(found, dual, 1.0 - 1e-6).violations)
+
+
+def test_a_search_that_is_cut_short_still_bounds() -> None:
+    p = parametrise({"q": Rotation.random(random_state=3).as_matrix()})
+    found = sheets(p)
+    dual = np.random.default_rng(3).normal(size=18)
+    greatest = sampled_maximum(found, dual, 3)
+    short = ceiling(found, dual, greatest * (1.0 + 1e-3), max_boxes=4000)
+    assert short.bound >= greatest
+    assert not len(short.violations)
+
+
+def test_forms_are_evaluated_to_the_rounding_that_is_allowed_for() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        form, alpha, beta = rng.normal(size=(3, 3)), *rng.uniform(-7, 7, 2)
+        a, b = (np.array([np.cos(np.longdouble(x)), np.sin(np.longdouble(x)), 1.0]) for x in (alpha, beta))
+        exact = a @ form.astype(np.longdouble) @ b
+        assert abs(float(exact - value(form, alpha, beta))) < 0.1 * ROUNDING * np.abs(form).sum()

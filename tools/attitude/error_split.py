@@ -1,0 +1,125 @@
+"""An error over time as a slowly growing part, the drift, and a periodic part."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from trihedron.errors import InputError
+
+FEWEST_PERIODS = 4
+"""A period that is looked for is at most this part of the run."""
+
+STRONG = 0.1
+"""A line of the spectrum counts as a harmonic of the motion from this part of the strongest on."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSplit:
+    """The parts of an error, slow + periodic = error.
+
+    Attributes
+    ----------
+    period : float
+        over which the slow part is averaged [s]
+    slow, periodic : ndarray, shape (N, K)
+        in the unit of the error
+    rate : ndarray, shape (K,)
+        drift: slope of the best line through the slow part, per second
+    amplitude : ndarray, shape (K,)
+        largest size of the periodic part
+    """
+
+    period: float
+    slow: np.ndarray
+    periodic: np.ndarray
+    rate: np.ndarray
+    amplitude: np.ndarray
+
+
+def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = None) -> ErrorSplit:
+    """Split an error as Chelnokov et al. 2016, section 3.1.1, describe theirs.
+
+    The slow part is the mean over one whole period around each moment, so that what repeats with the motion drops out
+    of it; half a period from the ends it goes on with the drift.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (N,)
+        growing [s]
+    error : ndarray, shape (N,) or (N, K)
+        of one or several components
+    period : float or None
+        of the motion [s]; None: the longest strong one in the error's spectrum
+
+    Raises
+    ------
+    InputError
+        fewer than eight errors, a number that is not finite, or a run of less than two periods
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    values = np.asarray(error, dtype=np.float64).reshape(len(time), -1)
+    if len(time) < 8 or not (np.isfinite(time).all() and np.isfinite(values).all() and (np.diff(time) > 0.0).all()):
+        raise InputError("an error is split from at least eight finite values at growing times")
+    span = float(time[-1] - time[0])
+    if period is None:
+        period = found_period(time, values)
+    if not (np.isfinite(period) and 0.0 < 2.0 * period <= span):
+        raise InputError(f"a run of {span:g} s is shorter than two periods of {period:g} s: its drift cannot be told")
+    total = CubicSpline(time, values).antiderivative()
+    half = 0.5 * period
+    inside = np.clip(time, time[0] + half, time[-1] - half)
+    slow = (total(inside + half) - total(inside - half)) / period
+    interior = (time >= time[0] + half) & (time <= time[-1] - half)
+    rate = _slope(time[interior], slow[interior])
+    slow = slow + np.outer(time - inside, rate)
+    periodic = values - slow
+    return ErrorSplit(period, slow, periodic, rate, np.abs(periodic).max(axis=0))
+
+
+def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
+    """Longest strong period in an error whose best line is taken out [s].
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (N,)
+    error : ndarray, shape (N, K)
+
+    Returns
+    -------
+    float
+        at most a quarter of the run; the quarter itself where nothing is periodic
+    """
+    span = float(time_s[-1] - time_s[0])
+    grid = np.linspace(time_s[0], time_s[-1], len(time_s))
+    even = CubicSpline(time_s, error)(grid)
+    rest = even - even.mean(axis=0) - np.outer(grid - grid.mean(), _slope(grid, even))
+    window = np.hanning(len(grid))[:, None]
+    power = np.sqrt((np.abs(np.fft.rfft(window * rest, axis=0)) ** 2).sum(axis=1))
+    power[:FEWEST_PERIODS] = 0.0
+    if not power.max() > 0.0:
+        return span / FEWEST_PERIODS
+    strong = np.flatnonzero(power >= STRONG * power.max())
+    # A line of the windowed spectrum is three bins wide: the strongest of the first group is the period's.
+    first = strong[0]
+    peak = first + int(np.argmax(power[first : first + 3]))
+    return _refined_period(grid, rest, span / peak, span)
+
+
+def _refined_period(time: np.ndarray, rest: np.ndarray, period: float, span: float) -> float:
+    """The period near a line of the spectrum whose sine and cosine take most out of the error."""
+    frequencies = np.linspace(1.0 / period - 0.6 / span, 1.0 / period + 0.6 / span, 61)
+    best, most = 1.0 / period, -1.0
+    window = np.hanning(len(time))
+    for frequency in frequencies:
+        wave = np.exp(-2j * np.pi * frequency * (time - time[0])) * window
+        size = float((np.abs(wave @ rest) ** 2).sum())
+        if size > most:
+            best, most = float(frequency), size
+    return 1.0 / best
+
+
+def _slope(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Slopes (K,) of the best lines through values (N, K)."""
+    moved = time - time.mean()
+    return moved @ values / (moved @ moved)
