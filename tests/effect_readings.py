@@ -52,7 +52,7 @@ def forces(places: Sequence[EffectPlace], values: Values, row: int) -> np.ndarra
     """
     wanted = np.array([ALPHA[row], BETA[row]])
     command, force = wanted.copy(), np.zeros((2, 3))
-    for _ in range(5):
+    for _ in range(16):
         begin = [*(command - APPROACH * SENSES[row])]
         table, at = extended_instance(
             "TurntableMotion", places, values, encoder_fluctuation_bound=0.0, initial_angle=begin

@@ -22,9 +22,10 @@ BY_NAME = {a.name: a for a in ALGORITHMS}
 CHOSEN = [BY_NAME[n] for n in ("mean-rate", "two-sample-rodrigues", "panov", "panov-cut-off", "adaptive-degree")]
 
 
-def harmonic_record(count: int = 401, period: float = 0.01) -> StrapdownRecord:
-    """The second motion of Table 1 as a record of exact increments, with its true attitude."""
-    taken = sample_motion(paper_motion("2", EXACT), period, count - 1)
+def harmonic_record(count: int = 401, motion: str = "2") -> StrapdownRecord:
+    """A motion of Table 1 at 100 Hz as a record of exact increments, with its true attitude."""
+    period = 0.01
+    taken = sample_motion(paper_motion(motion, EXACT), period, count - 1)
     angle = np.vstack((np.zeros(3), taken.angles))
     true = Rotation.from_euler("YZX", angle)
     return StrapdownRecord(
@@ -38,16 +39,16 @@ def harmonic_record(count: int = 401, period: float = 0.01) -> StrapdownRecord:
 
 
 def test_algorithms_stand_side_by_side_with_their_errors() -> None:
-    rows = compare_algorithms(harmonic_record(), algorithms=CHOSEN)
+    rows = compare_algorithms(harmonic_record(motion="5"), algorithms=CHOSEN)
     by_name = {row.algorithm.name: row for row in rows}
     assert [row.updates for row in rows] == [400, 200, 100, 0, 50]
-    # 30 degrees at 1 Hz and 100 Hz turn by more than Panov's cut-off series takes.
+    # 60 degrees at 1 Hz turn by more than Panov's cut-off series takes.
     assert "panov-cut-off is valid to 0.07 rad" in by_name["panov-cut-off"].refused
     errors = [by_name[a.name].maximum for a in CHOSEN if a.name != "panov-cut-off"]
     apart = [by_name[a.name].apart for a in CHOSEN if a.name != "panov-cut-off"]
     assert all(error is not None for error in errors)
     assert errors[0] > errors[2] > errors[1] > 1e3 * errors[3]  # type: ignore[operator]
-    assert errors[3] < 1e-11  # type: ignore[operator]
+    assert errors[3] < 1e-9  # type: ignore[operator]
     # The distance from the best is the error, where the best errs by nothing.
     assert apart[0] == pytest.approx(errors[0], rel=0.2)
     assert apart[3] == 0.0
@@ -93,7 +94,7 @@ def test_a_turn_beyond_the_range_is_refused_by_its_row() -> None:
 
 
 def test_the_comparison_is_written_and_shown(tmp_path: Path) -> None:
-    rows = compare_algorithms(harmonic_record(), algorithms=CHOSEN)
+    rows = compare_algorithms(harmonic_record(motion="5"), algorithms=CHOSEN)
     text = comparison_text(rows)
     assert [line.split()[0] for line in text.splitlines()[1:]] == [a.name for a in CHOSEN]
     write_comparison(rows, tmp_path / "comparison.csv")

@@ -72,9 +72,9 @@ def test_true_method_error_is_that_of_an_independent_computation():
     nodes, weights = np.polynomial.legendre.leggauss(12)
 
     def rate(t):
-        angle, angle_rate, found = np.zeros(3), np.zeros(3), np.zeros(3)
-        move_harmonically(t, harmonics, angle, angle_rate, found)
-        return found
+        angle, angle_rate, found = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        move_harmonically(t, list(harmonics), angle, angle_rate, found)
+        return np.array(found)
 
     increments = np.array(
         [
@@ -92,7 +92,7 @@ def test_true_method_error_is_that_of_an_independent_computation():
         x = (0.25 + a @ a / 48) * a + (0.25 + b @ b / 48) * b + np.cross(a, b) / 6
         turned = turned * Rotation.from_mrp(x)
         assert abs(turned.as_quat(scalar_first=True) @ attitudes[k // 2]) > 1.0 - 1e-14
-    true, work = np.zeros(4), np.zeros(4)
+    true, work = [0.0] * 4, [0.0] * 4
     attitude_of_angles(list(samples.angles[-1]), true, work)
     euler = (Rotation.from_quat(true, scalar_first=True)).as_euler("YZX")
     assert euler == pytest.approx(samples.angles[-1], abs=1e-14)

@@ -1,16 +1,22 @@
 """The catalogue: names, FMU variables, and signatures against the kernels inside the components."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
-from effect_readings import ROWS, readings, true_bench
 
-from trihedron.diagnosis.extended_fit import signature_columns
+from effect_readings import ALPHA, BETA, ROWS, readings, true_bench
+from trihedron.calibration.linearisation import linearise
+from trihedron.calibration.parametrisation import Positions, parametrise
+from trihedron.diagnosis.circumstances import standing_still
+from trihedron.diagnosis.extended_fit import rows_at, signature_columns
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.units import UNITS
+from trihedron.models.bench import TARGETS, target_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name, place_from_mapping
+from trihedron.models.effects.definition import turned
 from trihedron.models.effects.outlier import place_of
 
 CONTRACT = {
@@ -76,6 +82,52 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
         derivative = (4.0 * slopes[1] - slopes[0]) / 3.0
         assert np.abs(derivative.ravel() - columns[:, k]).max() < 2e-9
         assert np.abs(columns[:, k]).max() > 0.0
+
+
+@pytest.mark.parametrize("place", [p for p in LINEAR if CATALOGUE[p.effect].turns], ids=lambda p: p.title)
+def test_small_turns_are_exact_for_large_effects(place):
+    """With κ, ε and both angles moved by the turns, the exact model gives what the components read, at 8e-3 rad too."""
+    effect = CATALOGUE[place.effect].at(place)
+    here, rows = true_bench()
+    coefficients = 8e-3 * np.array([0.6, -0.8, -0.5, 0.7])[: len(effect.parameters)]
+    assert effect.turns is not None
+    turns = effect.turns(place, rows) @ coefficients
+    if effect.stage == "encoder_effects":
+        # Functions of the true angles, which have the turns in.
+        for _ in range(40):
+            moved = dataclasses.replace(rows, alpha=rows.alpha + turns[:, 1], beta=rows.beta + turns[:, 3])
+            turns = effect.turns(place, moved) @ coefficients
+    targets = np.tile(here.parametrisation.selection[0] @ here.point, (ROWS, 1))
+    targets[:, TARGETS.index("X1")] += turns[:, 0]
+    targets[:, TARGETS.index("X3")] += turns[:, 2]
+    expected = target_reading(targets, ALPHA + turns[:, 1], BETA + turns[:, 3], np.eye(3))
+    assert readings([place], [effect.from_coefficients(coefficients)]) == pytest.approx(expected, abs=2e-14)
+
+
+def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
+    """Wobble of the outer axis of order 1 is in the nominal model; sag about it is the first harmonic of its encoder;
+    the tilt of the inner axis, once a turn, is its lean a quarter of a turn later, but for what the model holds.
+    """
+    rng = np.random.default_rng(8)
+    p = parametrise({"identity": np.eye(3)})
+    at = Positions(rng.uniform(-3.0, 3.0, 60), rng.uniform(-3.0, 3.0, 60), np.zeros(60, dtype=int))
+    point = np.zeros(len(p.symbols))
+    here = linearise(p, at, np.zeros((60, 3)), point, np.full(180, 1e-5))
+    rows = rows_at(here, point, at, standing_still(60, np.zeros(60)))
+    basis, _ = np.linalg.qr(here.jacobian)
+
+    def left(columns: np.ndarray) -> np.ndarray:
+        return columns - basis @ (basis.T @ columns)
+
+    assert np.abs(left(signature_columns([EffectPlace("axis-wobble", "outer-axis", 1)], rows))).max() < 1e-13
+    sag = signature_columns([EffectPlace("sag", "outer-axis")], rows)
+    assert sag == pytest.approx(-signature_columns([EffectPlace("encoder-harmonic", "outer-axis", 1)], rows), abs=1e-15)
+    lean = left(signature_columns([EffectPlace("axis-wobble", "inner-axis", 1)], rows))
+    tilts = np.zeros((60, 4, 2))
+    tilts[:, 1] = np.stack((np.cos(at.beta), -np.sin(at.beta)), axis=1)
+    tilt = left(turned(rows, tilts).reshape(180, 2))
+    assert np.linalg.matrix_rank(lean, tol=1e-9) == 2
+    assert np.linalg.matrix_rank(np.hstack((lean, tilt)), tol=1e-9) == 2
 
 
 def test_an_outlier_marks_one_reading():

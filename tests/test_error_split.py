@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trihedron.attitude.angles import angle_errors
@@ -17,6 +17,7 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 BY_NAME = {a.name: a for a in ALGORITHMS}
 
 
+@settings(max_examples=25, deadline=None)
 @given(
     st.floats(0.5, 4.0),
     st.floats(0.0, 6.0),
@@ -24,13 +25,13 @@ BY_NAME = {a.name: a for a in ALGORITHMS}
     st.floats(0.1, 1.0),
 )
 def test_a_line_and_a_wave_come_apart(period: float, phase: float, drift: tuple, amplitude: float) -> None:
-    time = np.arange(0.0, 100.0, 0.01)
+    time = np.arange(0.0, 100.0, 0.04)
     wave = amplitude * np.sin(2 * np.pi * time / period + phase)
     error = np.column_stack((drift[0] * time + wave, 1.0 + drift[1] * time + 0.3 * wave))
     for given_period in (period, None):
         split = split_error(time, error, given_period)
         assert split.period == pytest.approx(period, rel=1e-3)
-        np.testing.assert_allclose(split.rate, drift, rtol=0, atol=2e-5 * amplitude)
+        np.testing.assert_allclose(split.rate, drift, rtol=0, atol=5e-5 * amplitude)
         np.testing.assert_allclose(split.amplitude, [amplitude, 0.3 * amplitude], rtol=5e-3)
         np.testing.assert_allclose(split.slow + split.periodic, error, rtol=0, atol=1e-12)
 

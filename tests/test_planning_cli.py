@@ -59,7 +59,7 @@ def test_a_target_that_begins_with_a_hyphen(capsys: pytest.CaptureFixture[str]) 
         (["--grid", "90"], "cannot determine"),
         (["--mounting", "tripot"], "tripod"),
         (["--bounds", "-1", "0.01"], "--bounds -1"),
-        (["--bounds", "0.6", "0.9"], "no position"),
+        (["--bounds", "0.1", "0.6", "--admissible", "tables"], "no position"),
         (["--picture", "plan.svg"], "--picture"),
         (["--admissible", "both"], "admissible"),
         (["--convention", "A3"], "convention"),

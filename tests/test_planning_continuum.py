@@ -45,10 +45,10 @@ def greatest_third_regressor(u: float, v: float, bias: float) -> float:
     def at(alpha: float) -> float:
         return cos(alpha) * cos(brentq(lambda beta: clear(alpha, beta), 1e-6, 1.2, xtol=1e-15))
 
-    low, high = 0.02, 0.6
+    low, high = 1e-4, 0.6
     for _ in range(60):
         trial = np.linspace(low, high, 9)
-        value = [at(a) if clear(a, 1.2) > 0 else -1.0 for a in trial]
+        value = [at(a) if clear(a, 1.2) > 0 > clear(a, 1e-6) else -1.0 for a in trial]
         best = int(np.argmax(value))
         low, high = trial[max(best - 1, 0)], trial[min(best + 1, 8)]
     return at(0.5 * (low + high))

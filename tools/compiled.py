@@ -10,7 +10,7 @@ import numba
 
 @cache
 def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel as machine code, with every kernel that it calls; it lets other threads run.
+    """A kernel as machine code, with every kernel that it calls.
 
     Parameters
     ----------
@@ -20,21 +20,16 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     Returns
     -------
     callable
-        takes float64 arrays for `Vector`; the same arithmetic as the kernel's, operation by operation
+        for other functions that numba compiles, not for Python itself: that compiles much faster. Takes float64 arrays
+        for `Vector`; the same arithmetic as the kernel's, operation by operation, but that a division by zero gives an
+        infinity, as in C, and no exception
     """
-    return numba.njit(nogil=True)(_linked(kernel))
-
-
-@cache
-def compiled_callee(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """The same for a kernel that only compiled code calls: it compiles faster, and Python cannot call it."""
-    return numba.njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(_linked(kernel))
-
-
-def _linked(kernel: Any) -> FunctionType:
-    """The kernel's own code over compiled callees."""
     names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
-    found = {
-        name: compiled_callee(value) if isinstance(value, FunctionType) else value for name, value in names.items()
-    }
-    return FunctionType(kernel.__code__, found, kernel.__name__)
+    linked = {name: compiled(value) if isinstance(value, FunctionType) else value for name, value in names.items()}
+    return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__))
+
+
+def compile_callee(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Machine code that only compiled code can call."""
+    options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(nogil=True, error_model="numpy", **options)(function)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import standing_still
+from trihedron.diagnosis.circumstances import Circumstances, senses_of
 from trihedron.diagnosis.extended_fit import coefficient_count, rows_at, signature_columns
 from trihedron.errors import InputError, nearest
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -33,6 +33,10 @@ BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
 STAND_BOUND, BLOCK_BOUND = 3e-3, 1e-2
 """The paper's bounds of the stand's and the block's errors."""
 DWELL_S, STEP_S = 6.0, 0.25
+LONGEST_RUN_S = 4000.0
+"""The temperature is laid down for so long."""
+START_APART = 0.3
+"""So far [rad] from its first position the table starts."""
 RECORD_DECIMALS = 9
 """Decimals of a record's numbers, as laboratories write them."""
 
@@ -122,20 +126,31 @@ def faultless_bench(alpha: NDArray, beta: NDArray, *, symmetric: bool) -> Linear
     return linearise(p, at, np.zeros((len(alpha), 3)), point, np.full(3 * len(alpha), NOISE_BOUND))
 
 
-def sure_size(here: Linearisation, hours: NDArray, place: EffectPlace, direction: NDArray) -> float:
+def temperature_at(hours: NDArray) -> NDArray:
+    """Temperature of the laboratory [degC]: it swings by 4 K, once in ten minutes, so that it is unlike the time."""
+    return 20.0 + 4.0 * np.sin(2.0 * math.pi * 6.0 * hours)
+
+
+def expected_circumstances(alpha: NDArray, beta: NDArray) -> Circumstances:
+    """What the rows will depend on beside their angles, about as the bench will run."""
+    hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
+    return Circumstances(hours, temperature_at(hours), senses_of(alpha), senses_of(beta), True)
+
+
+def sure_size(here: Linearisation, circumstances: Circumstances, place: EffectPlace, direction: NDArray) -> float:
     """Size of an effect, along a direction (K,) of its coefficients, from which it is surely detected: 2 σ / distance.
 
     The distance is that of the unit effect from all that the nominal model can say, in the maximum norm.
     """
-    rows = rows_at(here, here.point, here.positions, standing_still(len(hours), hours))
+    rows = rows_at(here, here.point, here.positions, circumstances)
     unit = signature_columns([place], rows) @ direction
     radius, _, _ = chebyshev_radius(here.jacobian, unit, np.ones(len(unit)))
     return 2.0 * NOISE_BOUND / radius if radius > 1e-9 else math.inf
 
 
-def visible_places(here: Linearisation, hours: NDArray, baseline: str) -> list[EffectPlace]:
-    """Where linear effects show in the readings at these positions and times, at one temperature and without senses."""
-    rows = rows_at(here, here.point, here.positions, standing_still(len(hours), hours))
+def visible_places(here: Linearisation, circumstances: Circumstances, baseline: str) -> list[EffectPlace]:
+    """Where linear effects show in the readings at these positions and in these circumstances."""
+    rows = rows_at(here, here.point, here.positions, circumstances)
     basis, _ = np.linalg.qr(here.jacobian)
     found = []
     for effect in CATALOGUE.values():
@@ -170,8 +185,8 @@ def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: boo
     alpha, beta = alpha[order], beta[order]
     baseline = "symmetric" if symmetric else "asymmetric"
     here = faultless_bench(alpha, beta, symmetric=symmetric)
-    hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
-    visible = visible_places(here, hours, baseline)
+    circumstances = expected_circumstances(alpha, beta)
+    visible = visible_places(here, circumstances, baseline)
     usable = [e.name for e in CATALOGUE.values() if e.name == "outlier" or any(p.effect == e.name for p in visible)]
     for name in effects or ():
         if name not in usable:
@@ -188,9 +203,12 @@ def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: boo
     count = coefficient_count(place)
     direction = rng.normal(size=count)
     direction /= np.linalg.norm(direction)
-    size = rng.uniform(3.0, 6.0) * sure_size(here, hours, place, direction)
-    largest = CATALOGUE[name].parameters[0].largest
-    values = CATALOGUE[name].from_coefficients(min(size, largest) * direction)
+    if CATALOGUE[name].at(place).parameters[0].smallest == 0.0 and count == 1:
+        direction = np.abs(direction)
+    size = rng.uniform(3.0, 6.0) * sure_size(here, circumstances, place, direction)
+    effect = CATALOGUE[name].at(place)
+    largest = effect.parameters[0].largest
+    values = effect.from_coefficients(min(size, largest) * direction)
     return HiddenCase(truth, place, values, alpha, beta)
 
 
@@ -200,6 +218,7 @@ def raw_record_scenario(case: HiddenCase, seed: int) -> Scenario:
     if case.place is not None and (component := CATALOGUE[case.place.effect].component) is not None:
         answer = case.answer()
         effects[component].append({**answer.pop("parameters"), **answer})
+    seconds = np.arange(0.0, LONGEST_RUN_S, 1.0)
     return Scenario.model_validate(
         {
             "schema": "trihedron.scenario/1",
@@ -212,7 +231,8 @@ def raw_record_scenario(case: HiddenCase, seed: int) -> Scenario:
                     "parameters": {
                         **case.truth["TurntableMotion"],
                         "encoder_fluctuation_bound": ENCODER_FLUCTUATION,
-                        "initial_angle": [float(case.alpha[0]), float(case.beta[0])],
+                        # Every position has a move before it, whose sense the record can tell.
+                        "initial_angle": [float(case.alpha[0]) - START_APART, float(case.beta[0]) - START_APART],
                         "seed": seed % 2**31,
                     },
                 },
@@ -239,13 +259,24 @@ def raw_record_scenario(case: HiddenCase, seed: int) -> Scenario:
                         "beta_deg": np.degrees(case.beta).tolist(),
                     },
                     "dwell_s": DWELL_S,
-                }
+                },
+                {
+                    "table": {
+                        "time_s": seconds.tolist(),
+                        "temperature_degC": temperature_at(seconds / 3600.0).tolist(),
+                    },
+                    "columns": {
+                        "table.temperature": "temperature_degC",
+                        "block.temperature": "temperature_degC",
+                    },
+                },
             ],
             "record": {
                 "columns": {
                     "alpha_deg": "table.angle_reading[1]",
                     "beta_deg": "table.angle_reading[2]",
                     **{f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
+                    "temperature_degC": "block.temperature",
                 }
             },
         }
@@ -272,6 +303,7 @@ def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionR
         alpha=np.radians(run["alpha_deg"].to_numpy()),
         beta=np.radians(run["beta_deg"].to_numpy()),
         specific_force=np.stack([run[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1),
+        temperature=run["temperature_degC"].to_numpy(),
     )
     record = average_rests(raw, find_rests(raw))
     if case.place is not None and case.place.effect == "outlier":

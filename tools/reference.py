@@ -9,7 +9,7 @@ from trihedron.fmus import components
 from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.units import UNITS
 from trihedron.hidden import NOISE_BOUND, draw_case, measure
-from trihedron.models.effects import CATALOGUE, Effect
+from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
 from trihedron.report.results import diagnosis_sections
 from trihedron.writing import write_text
 
@@ -64,14 +64,18 @@ def variable_line(variable: Variable) -> str:
 
 def effect_line(effect: Effect) -> str:
     """A row of the table of effects."""
-    places: dict[str, list[int]] = {}
+    places: dict[str, list[str]] = {}
+    parameters: dict[str, EffectParameter] = {}
     for place in effect.places:
-        places.setdefault(place.where, []).extend([] if place.order is None else [place.order])
-    where = ", ".join(f"{name} (orders {min(o)} to {max(o)})" if o else name for name, o in places.items())
-    parameters = ", ".join(
-        f"{p.name} [{p.unit}], at most {p.largest if p.largest != math.pi else 'π'}" for p in effect.parameters
+        words = place.title.removeprefix(effect.name).strip().removeprefix(place.where).strip()
+        places.setdefault(place.where, []).extend([words] if words else [])
+        parameters.update({p.name: p for p in effect.at(place).parameters})
+    where = "; ".join(f"{name} ({', '.join(words)})" if words else name for name, words in places.items())
+    said = ", ".join(
+        f"{p.name} [{p.unit}], at most {p.largest if p.largest != math.pi else 'π'}"
+        for p in parameters.values() or effect.parameters
     )
-    return f"| `{effect.name}` | {where or 'any reading'} | {parameters} | {effect.component or 'nothing'} |"
+    return f"| `{effect.name}` | {where or 'any reading'} | {said} | {effect.component or 'nothing'} |"
 
 
 def readme_picture() -> str:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from trihedron.errors import InputError
 from trihedron.options import JsonFile
 from trihedron.outputs import distinct_files
 
@@ -32,9 +33,10 @@ def attitude(
 
     Example: trihedron reproduce attitude --out reproduced
     """
-    distinct_files(
-        {"--json": json, "--out (attitude.csv)": _within(out, "csv"), "--out (attitude.svg)": _within(out, "svg")}
-    )
+    written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
+    distinct_files({**written, "--json": json})
+    if out is not None and out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: is a file; give the name of a folder")
     from trihedron.attitude.reproduction import reproduce_attitude
     from trihedron.attitude.reproduction_output import reproduction_summary, write_reproduction
 
@@ -52,7 +54,3 @@ def word_length() -> None:
     from trihedron.attitude.word_length import word_length_errors, word_length_summary
 
     print("\n".join(word_length_summary(word_length_errors(progress=True))))
-
-
-def _within(folder: Path | None, form: str) -> Path | None:
-    return None if folder is None else folder / f"attitude.{form}"

@@ -13,7 +13,14 @@ import math
 
 from trihedron.models.attitude_algorithms.definition import Algorithm
 from trihedron.models.attitude_algorithms.functional_iteration import functional_iteration
-from trihedron.models.attitude_algorithms.quaternion_forms import add_cross, complete_rotation_vector
+from trihedron.models.attitude_algorithms.quaternion_forms import (
+    add_cross,
+    add_increment,
+    clear,
+    complete_rodrigues,
+    dot,
+    scale_vector,
+)
 from trihedron.models.restricted import Vector
 from trihedron.models.rotation import multiply, set_quaternion
 
@@ -93,6 +100,24 @@ def supported_degree(previous: Vector, known: float, g: Vector, differences: Vec
     return chosen
 
 
+def pair_of_increments(g: Vector, first: int, part: Vector) -> None:
+    """Quaternion of increments `first` and `first` + 1 by (22), its series completed to tan(φ/4).
+
+    (22) is x = (1 + y²/3) y e for a constant rate, y = φ/4; the factor makes it tan(y) e, and is 1 + 2 y⁴/15 elsewhere.
+    """
+    clear(part)
+    add_increment(0.25 + dot(g, first, g, first) / 48.0, g, first, part)
+    add_increment(0.25 + dot(g, first + 1, g, first + 1) / 48.0, g, first + 1, part)
+    add_cross(1.0 / 6.0, g, first, g, first + 1, part)
+    square = (dot(g, first, g, first) + 2.0 * dot(g, first, g, first + 1) + dot(g, first + 1, g, first + 1)) / 16.0
+    factor = 1.0 + 2.0 * square * square / 15.0
+    if square > 1e-5:
+        y = math.sqrt(square)
+        factor = math.sin(y) / (math.cos(y) * y * (1.0 + square / 3.0))
+    scale_vector(factor, part)
+    complete_rodrigues(part)
+
+
 def adaptive_degree(
     previous: Vector,
     known: float,
@@ -132,8 +157,5 @@ def adaptive_degree(
     if chosen == 2:
         set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
         for pair in range(4):
-            for k in range(3):
-                part[1 + k] = g[6 * pair + k] + g[6 * pair + 3 + k]
-            add_cross(2.0 / 3.0, g, 2 * pair, g, 2 * pair + 1, part)
-            complete_rotation_vector(part)
+            pair_of_increments(g, 2 * pair, part)
             multiply(turned, part, turned)

@@ -105,9 +105,6 @@ class Effect:
         place, values of the parameters -> what an engineer is told
     within : str or None
         name of the baseline whose model holds this effect already, so that it can add nothing there
-    encoder_error : callable or None
-        of an effect on the encoders: place, true α (N,), true β (N,) -> (N, 2, K): the readings' errors [rad] per
-        coefficient, from which the true angles follow exactly; the signature is their effect to first order
     needs : tuple of str
         attributes of the rows without which the effect cannot be tried ("temperature")
     turns : callable or None
@@ -133,7 +130,6 @@ class Effect:
     from_coefficients: Callable[[NDArray[np.float64]], tuple[float, ...]]
     sentence: Callable[[EffectPlace, Mapping[str, float]], str]
     within: str | None = None
-    encoder_error: Callable[[EffectPlace, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] | None = None
     needs: tuple[str, ...] = ()
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     variants: Callable[[EffectPlace, Rows, NDArray[np.float64], float], list[Variant]] | None = None

@@ -59,6 +59,5 @@ EFFECT = Effect(
         f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec, {place.order} "
         f"time{'s' if place.order != 1 else ''} a turn"
     ),
-    encoder_error=encoder_error,
     turns=turns,
 )

@@ -10,7 +10,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from trihedron.compiled import compiled_callee
+from trihedron.compiled import compile_callee, compiled
 from trihedron.models import harmonic_motion, rotation
 from trihedron.models.attitude_algorithms import (
     Algorithm,
@@ -100,10 +100,10 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     ndarray, shape (N // samples, 4)
         quaternions, scalar first
     """
-    table, half_table = np.zeros(TABLE_SIZE), np.zeros(HALF_TABLE_SIZE)
+    table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
     prepare_update(float(algorithm.number), table, half_table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
-    work = (table, half_table, *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
+    work = (np.array(table), np.array(half_table), *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
     _runner(algorithm)(np.ascontiguousarray(increments), renormalise, work, attitudes)
     return attitudes
 
@@ -116,7 +116,7 @@ def step_kernel(algorithm: Algorithm) -> Callable[..., Any]:
 @cache
 def _sampler() -> Callable[..., None]:
     trapezoid, exactly, move = (
-        compiled_callee(kernel)
+        compiled(kernel)
         for kernel in (
             harmonic_motion.integrate_by_trapezoid,
             harmonic_motion.integrate_exactly,
@@ -124,7 +124,7 @@ def _sampler() -> Callable[..., None]:
         )
     )
 
-    @numba.njit(nogil=True)
+    @numba.njit(nogil=True, error_model="numpy")
     def sample(harmonics, period, intervals, pieces, increments, angles):
         angle, angle_rate, rate, increment = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
         for k in range(len(increments)):
@@ -143,9 +143,9 @@ def _sampler() -> Callable[..., None]:
 def _runner(algorithm: Algorithm) -> Callable[..., None]:
     turn = _turn(algorithm)
     samples = algorithm.samples
-    multiply, normalise = compiled_callee(rotation.multiply), compiled_callee(rotation.normalise)
+    multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
 
-    @numba.njit(nogil=True)
+    @numba.njit(nogil=True, error_model="numpy")
     def run(increments, renormalise, work, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
@@ -169,7 +169,7 @@ def _runner(algorithm: Algorithm) -> Callable[..., None]:
 
 def _turn(algorithm: Algorithm) -> Callable[..., None]:
     """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
-    kernel = compiled_callee(step_kernel(algorithm))
+    kernel = compiled(step_kernel(algorithm))
     samples = algorithm.samples
     if algorithm.kernel == "functional_iteration":
 
@@ -191,4 +191,4 @@ def _turn(algorithm: Algorithm) -> Callable[..., None]:
         def turn(previous, known, g, work, turned):
             kernel(g, turned)
 
-    return numba.njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(turn)
+    return compile_callee(turn)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 
 from trihedron.errors import InputError
 
@@ -108,15 +109,15 @@ def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
 
 def _refined_period(time: np.ndarray, rest: np.ndarray, period: float, span: float) -> float:
     """The period near a line of the spectrum whose sine and cosine take most out of the error."""
-    frequencies = np.linspace(1.0 / period - 0.6 / span, 1.0 / period + 0.6 / span, 61)
-    best, most = 1.0 / period, -1.0
-    window = np.hanning(len(time))
-    for frequency in frequencies:
-        wave = np.exp(-2j * np.pi * frequency * (time - time[0])) * window
-        size = float((np.abs(wave @ rest) ** 2).sum())
-        if size > most:
-            best, most = float(frequency), size
-    return 1.0 / best
+    window = np.hanning(len(time))[:, None] * rest
+
+    def left(frequency: float) -> float:
+        wave = np.exp(-2j * np.pi * frequency * (time - time[0]))
+        return -float((np.abs(wave @ window) ** 2).sum())
+
+    near = (1.0 / period - 0.6 / span, 1.0 / period + 0.6 / span)
+    best = minimize_scalar(left, bounds=near, method="bounded", options={"xatol": 1e-6 / span})
+    return 1.0 / float(best.x)  # type: ignore[attr-defined]
 
 
 def _slope(time: np.ndarray, values: np.ndarray) -> np.ndarray:

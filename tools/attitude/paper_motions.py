@@ -56,7 +56,7 @@ def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
     """
     if name not in MOTIONS:
         raise InputError(f"motion {name}: is not known; {nearest(name, MOTIONS)}")
-    harmonics = np.zeros(9 * HARMONICS)
+    harmonics = [0.0] * (9 * HARMONICS)
     for axis in range(3):
         if name in THIRD_FREQUENCIES:
             frequencies = (*(harmonic[axis] for harmonic in FAST_FREQUENCIES), THIRD_FREQUENCIES[name][axis])
@@ -72,7 +72,7 @@ def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
             _padded(()),
             harmonics,
         )
-    return harmonics
+    return np.array(harmonics)
 
 
 def _slow_frequency(name: str, axis: int, conditions: Conditions) -> float:
@@ -87,10 +87,14 @@ def _slow_frequency(name: str, axis: int, conditions: Conditions) -> float:
 def _composition_amplitudes_deg(name: str, axis: int, conditions: Conditions) -> tuple[float, float, float]:
     scale = 1.0 if name == "first" else 10.0
     minutes = (1.0, 1.5 if conditions.smaller_theta else 2.0, 2.0)[axis]
-    fast = (scale * 2.5 / 3600.0, scale * minutes / 60.0)
+    first, second = scale * 2.5 / 3600.0, scale * minutes / 60.0
     if conditions.typed_amplitudes:
-        fast = tuple(next((typed for full, typed in TYPED_DEG.items() if abs(a - full) < 1e-9), a) for a in fast)
-    return (*fast, THIRD_AMPLITUDES_DEG[axis])
+        first, second = _as_typed(first), _as_typed(second)
+    return first, second, THIRD_AMPLITUDES_DEG[axis]
+
+
+def _as_typed(amplitude_deg: float) -> float:
+    return next((typed for full, typed in TYPED_DEG.items() if abs(amplitude_deg - full) < 1e-9), amplitude_deg)
 
 
 def _padded(values: object) -> list[float]:

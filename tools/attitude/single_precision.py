@@ -65,7 +65,7 @@ def _feedback() -> Callable[..., Any]:
 
 @cache
 def _runner() -> Callable[..., Any]:
-    compile_ = numba.njit(nogil=True)
+    compile_ = numba.njit(nogil=True, error_model="numpy")
 
     @compile_
     def two_sum(a, b):

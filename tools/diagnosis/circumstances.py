@@ -46,13 +46,13 @@ class Circumstances:
 def circumstances_of(record: PositionRecord) -> Circumstances:
     """The circumstances of a record's rows; without approach columns a sense is that of the shorter turn before."""
     hours = (record.time_s - record.time_s[0]) / 3600.0
-    if record.approach_alpha is not None and record.approach_beta is not None:
-        senses = np.asarray(record.approach_alpha, float), np.asarray(record.approach_beta, float)
-        return Circumstances(hours, record.temperature, *senses, True)
     before = np.full((len(hours), 2), np.nan)
     before[1:] = np.stack((record.alpha, record.beta), axis=1)[:-1]
     if record.mounting is not None:
         before[1:][np.array(record.mounting[1:]) != np.array(record.mounting[:-1])] = np.nan
+    if record.approach_alpha is not None and record.approach_beta is not None:
+        senses = np.asarray(record.approach_alpha, float), np.asarray(record.approach_beta, float)
+        return Circumstances(hours, record.temperature, *senses, True, before)
     return Circumstances(hours, record.temperature, senses_of(record.alpha), senses_of(record.beta), False, before)
 
 

@@ -18,12 +18,15 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects.rows import Variant
 
 MAX_ITERATIONS = 12
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
+SAME_WAY = 0.02
+"""Ways [rad] of the two axes that differ by less end together."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class ExtendedFit:
         step from the fit to where the radius is attained
     duals : (M,) array
         proof of the radius
+    variant : Variant or None
+        the way in which an effect that is not linear acts; its coefficients are then those of the variant
     """
 
     places: tuple[EffectPlace, ...]
@@ -59,23 +64,48 @@ class ExtendedFit:
     radius: float
     centre: NDArray
     duals: NDArray
+    variant: Variant | None = None
 
 
-def true_angles(here: Linearisation, point: NDArray, places: Sequence[EffectPlace], coefficients: NDArray) -> Positions:
+def acts_on_encoder(place: EffectPlace) -> bool:
+    """Whether an effect adds to the readings of the encoders: then the true angles follow from it exactly."""
+    return CATALOGUE[place.effect].stage == "encoder_effects"
+
+
+def true_angles(
+    here: Linearisation,
+    point: NDArray,
+    places: Sequence[EffectPlace],
+    coefficients: NDArray,
+    circumstances: Circumstances,
+) -> Positions:
     """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
     at = here.positions
     alpha, beta = at.alpha, at.beta
+    if not any(acts_on_encoder(place) for place in places):
+        return at
     shift = point[here.symbols.index("X2")]
+    nothing = np.zeros((len(alpha), 3))
     for _ in range(6):
-        error = np.zeros((len(at.alpha), 2))
+        rows = Rows(
+            hours=circumstances.hours,
+            alpha=alpha - shift,
+            beta=beta,
+            n=nothing,
+            by_alpha=nothing,
+            by_beta=nothing,
+            sense_alpha=circumstances.sense_alpha,
+            sense_beta=circumstances.sense_beta,
+        )
+        turn = np.zeros((len(alpha), 4))
         first = 0
         for place in places:
-            effect = CATALOGUE[place.effect]
+            effect = CATALOGUE[place.effect].at(place)
             count = coefficient_count(place)
-            if effect.encoder_error is not None:
-                error += effect.encoder_error(place, alpha - shift, beta) @ coefficients[first : first + count]
+            if acts_on_encoder(place) and effect.turns is not None:
+                turn += effect.turns(place, rows) @ coefficients[first : first + count]
             first += count
-        alpha, beta = at.alpha - error[:, 0], at.beta - error[:, 1]
+        alpha, beta = at.alpha + turn[:, 1], at.beta + turn[:, 3]
     return Positions(alpha, beta, at.mounting)
 
 
@@ -112,20 +142,34 @@ def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: C
 def input_senses(p: Parametrisation, point: NDArray, at: Positions, circumstances: Circumstances) -> NDArray:
     """Senses (N, 3) of the last change of each accelerometer's input: with the approach, else from the row before.
 
-    Both axes are taken to end their moves together. The first row comes from no input.
+    The first row comes from no input. At an approach the axis with the longer way, which arrives last where both set
+    out together at equal rates, has the last word; both have it when the ways are equal or not known.
     """
     step = 1e-30
     n = predicted_input(p, point, at)
     if circumstances.approached or circumstances.before is None:
+        first, second = later_axes(at, circumstances)
         moving = Positions(
-            at.alpha + 1j * step * circumstances.sense_alpha,
-            at.beta + 1j * step * circumstances.sense_beta,
+            at.alpha + 1j * step * first * circumstances.sense_alpha,
+            at.beta + 1j * step * second * circumstances.sense_beta,
             at.mounting,
         )
         return np.sign(np.imag(predicted_input(p, point, moving)))
     before = predicted_input(p, point, Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting))
     change = n - np.nan_to_num(before)
     return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0)
+
+
+def later_axes(at: Positions, circumstances: Circumstances) -> tuple[NDArray, NDArray]:
+    """Whether (N,) the outer and the inner axis still moved when the table came to each position."""
+    both = np.ones(len(at.alpha), dtype=bool)
+    if circumstances.before is None:
+        return both, both
+    senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
+    ways = np.remainder(senses * (np.stack((at.alpha, at.beta), axis=1) - circumstances.before), 2.0 * np.pi)
+    # An axis that stayed seems to have gone all the way round.
+    longer = np.diff(np.where(ways > 2.0 * np.pi - SAME_WAY, 0.0, ways), axis=1)[:, 0]
+    return ~(longer > SAME_WAY), ~(longer < -SAME_WAY)
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
@@ -147,14 +191,14 @@ def extended_reading(
     circumstances: Circumstances,
 ) -> tuple[NDArray, NDArray]:
     """Predicted readings (3 N,) over g with the effects, and their signatures (3 N, K) there."""
-    at = true_angles(here, point, places, coefficients)
+    at = true_angles(here, point, places, coefficients, circumstances)
     rows = rows_at(here, point, at, circumstances)
     columns = signature_columns(places, rows)
     reading = predicted_reading(here.parametrisation, point, at, here.sign).ravel()
     first = 0
     for place in places:
         count = coefficient_count(place)
-        if CATALOGUE[place.effect].encoder_error is None:
+        if not acts_on_encoder(place):
             reading = reading + columns[:, first : first + count] @ coefficients[first : first + count]
         first += count
     return reading, columns
@@ -192,7 +236,7 @@ def fit_extended(here: Linearisation, circumstances: Circumstances, places: Sequ
     jacobian = np.zeros((len(reading), 0))
     for _ in range(MAX_ITERATIONS):
         predicted, columns = extended_reading(here, point, places, coefficients, circumstances)
-        at = true_angles(here, point, places, coefficients)
+        at = true_angles(here, point, places, coefficients, circumstances)
         bench = reading_jacobian(here.parametrisation, point, at, here.sign).reshape(len(reading), -1)
         jacobian = np.hstack((bench, columns))
         step = least_squares_step(jacobian, reading - predicted, here.bound)

@@ -91,7 +91,8 @@ def held_out_rows(here: Linearisation, fit: ExtendedFit) -> tuple[NDArray, NDArr
     jacobian = fit.jacobian / np.abs(fit.jacobian).max(axis=0, initial=1e-300)
     rank = np.linalg.matrix_rank(jacobian, tol=1e-8 * np.linalg.norm(jacobian, 2))
     best: tuple[NDArray, NDArray] | None = None
-    for offset in range(HELD_OUT_EVERY):
+    # The first position is never held out: the simulation begins there, and no move leads to it.
+    for offset in range(1, HELD_OUT_EVERY + 1):
         out = np.arange(offset, count, HELD_OUT_EVERY)
         kept = np.setdiff1d(np.arange(count), out)
         used = jacobian.reshape(count, 3, -1)[kept].reshape(-1, jacobian.shape[1])
@@ -146,7 +147,7 @@ def simulate_rows(
 ) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
     readings = np.zeros((len(here.reading), 3))
-    at = true_angles(here, fit.point, fit.places, fit.coefficients)
+    at = true_angles(here, fit.point, fit.places, fit.coefficients, circumstances)
     commands = np.stack((at.alpha, at.beta), axis=1)
     p = here.parametrisation
     for index in range(len(p.mountings)):

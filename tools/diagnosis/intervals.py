@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.programmes import Polytope, SolverError
 from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.models.effects import CATALOGUE, EffectParameter
+from trihedron.models.effects.rows import Variant
 
 DIRECTIONS = 72
 """Directions in which a set of two coefficients is enclosed."""
@@ -65,6 +66,8 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
     tuple of tuple of (low, high)
         for each effect, for each of its parameters; (-inf, inf) where the measurements do not determine it
     """
+    if fit.variant is not None:
+        return (variant_intervals(fit, fit.variant, room),)
     count = fit.jacobian.shape[1]
     polytope, span, scale = feasible_set(fit, np.zeros((len(fit.residual), 0)), room)
     at = fit.coefficients + fit.centre[len(fit.point) :]
@@ -88,6 +91,26 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
         except SolverError:
             found.append(unknown)
     return tuple(found)
+
+
+def variant_intervals(fit: ExtendedFit, variant: Variant, room: float) -> tuple[Interval, ...]:
+    """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
+    if variant.columns.shape[2] == 0:
+        return variant.limits
+    polytope, span, scale = feasible_set(fit, np.zeros((len(fit.residual), 0)), room)
+    weights = np.zeros(len(scale))
+    weights[-1] = 1.0 / scale[-1]
+    middle = float(fit.coefficients[-1] + fit.centre[-1])
+    low, high = variant.limits[0]
+    try:
+        return (
+            (
+                max(low, middle - polytope.maximise(-span.T @ weights)[0]),
+                min(high, middle + polytope.maximise(span.T @ weights)[0]),
+            ),
+        )
+    except SolverError:
+        return variant.limits
 
 
 def effect_intervals(parameters: Sequence[EffectParameter], reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:

@@ -191,5 +191,5 @@ def is_refused(problem: Problem, weights: NDArray, chosen: Sequence[int], delete
     return False
 
 
-ROUNDS = 12
+ROUNDS = 25
 """Rounds of Lawson's algorithm before a set is handed to the exact judge."""

@@ -45,7 +45,7 @@ def excluded_sizes(
         effect, where, order, axes, parameter, unit and ``above``: sizes above it are excluded; effects that the record
         does not bound are left out
     """
-    at = true_angles(here, model.point, model.places, model.coefficients)
+    at = true_angles(here, model.point, model.places, model.coefficients, circumstances)
     rows = rows_at(here, model.point, at, circumstances)
     found = []
     for place in places:

@@ -17,8 +17,16 @@ from trihedron.diagnosis.intervals import parameter_intervals
 from trihedron.diagnosis.limits import excluded_sizes, target_shifts
 from trihedron.diagnosis.residual_structure import residual_structure
 from trihedron.diagnosis.result import Cause, Diagnosis, Finding
-from trihedron.diagnosis.search import Explanation, catalogue_places, single_radii, smallest_explanations
+from trihedron.diagnosis.search import (
+    Explanation,
+    catalogue_places,
+    explain,
+    is_linear,
+    single_radii,
+    smallest_explanations,
+)
 from trihedron.diagnosis.separation import separating_positions
+from trihedron.diagnosis.variants import variant_fits
 from trihedron.errors import InputError
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
@@ -61,7 +69,8 @@ def diagnose(
     )
     here = nominal.linearised
     circumstances = circumstances_of(record)
-    places = catalogue_places(baseline, circumstances)
+    every = catalogue_places(baseline, circumstances)
+    places = [place for place in every if is_linear(place)]
     room = reading_uncertainty(record.resolution / gravity)
     limit = radius_limit(nominal.noise_bound, record.resolution / gravity)
     if nominal.verdict != "falsified":
@@ -78,7 +87,22 @@ def diagnose(
         )
     try:
         classes = classes_of(here, places)
-        found = smallest_explanations(here, circumstances, classes.places, limit, nominal.radius, progress=progress)
+        resolution = record.resolution / gravity
+        bent = [
+            explain(fit)
+            for place in every
+            if not is_linear(place)
+            for fit in variant_fits(here, circumstances, place, resolution, limit)
+        ]
+        found = smallest_explanations(
+            here,
+            circumstances,
+            classes.places,
+            limit,
+            nominal.radius,
+            [explanation for explanation in bent if explanation.possible],
+            progress=progress,
+        )
         tried = tuple(single_radii(here, circumstances, classes.places))
         if not found:
             structure = tuple(residual_structure(here, circumstances.hours))
@@ -100,8 +124,10 @@ def diagnose(
             tuple(other.places for other in groups[0][1:]),
             tried,
             gain_of(here, circumstances, named, gravity) if rerun else None,
-            excluded=excluded_sizes(here, circumstances, classes.places, named.fit, room),
-            targets=target_shifts(nominal, named.fit, room),
+            excluded=excluded_sizes(here, circumstances, classes.places, named.fit, room)
+            if named.fit.variant is None
+            else (),
+            targets=target_shifts(nominal, named.fit, room) if named.fit.variant is None else (),
         )
     except SolverError as error:
         raise InputError(
@@ -110,8 +136,11 @@ def diagnose(
 
 
 def gain_of(here: Linearisation, circumstances: Circumstances, named: Explanation, gravity: float) -> Gain | None:
-    """The gain of a set of effects on held-out positions; None for outliers, which say nothing of other positions."""
-    if any(CATALOGUE[place.effect].kernel is None for place in named.places):
+    """The gain of a set of effects on held-out positions; None where it says nothing of other positions.
+
+    Outliers do not; an effect that is not linear is known by the readings that it changed.
+    """
+    if named.fit.variant is not None or any(CATALOGUE[place.effect].kernel is None for place in named.places):
         return None
     return measure_gain(here, circumstances, named.fit, gravity)
 
@@ -121,8 +150,9 @@ def equivalence_groups(classes: Classes, found: Sequence[Explanation]) -> list[l
     groups: list[list[Explanation]] = []
     spaces: list[tuple[frozenset[EffectPlace], NDArray]] = []
     for explanation in found:
-        outliers = frozenset(place for place in explanation.places if place.effect == "outlier")
-        physical = [place for place in explanation.places if place.effect != "outlier"]
+        # Outliers and effects that are not linear are compared by name: they have no space of their own.
+        outliers = frozenset(place for place in explanation.places if place not in classes.places)
+        physical = [place for place in explanation.places if place in classes.places]
         space = classes.joint_space(physical) if physical else np.zeros((1, 0))
         for group, (others, other) in zip(groups, spaces, strict=True):
             if outliers == others and same_space(space, other):

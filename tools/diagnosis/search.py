@@ -13,9 +13,12 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, rows_at, signature_columns
 from trihedron.diagnosis.lawson import Problem
-from trihedron.diagnosis.sets import MAX_SET, EffectSet, smallest_sets
+from trihedron.diagnosis.sets import EffectSet, smallest_sets
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
+
+LARGEST_SET = 2
+"""So many effects are looked for together."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,20 @@ def catalogue_places(baseline: str, circumstances: Circumstances) -> list[Effect
     ]
 
 
+def is_linear(place: EffectPlace) -> bool:
+    """Whether an effect is linear in its coefficients, so that its signature says it all."""
+    return CATALOGUE[place.effect].variants is None
+
+
 def explain(fit: ExtendedFit) -> Explanation:
     """The parameters of fitted effects, and whether they are possible."""
     coefficients = fit.coefficients + fit.centre[len(fit.point) :]
     values, possible = [], True
+    if fit.variant is not None:
+        parameters = fit.variant.values(coefficients)
+        effect = CATALOGUE[fit.places[0].effect]
+        possible = all(p.possible(v) for v, p in zip(parameters, effect.parameters, strict=True))
+        return Explanation(fit, (parameters,), possible)
     first = 0
     for place in fit.places:
         effect = CATALOGUE[place.effect].at(place)
@@ -96,10 +109,11 @@ def smallest_explanations(
     places: Sequence[EffectPlace],
     limit: float,
     radius: float,
+    others: Sequence[Explanation] = (),
     *,
     progress: bool = False,
 ) -> list[Explanation]:
-    """All sets of effects of the smallest size, up to three, that make the record consistent; the least radius first.
+    """All sets of effects of the smallest size, up to two, that make the record consistent; the least radius first.
 
     Parameters
     ----------
@@ -112,6 +126,8 @@ def smallest_explanations(
         radius up to which a model is consistent
     radius : float
         of the nominal model: the larger, the farther its fit may be from the truth
+    others : sequence of Explanation
+        single effects that explain the record but are not linear: where there are any, larger sets are not needed
     progress : bool
         show a bar on standard error, where that is a terminal
 
@@ -121,8 +137,14 @@ def smallest_explanations(
     """
     problem = linear_problem(here, circumstances, places)
     found: dict[EffectSet, Explanation] = {}
+    # Of second order in the misfit: by so much the linear model at a wrong fit may err.
+    slack = 0.05 + 20.0 * radius**2 * float(here.bound.min())
 
     def judge(candidate: EffectSet) -> bool:
+        kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
+        columns = np.hstack((problem.nominal, problem.columns[:, problem.columns_of(candidate.effects)]))[kept]
+        if chebyshev_radius(columns, problem.residual[kept], np.ones(len(kept)))[0] > 1.0 + slack:
+            return False
         chosen = [places[i] for i in candidate.effects]
         chosen += [place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in candidate.outliers]
         explanation = explain(fit_extended(here, circumstances, chosen))
@@ -131,12 +153,11 @@ def smallest_explanations(
 
     def tracked(order: Sequence[int]) -> Iterable[int]:
         console = Console(stderr=True)
-        return track(order, "sets of three effects", console=console, disable=not console.is_terminal, transient=True)
+        return track(order, "sets of effects", console=console, disable=not console.is_terminal, transient=True)
 
-    # Of second order in the misfit: by so much the linear model at a wrong fit may err.
-    slack = 0.05 + 20.0 * radius**2 * float(here.bound.min())
-    sets = smallest_sets(problem, slack, judge, MAX_SET, tracked if progress else iter)
-    return sorted((found[candidate] for candidate in sets), key=lambda e: (round(e.fit.radius, 9), e.title))
+    most = 1 if others else LARGEST_SET
+    sets = smallest_sets(problem, slack, judge, most, tracked if progress else iter)
+    return sorted([*(found[candidate] for candidate in sets), *others], key=lambda e: (round(e.fit.radius, 9), e.title))
 
 
 def single_radii(

@@ -57,7 +57,7 @@ def separating_positions(
         alpha_deg, beta_deg, mounting where there are several, what is separated, and ``apart_g``: the least distance of
         the predictions, over all parameters (negative: they overlap, one reading there need not decide)
     """
-    physical = [c for c in candidates if any(place.effect != "outlier" for place in c.places)]
+    physical = [c for c in candidates if c.fit.variant is None and any(p.effect != "outlier" for p in c.places)]
     p = here.parametrisation
     degrees = np.arange(0.0, 360.0, GRID_STEP_DEG)
     alpha, beta, mounting = (g.ravel() for g in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij"))
@@ -88,7 +88,7 @@ def physical_part(candidate: Explanation) -> tuple[list[EffectPlace], NDArray]:
     """The effects of a set that act at other positions too, and which of its coefficients are theirs."""
     kept, own, first = [], [], 0
     for place in candidate.places:
-        count = len(CATALOGUE[place.effect].parameters)
+        count = len(CATALOGUE[place.effect].at(place).parameters)
         if place.effect != "outlier":
             kept.append(place)
             own += list(range(first, first + count))

@@ -80,7 +80,7 @@ def smallest_sets(
     ones = settle_all([*grown(base, problem, (), limit), *one_out(base, (), limit)], base.weights)
     if ones or most < 2:
         return ones
-    singles = [project(problem, sharp_weights(problem, base.weights, (i,), 3), (i,)) for i in range(count)]
+    singles = [project(problem, sharp_weights(problem, base.weights, (i,), 4), (i,)) for i in track(range(count))]
     twos = settle_all(two_out(base, (), limit), base.weights)
     for i, single in enumerate(singles):
         twos += settle_all([*grown(single, problem, (i,), limit), *one_out(single, (i,), limit)], single.weights)

@@ -17,12 +17,12 @@ from trihedron.planning.support import Support, kind_of_place, polish, touching
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
-CLIMB_ROUNDS = 6
-"""Peaks are followed to about 2e-5 degrees; Newton's method does the rest."""
+CLIMB_ROUNDS, FINE_ROUNDS = 6, 13
+"""Peaks are followed to about 2e-5 degrees, those that become columns to rounding."""
+REFINED = 4.0 * 8.0**-CLIMB_ROUNDS
 TO_PROVE = (2e-11, 2e-11, 5e-11, 1e-10, 2e-10, 4e-10)
 """By how much |F'y| is proven not to exceed one: tried in turn, while violations are found and mended."""
 SLIGHT = 1e-11
-FINE_ROUNDS = 13
 EXCHANGES = 60
 LEVEL = 0.3
 """How much of the gap the quietest dual may give away while columns are exchanged."""
@@ -32,9 +32,10 @@ PLANS = 4
 CLOSE = 1e-3
 """How near the optimum a dual must be for the search of all positions that the scan may have missed."""
 NEAR = np.radians(8.0)
-QUIET = (0.05, 1e-3, 0.0)
-"""How far below one a dual is asked to stay, far from the support; tried in turn."""
-ATTEMPTS = 12
+QUIET = ((0.05, SLIGHT), (1e-3, SLIGHT), (0.0, SLIGHT), (0.0, 1e-10), (0.0, 3e-10))
+"""How far below one a dual is asked to stay, far from the support, and how far above it may rise; tried in turn."""
+BOXES = 100_000
+ATTEMPTS = 10
 
 
 @dataclass(frozen=True)
@@ -99,14 +100,17 @@ class Continuum:
         self._master.aim(target)
         weights, cost = self._start()
         bound, proof = 0.0, np.zeros(len(target))
+        before = 0.0
         plans: list[Optimum] = []
         dual = self._level_dual(target, cost, 0.9 * cost)
         for _ in range(EXCHANGES):
             peaks = self._peaks(dual)
             new = peaks.above(1.0 + SLIGHT).places
             reached = float(target @ dual) / max(1.0, float(peaks.height.max(initial=1.0)))
-            if not len(new) and reached > (1.0 - CLOSE) * cost:
-                new, bound = self._overlooked(dual), 0.0
+            if not len(new) and (reached > (1.0 - CLOSE) * cost or cost == before):
+                new = self._overlooked(dual, 1.0 + max(GOOD_GAP, 0.1 * (1.0 - reached / cost)))
+                bound, reached = (0.0, 0.0) if len(new) else (bound, reached)
+            before = cost
             if reached > bound:
                 bound, proof = reached, dual
             found = polish(self._sheets, target, self._metric, self._guess(weights, dual, peaks))
@@ -124,9 +128,9 @@ class Continuum:
             dual = self._level_dual(target, cost, min(bound, cost))
         return min([*plans, self._unfinished(target, weights, proof)], key=lambda plan: plan.gap)
 
-    def _overlooked(self, dual: NDArray) -> NDArray:
-        """Positions (K, 3) where |F'y| exceeds one and that the scan missed, in a narrow tip of the set."""
-        return self._tops(dual, ceiling(self._sheets, dual, 1.0 + SLIGHT).violations)
+    def _overlooked(self, dual: NDArray, limit: float) -> NDArray:
+        """Positions (K, 3) where |F'y| exceeds the limit and that the scan missed, in a narrow tip of the set."""
+        return self._tops(dual, ceiling(self._sheets, dual, limit, max_boxes=BOXES).violations)
 
     def _tops(self, dual: NDArray, violations: NDArray) -> NDArray:
         """The local maxima (K, 3) to which violations (K, 4) belong."""
@@ -139,14 +143,18 @@ class Continuum:
 
     def _unfinished(self, target: NDArray, weights: NDArray, dual: NDArray) -> Optimum:
         """The plan that the columns give, with the gap that can be proven."""
-        excess = 1e-9
-        while len((bounded := ceiling(self._sheets, dual, 1.0 + excess)).violations):
-            excess *= 4.0
         used = np.flatnonzero(weights)
         sheet, alpha, beta = self._place[used].T
         inside = np.full(len(used), -2)
         plan = Support(sheet.astype(int), np.sign(weights[used]), alpha, beta, inside, weights[used], dual)
-        return self._optimum(plan, target, dual, bounded.bound)
+        return self._optimum(plan, target, dual, self._provable(dual))
+
+    def _provable(self, dual: NDArray) -> float:
+        """What |F'y| is proven not to exceed, by limits that rise until none is violated."""
+        excess = 1e-9
+        while len((bounded := ceiling(self._sheets, dual, 1.0 + excess, max_boxes=BOXES)).violations):
+            excess *= 4.0
+        return bounded.bound
 
     def _start(self) -> tuple[NDArray, float]:
         while True:
@@ -183,7 +191,13 @@ class Continuum:
         at = case * lines.shape[1] + line
         sheet, sense = self._scan.sheet[at], self._sense[at]
         reach = np.radians(SCAN_STEP_DEG)
-        return Peaks(sheet, sense, *climb(self._inner, forms, sheet, sense, self._scan.alpha[at], reach, CLIMB_ROUNDS))
+        alpha, beta, height = climb(self._inner, forms, sheet, sense, self._scan.alpha[at], reach, CLIMB_ROUNDS)
+        high = np.flatnonzero(height > 1.0 + SLIGHT)
+        reach *= REFINED
+        alpha[high], beta[high], height[high] = climb(
+            self._inner, forms, sheet[high], sense[high], alpha[high], reach, FINE_ROUNDS - CLIMB_ROUNDS
+        )
+        return Peaks(sheet, sense, alpha, beta, height)
 
     def _guess(self, weights: NDArray, dual: NDArray, peaks: Peaks) -> Support:
         """The support: the columns that carry weight, each at the nearest peak."""
@@ -214,28 +228,30 @@ class Continuum:
         rows, values = touching(self._sheets, found)
         places = self._place
         quiet, limits = iter(QUIET), iter(TO_PROVE)
-        below, limit = next(quiet), next(limits)
+        (below, slack), limit = next(quiet), next(limits)
+        dual = found.dual
         for _ in range(ATTEMPTS):
             dual = None
             while dual is None:
-                caps = 1.0 + SLIGHT - below * _distance(places, found)
+                caps = 1.0 + slack - below * _distance(places, found)
                 columns = self._columns_of(places)
                 slopes, most = np.vstack([columns, -columns]), np.concatenate([caps, caps])
                 dual = quietest(self._metric, rows, values, slopes, most)
                 if dual is None:
-                    if below == 0.0:
+                    below, slack = next(quiet, (0.0, 0.0))
+                    if slack == 0.0:
                         return places[len(self._place) :]
-                    below = next(quiet)
+                    limit = max(limit, 1.5 * slack)
             peaks = self._peaks(dual).above(1.0 + limit)
             more = peaks.places
             if not len(more):
-                bounded = ceiling(self._sheets, dual, 1.0 + limit)
+                bounded = ceiling(self._sheets, dual, 1.0 + limit, max_boxes=BOXES)
                 if not len(bounded.violations):
                     return dual, bounded.bound
                 limit = next(limits, limit)
                 more = self._tops(dual, bounded.violations)
             places = np.vstack([places, more])
-        return places[len(self._place) :]
+        return dual, self._provable(dual)
 
     def _columns_of(self, places: NDArray) -> NDArray:
         own = len(self._master.regressors)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 RANK = 1e-9
+DEAF = 1e-6
+"""An inequality that the equations leave so little freedom is not asked for, unless it is broken by as much."""
 
 
 def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, most: NDArray) -> NDArray | None:
@@ -34,9 +36,12 @@ def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, m
     excess = scaled @ base - most
     if (excess <= 0.0).all():
         return inverse.T @ base
-    if not free.shape[1]:
+    moves = scaled @ free
+    size = np.linalg.norm(moves, axis=1)
+    heard = size > DEAF
+    if (excess[~heard] > DEAF).any() or not heard.any():
         return None
-    stacked = np.vstack([-(scaled @ free).T, excess])
+    stacked = np.vstack([-moves[heard].T, excess[heard]]) / size[heard]
     aim = np.zeros(len(stacked))
     aim[-1] = 1.0
     try:

@@ -6,6 +6,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter
 
 from trihedron.attitude.published import TABLES
 from trihedron.attitude.reproduction import Reproduction
+from trihedron.report.choosing_pictures import power_of_ten
 from trihedron.report.svg import drawing, svg_text
 from trihedron.report.theme import ALERT, AXES, BAND, INK, MUTED, WIDTH
 
@@ -42,7 +43,7 @@ def published_and_reproduced(result: Reproduction) -> str:
                 if tables[k] != tables[k - 1]:
                     axes.axvline(0.5 * (numbers[k] + numbers[k - 1]), color=MUTED.light, linewidth=0.7)
         above.set_ylim(0.9 * SHOWN[0], 1.1 * SHOWN[1])
-        above.yaxis.set_major_locator(FixedLocator([0.25, 0.5, 0.95, 1.05, 2.0, 4.0]))
+        above.yaxis.set_major_locator(FixedLocator([0.25, 0.5, 1.0, 2.0, 4.0]))
         above.yaxis.set_minor_locator(FixedLocator([]))
         above.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         above.yaxis.set_minor_formatter(NullFormatter())
@@ -55,7 +56,8 @@ def published_and_reproduced(result: Reproduction) -> str:
         above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0, borderaxespad=0.35)
         below.set_ylabel("largest error over 600 s [deg]")
         below.set_title("full: published; open: exact increments, exact π, normalised")
-        below.set_xlabel("row: " + ", ".join(_spans(numbers, tables)), color=INK.light)
+        below.yaxis.set_major_formatter(power_of_ten)
+        below.set_xlabel("row (" + "; ".join(_spans(numbers, tables)) + ")", color=INK.light)
         return svg_text(
             figure, "Ratios of reproduced to published attitude errors, and the methods' own errors, by row"
         )
@@ -66,5 +68,5 @@ def _spans(numbers: np.ndarray, tables: list[str]) -> list[str]:
     spans = []
     for table in dict.fromkeys(tables):
         within = [int(n) for n, t in zip(numbers, tables, strict=True) if t == table]
-        spans.append(f"{TABLES[table]} {min(within)} to {max(within)}")
+        spans.append(f"{TABLES[table]}: {min(within)} to {max(within)}")
     return spans

@@ -20,6 +20,12 @@ LOOKS = (
 """Lines of up to five algorithms: they can be told apart without colours."""
 
 
+def power_of_ten(value: float, _: object = None) -> str:
+    """A label of a logarithmic axis: 10⁻³."""
+    power = round(float(np.log10(value)))
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
 class Titled(Protocol):
     """What has a title."""
 
@@ -62,8 +68,10 @@ def accuracy_against_cost(
             axes.set_yscale("log")
             axes.set_xlim(25.0, 6000.0)
             low, high = float(degrees.min()), float(degrees.max())
-            axes.set_ylim(low / 6.0, high * 6.0)
-            _name_points(axes, names, costs, degrees, np.log10(high / low) + 1.6)
+            axes.set_ylim(low / 10.0**1.5, high * 10.0**1.5)
+            _name_points(axes, names, costs, degrees, np.log10(high / low) + 3.0)
+            axes.yaxis.set_major_formatter(power_of_ten)
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
             axes.set_title(situation.title)
             axes.set_ylabel("largest error in 60 s [deg]")
         axes.set_xlabel("operations per gyro sample (a division, root, sine or cosine counts as ten)")
@@ -72,22 +80,31 @@ def accuracy_against_cost(
 
 def _name_points(axes: Axes, names: Sequence[str], costs: Sequence[float], degrees: np.ndarray, decades: float) -> None:
     """Names right of the points, moved apart where they would meet."""
-    room = 0.062 * decades
     for cheap in (True, False):
         group = [k for k in range(len(names)) if (costs[k] < 400.0) == cheap]
-        group.sort(key=lambda k: degrees[k])
-        x = 1.12 * max(costs[k] for k in group)
-        last = -np.inf
-        for k in group:
-            last = max(float(np.log10(degrees[k])), last + room)
+        group.sort(key=lambda k: (degrees[k], -costs[k]))
+        x = 1.25 * max(costs[k] for k in group)
+        for k, height in zip(group, _apart(np.log10(degrees[group]), 0.07 * decades), strict=True):
             axes.annotate(
                 names[k],
                 (costs[k], degrees[k]),
-                xytext=(x, 10.0**last),
+                xytext=(x, 10.0**height),
                 fontsize=7.5,
                 va="center",
-                arrowprops={"arrowstyle": "-", "color": MUTED.light, "linewidth": 0.4},
+                arrowprops={"arrowstyle": "-", "color": MUTED.light, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 3.0},
             )
+
+
+def _apart(heights: np.ndarray, room: float) -> np.ndarray:
+    """Ascending heights moved as little as need be until neighbours have `room` between them."""
+    # The least squares problem with ordered differences: pools of neighbours about their mean (isotonic regression).
+    offset = room * np.arange(len(heights))
+    pools: list[list[float]] = []
+    for value in heights - offset:
+        pools.append([float(value)])
+        while len(pools) > 1 and np.mean(pools[-2]) > np.mean(pools[-1]):
+            pools[-2:] = [pools[-2] + pools[-1]]
+    return np.concatenate([np.full(len(pool), np.mean(pool)) for pool in pools]) + offset
 
 
 def _best_for_cost(costs: Sequence[float], degrees: np.ndarray) -> list[int]:
@@ -116,11 +133,15 @@ def coning_drift(names: Sequence[str], phases: Sequence[float], drift: Sequence[
         axes = figure.subplots()
         for name, values, look in zip(names, drift, LOOKS, strict=False):
             axes.loglog(phases, values, label=name, markersize=3, markevery=4, **look)
-        axes.axvline(np.pi / 2, color=MUTED.light, linewidth=0.7)
         axes.set_ylim(1e-12, 3.0)
-        axes.set_xlabel("Ω Δt [rad]: phase of the cone in one gyro sample; at the line four samples make a turn")
-        axes.set_ylabel("drift left, of drift to compute")
-        axes.legend(loc="upper left", handlelength=3.2)
+        axes.set_xlim(min(phases) / 1.1, 1.1 * max(phases))
+        axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1.0, np.pi / 2])
+        axes.xaxis.set_major_formatter(lambda value, _: "π/2" if value > 1.5 else f"{value:g}")
+        axes.xaxis.set_minor_formatter(lambda _, __: "")
+        axes.yaxis.set_major_formatter(power_of_ten)
+        axes.set_xlabel("Ω Δt: phase of the cone in one gyro sample [rad]")
+        axes.set_ylabel("drift left, of the drift to compute")
+        axes.legend(loc="lower right", handlelength=3.2)
         return svg_text(figure, "Relative drift of attitude algorithms under coning")
 
 
@@ -151,6 +172,7 @@ def aliasing(
         axes.set_xticks([500.0, 1000.0, 2000.0, 4000.0, 8000.0])
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.xaxis.set_minor_formatter(lambda _, __: "")
+        axes.yaxis.set_major_formatter(power_of_ten)
         axes.set_xlabel("gyro samples [Hz]; shaded: fewer than two in a period of the fastest vibration")
         axes.set_ylabel("largest error in 60 s [deg]")
         axes.legend(loc="upper right", handlelength=3.2)

@@ -1,0 +1,151 @@
+"""Attitude kernels against SciPy's rotations, `ahrs` and C, on the same gyro samples, in the same run."""
+
+import ctypes
+import gc
+import math
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from trihedron.attitude.angles import angle_between, attitudes_of_angles
+from trihedron.attitude.compiled_runs import Samples, run_algorithm, sample_motion
+from trihedron.attitude.conditions import EXACT
+from trihedron.attitude.paper_motions import paper_motion
+from trihedron.attitude.published import algorithm_named
+
+RATE = 100.0
+COUNT = 160_000
+ROUNDS = 5
+FEW = 4_000
+"""Samples for what takes tens of microseconds for each."""
+
+KERNELS = (
+    "mean-rate",
+    "one-sample-quaternion",
+    "one-sample-rodrigues",
+    "two-sample-quaternion",
+    "two-sample-rodrigues",
+    "two-sample-rotation-vector",
+    "panov",
+    "panov-series",
+    "four-sample-coning",
+    "functional-iteration-4",
+    "functional-iteration-8",
+    "adaptive-degree",
+)
+
+Run = Callable[[np.ndarray], np.ndarray]
+
+
+def scipy_one_by_one(increments: np.ndarray) -> np.ndarray:
+    """One product for each sample."""
+    attitude = Rotation.identity()
+    found = np.empty((len(increments), 4))
+    for k, turned in enumerate(Rotation.from_rotvec(increments)):
+        attitude = attitude * turned
+        found[k] = attitude.as_quat()
+    return np.roll(found, 1, axis=1)
+
+
+def scipy_in_blocks(increments: np.ndarray) -> np.ndarray:
+    """Products of many samples at once: within all blocks together, then over the blocks."""
+    length = 2 ** round(math.log2(math.sqrt(len(increments))) - 1)
+    blocks = len(increments) // length
+    turned = Rotation.from_rotvec(increments).as_quat().reshape(blocks, length, 4)
+    for k in range(1, length):
+        turned[:, k] = (Rotation.from_quat(turned[:, k - 1]) * Rotation.from_quat(turned[:, k])).as_quat()
+    start = Rotation.identity()
+    starts = np.empty((blocks, 4))
+    for k in range(blocks):
+        starts[k] = start.as_quat()
+        start = start * Rotation.from_quat(turned[k, -1])
+    within = Rotation.from_quat(turned.reshape(-1, 4))
+    return np.roll((Rotation.from_quat(np.repeat(starts, length, axis=0)) * within).as_quat(), 1, axis=1)
+
+
+def ahrs_closed_form(increments: np.ndarray) -> np.ndarray:
+    """AngularRate in its closed form, which is exact at a constant rate; its first row is not integrated."""
+    from ahrs.filters import AngularRate
+
+    rates = np.vstack((np.zeros(3), increments * RATE))
+    return AngularRate(gyr=rates, q0=np.array([1.0, 0.0, 0.0, 0.0]), frequency=RATE, method="closed").Q[1:]
+
+
+def compiled_c(folder: Path) -> Run | None:
+    """(22) in C, as the compiler of this machine makes it."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return None
+    source, library = Path(__file__).with_name("two_sample_rodrigues.c"), folder / "two_sample_rodrigues.so"
+    options = ["-O3", "-ffp-contract=off", "-shared", "-fPIC"]
+    subprocess.run([compiler, *options, str(source), "-o", str(library)], check=True)
+    run = ctypes.CDLL(str(library)).run
+    pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+    run.argtypes, run.restype = [pointer, ctypes.c_long, pointer], None
+
+    def carry(increments: np.ndarray) -> np.ndarray:
+        attitudes = np.empty((len(increments) // 2, 4))
+        run(increments, len(attitudes), attitudes)
+        return attitudes
+
+    return carry
+
+
+def nanoseconds(run: Run, increments: np.ndarray, rounds: int) -> tuple[float, np.ndarray]:
+    """Best time for one gyro sample, and the attitudes."""
+    attitudes = run(increments[: len(increments) // 40 * 8])
+    best = math.inf
+    for _ in range(rounds):
+        gc.collect()
+        began = time.perf_counter()
+        attitudes = run(increments)
+        best = min(best, time.perf_counter() - began)
+    return 1e9 * best / len(increments), attitudes
+
+
+def error_deg(attitudes: np.ndarray, samples: Samples, taken: int) -> float:
+    """Largest error over the first `FEW` gyro samples [deg]; `taken` of them make one update."""
+    true = attitudes_of_angles(samples.angles[taken - 1 : FEW : taken])
+    return math.degrees(float(angle_between(attitudes[: len(true)], true).max()))
+
+
+@pytest.mark.benchmark_ratio
+def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    samples = sample_motion(paper_motion("1", EXACT), 1.0 / RATE, COUNT)
+    rows: dict[str, tuple[float, float]] = {}
+    attitudes: dict[str, np.ndarray] = {}
+
+    def measure(name: str, run: Run, increments: np.ndarray = samples.increments, rounds: int = ROUNDS) -> None:
+        cost, attitudes[name] = nanoseconds(run, increments, rounds)
+        rows[name] = cost, error_deg(attitudes[name], samples, len(increments) // len(attitudes[name]))
+
+    for name in KERNELS:
+        measure(name, partial(run_algorithm, algorithm_named(name)))
+    c = compiled_c(tmp_path)
+    if c is not None:
+        measure("(22) in C, cc -O3", c)
+        assert np.abs(attitudes["(22) in C, cc -O3"] - attitudes["two-sample-rodrigues"]).max() < 1e-13
+    measure("SciPy Rotation, in blocks", scipy_in_blocks)
+    measure("SciPy Rotation, one by one", scipy_one_by_one, samples.increments[:FEW], 2)
+    said = ""
+    try:
+        measure("ahrs AngularRate, closed form", ahrs_closed_form, samples.increments[:FEW], 2)
+    except ImportError:
+        said = "\nahrs is not installed: left out"
+    ours = rows["two-sample-rodrigues"][0]
+    with capsys.disabled():
+        print(f"\n{COUNT} gyro samples at {RATE:g} Hz, ±15° at 1 Hz, best of {ROUNDS}{said}")
+        print(f"{'':<32} {'ns a sample':>12} {'of (22)':>9} {'error in 40 s [deg]':>20}")
+        for name, (cost, error) in rows.items():
+            print(f"{name:<32} {cost:>12.1f} {cost / ours:>9.2f} {error:>20.1e}")
+    # What others do with each increment is the mean rate algorithm: the same error.
+    for name in set(rows) - set(KERNELS) - {"(22) in C, cc -O3"}:
+        assert rows[name][1] == pytest.approx(rows["mean-rate"][1], rel=1e-6)
+        assert rows[name][0] > ours

@@ -1,0 +1,95 @@
+"""Column generation against the full linear programme given to HiGHS, and how long proofs take, in one run."""
+
+import time
+
+import highspy
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from trihedron.models.bench import TARGETS
+from trihedron.models.regressors import admissible, regressors
+from trihedron.planning.plan import plan_targets
+
+
+def full_columns() -> np.ndarray:
+    """F (K, 18) in the paper's X of every admissible reading of the 1° grid over [0°, 360°]², as the tables."""
+    angle = np.radians(np.arange(361))
+    alpha, beta = (g.ravel() for g in np.meshgrid(angle, angle, indexing="ij"))
+    kept = admissible(alpha, beta, np.eye(3), rule="tables")
+    return regressors(alpha, beta, np.eye(3))[kept]
+
+
+def full_cost(columns: np.ndarray, target: np.ndarray) -> tuple[float, float]:
+    """min Σ|Φ| with Σ Φ F = a over all columns, in HiGHS with its own choices; the cost and the seconds."""
+    began = time.perf_counter()
+    both = np.vstack([columns, -columns])
+    which, rows = np.nonzero(both)
+    lp = highspy.HighsLp()
+    lp.num_col_, lp.num_row_ = both.shape
+    lp.col_cost_, lp.col_lower_ = np.ones(len(both)), np.zeros(len(both))
+    lp.col_upper_ = np.full(len(both), highspy.kHighsInf)
+    lp.row_lower_ = lp.row_upper_ = target
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    lp.a_matrix_.start_ = np.searchsorted(which, np.arange(len(both) + 1)).astype(np.int32)
+    lp.a_matrix_.index_, lp.a_matrix_.value_ = rows.astype(np.int32), both[which, rows]
+    highs = highspy.Highs()
+    for name, option in (("output_flag", False), ("primal_feasibility_tolerance", 1e-10)):
+        highs.setOptionValue(name, option)
+    highs.setOptionValue("dual_feasibility_tolerance", 1e-10)
+    highs.passModel(lp)
+    highs.run()
+    return highs.getInfo().objective_function_value, time.perf_counter() - began
+
+
+def target_in_x(symbol: str) -> np.ndarray:
+    a = np.zeros(18)
+    for part in symbol.replace("-", "+-").split("+"):
+        if part:
+            a[int(part.lstrip("-X")) - 1] = -1.0 if part.startswith("-") else 1.0
+    return a
+
+
+@pytest.mark.benchmark_ratio
+def test_all_targets_on_the_one_degree_grid(capsys: pytest.CaptureFixture[str]) -> None:
+    ours = []
+    for _ in range(3):
+        began = time.perf_counter()
+        plans = plan_targets(admissible="tables")
+        ours.append(time.perf_counter() - began)
+    columns = full_columns()
+    full = [full_cost(columns, target_in_x(target)) for target in TARGETS]
+    for plan, (cost, _) in zip(plans, full, strict=True):
+        assert plan.optimum.cost == pytest.approx(cost, abs=1e-9), plan.target.symbol
+    seconds = sum(s for _, s in full)
+    with capsys.disabled():
+        print(
+            f"\n18 targets, 1° grid, {len(columns)} readings: full programme in HiGHS {seconds:.1f} s, "
+            f"column generation {min(ours):.2f} s, ratio {seconds / min(ours):.0f}"
+        )
+    assert seconds / min(ours) >= 100
+    assert min(ours) < 1.0
+
+
+@pytest.mark.benchmark_ratio
+@pytest.mark.parametrize(("name", "limit"), [("identity", 5.0), ("random", 20.0)])
+def test_certified_optima_over_all_angles(name: str, limit: float, capsys: pytest.CaptureFixture[str]) -> None:
+    matrix = np.eye(3) if name == "identity" else Rotation.random(random_state=1).as_matrix()
+    began = time.perf_counter()
+    plans = plan_targets(grid=None, mounting={name: matrix})
+    seconds = time.perf_counter() - began
+    gap = max(plan.optimum.gap for plan in plans)
+    with capsys.disabled():
+        print(f"\n18 targets, all angles, {name} mounting: {seconds:.1f} s, largest proven gap {gap:.1e}")
+    assert gap <= 1e-9
+    assert seconds < limit
+
+
+@pytest.mark.benchmark_ratio
+def test_a_grid_of_a_tenth_of_a_degree(capsys: pytest.CaptureFixture[str]) -> None:
+    began = time.perf_counter()
+    plans = plan_targets(grid=0.1)
+    seconds = time.perf_counter() - began
+    with capsys.disabled():
+        print(f"\n18 targets, 0.1° grid, 13 million positions: {seconds:.1f} s")
+    assert max(plan.optimum.gap for plan in plans) <= 1e-9

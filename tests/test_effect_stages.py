@@ -1,0 +1,294 @@
+"""Effects inside the components: stages, their order, senses, increments, and effects that are not linear."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
+from trihedron.calibration.parametrisation import Positions, predicted_reading
+from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
+from trihedron.diagnosis.extended_fit import later_axes, rows_at
+from trihedron.models.bench import TARGETS
+from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
+from trihedron.models.effects.quantisation import common_step
+from trihedron.records import PositionRecord
+
+WOBBLES = {
+    EffectPlace("axis-wobble", "outer-axis", 2): (3e-3, 0.4),
+    EffectPlace("axis-wobble", "inner-axis", 3): (2e-3, -1.0, 4e-3, 2.0),
+    EffectPlace("axis-wobble", "inner-axis", 1): (3e-3, 0.9),
+    EffectPlace("sag", "outer-axis"): (2e-3, 0.3),
+    EffectPlace("sag", "inner-axis"): (3e-3, -0.5),
+    EffectPlace("base-drift", "base"): (2.0, -3.0),
+}
+"""Geometry effects; the base drifts fast enough to show within seconds."""
+
+
+def block(effects: dict[EffectPlace, tuple[float, ...]], **settings):
+    """A block without errors of its own, and a function that reads it at a specific force [g]."""
+    plain = {name: [0.0] * 3 for name in ("scale_error_plus", "scale_error_minus", "bias")}
+    gammas = {f"gamma_{ij}": 0.0 for ij in ("21", "31", "32")}
+    model, at = extended_instance(
+        "AccelerometerBlock", list(effects), list(effects.values()), **{**plain, **gammas, **settings}
+    )
+
+    def read(*n: float) -> list[float]:
+        for i in range(3):
+            model.set(at[f"specific_force[{i + 1}]"], G * n[i])
+        return [model.get(at[f"reading[{i + 1}]"]) / G for i in range(3)]
+
+    return model, read
+
+
+def at_accelerometer_1(name: str) -> EffectPlace:
+    return EffectPlace(name, "accelerometer-1")
+
+
+def test_the_order_of_effects_on_the_table_does_not_matter():
+    """Each is evaluated on the angles without the others: the same bits but for the order of the sum."""
+    places = [*WOBBLES, EffectPlace("encoder-harmonic", "outer-axis", 2), EffectPlace("backlash", "inner-axis")]
+    values = [*WOBBLES.values(), (1e-3, 0.2), (5e-4,)]
+    assert readings(places[::-1], values[::-1]) == pytest.approx(readings(places, values), abs=1e-15)
+
+
+def test_the_last_stage_works_in_declared_order():
+    saturation, quantisation = at_accelerometer_1("saturation"), at_accelerometer_1("quantisation")
+    clipped_first, read = block({saturation: (0.96,), quantisation: (0.1,)})
+    assert clipped_first.initialise(0.0) == 0
+    assert read(0.99, 0.0, 0.0)[0] == pytest.approx(1.0)
+    assert read(-0.99, 0.0, 0.0)[0] == pytest.approx(-1.0)
+    rounded_first, read = block({quantisation: (0.1,), saturation: (0.96,)})
+    assert rounded_first.initialise(0.0) == 0
+    assert read(0.99, 0.0, 0.0)[0] == pytest.approx(0.96)
+    assert read(-0.99, 0.0, 0.0)[0] == pytest.approx(-0.96)
+    assert read(0.32, 0.0, 0.0)[0] == pytest.approx(0.3)
+
+
+def test_noise_is_clipped_and_rounded_with_the_rest():
+    effects = {at_accelerometer_1("quantisation"): (2e-4,), EffectPlace("saturation", "accelerometer-2"): (0.95,)}
+    model, read = block(effects, noise_bound=1e-3, held_fraction=0.0)
+    assert model.initialise(0.0) == 0
+    seen = []
+    for k in range(200):
+        read(0.3, 0.9499, 0.3)
+        assert model.do_step(0.1 * k, 0.1) == 0
+        seen.append(read(0.3, 0.9499, 0.3))
+    rounded, clipped, free = np.transpose(seen)
+    assert np.abs(rounded / 2e-4 - np.round(rounded / 2e-4)).max() < 1e-9
+    assert len(set(np.round(rounded / 2e-4))) > 4
+    assert clipped.max() == pytest.approx(0.95, abs=1e-15)
+    assert 0.3 < np.mean(clipped > 0.95 - 1e-12) < 0.7
+    assert len(set(free)) == 200
+
+
+def test_a_dead_zone_loses_the_accelerometers_own_input_alone():
+    errors = {"bias": [2e-3, 0.0, 0.0], "gamma_21": 0.01, "gamma_12": 0.02, "scale_error_plus": [0.1, 0.0, 0.0]}
+    model, read = block({at_accelerometer_1("dead-zone"): (0.01,)}, **errors)
+    assert model.initialise(0.0) == 0
+    inside = read(0.009, 0.5, 0.8)
+    assert inside == pytest.approx([2e-3 + 0.02 * 0.5, 0.5 + 0.01 * 0.009, 0.8], abs=1e-15)
+    assert read(0.011, 0.5, 0.8)[0] == pytest.approx(1.1 * 0.011 + 2e-3 + 0.01, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["dead-zone", "saturation", "quantisation"])
+def test_without_its_parameter_an_effect_of_the_last_stage_does_nothing(name):
+    model, read = block({at_accelerometer_1(name): (0.0,)})
+    assert model.initialise(0.0) == 0
+    assert read(-0.003, 0.5, 0.8) == pytest.approx([-0.003, 0.5, 0.8], abs=1e-15)
+
+
+def test_senses_of_inputs_are_those_of_their_last_changes():
+    model, read = block({at_accelerometer_1("hysteresis"): (2e-3,)})
+    read(-0.5, 0.0, 0.0)
+    assert model.initialise(0.0) == 0
+    seen = []
+    # The first change is from no input; what only rounding changes is no change.
+    for k, n in enumerate((-0.5, -0.3, -0.3, -0.3 - 1e-16, -0.31, -0.31 + 1e-15, 0.2)):
+        read(n, 0.0, 0.0)
+        assert model.do_step(float(k), 1.0) == 0
+        seen.append(round(1e3 * (read(n, 0.0, 0.0)[0] - n)))
+    assert seen == [1, -1, -1, -1, 1, 1, -1]
+
+
+def table(effects: dict[EffectPlace, tuple[float, ...]], **settings):
+    return extended_instance("TurntableMotion", list(effects), list(effects.values()), **settings)
+
+
+def array(model, at, name: str, size: int) -> np.ndarray:
+    return np.array([model.get(at[f"{name}[{i + 1}]"]) for i in range(size)])
+
+
+@pytest.mark.parametrize("step", [0.1, 100.0])
+def test_senses_of_axes_are_those_of_their_last_moves(step):
+    """Whether a move takes many steps or begins, turns round and ends within one."""
+    effects = {EffectPlace("backlash", axis): (2e-3,) for axis in ("outer-axis", "inner-axis")}
+    model, at = table(effects, encoder_fluctuation_bound=0.0)
+    assert model.initialise(0.0) == 0
+    time, seen = 0.0, [array(model, at, "angle_reading", 2)]
+    for commands in ((1.0, -1.0), (0.5, -1.0), (0.5, 0.2)):
+        for i, command in enumerate(commands):
+            model.set(at[f"command[{i + 1}]"], command)
+        for _ in range(math.ceil(20.0 / step)):
+            assert model.do_step(time, step) == 0
+            time += step
+        seen.append(array(model, at, "angle_reading", 2) - commands)
+    assert np.round(1e3 * np.array(seen)).tolist() == [[0, 0], [-1, 1], [1, 1], [1, -1]]
+
+
+def test_a_move_that_is_turned_round_within_a_step_ends_in_its_last_sense():
+    model, at = table({EffectPlace("backlash", "outer-axis"): (2e-3,)}, encoder_fluctuation_bound=0.0)
+    assert model.initialise(0.0) == 0
+    model.set(at["command[1]"], 3.0)
+    assert model.do_step(0.0, 1.0) == 0
+    model.set(at["command[1]"], 0.1)
+    assert model.do_step(1.0, 60.0) == 0
+    assert model.get(at["angle_reading[1]"]) == pytest.approx(0.1 + 1e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("place", [None, *WOBBLES], ids=lambda p: p.title if p else "all")
+def test_increments_with_small_turns_that_vary_integrate_to_the_attitude(place):
+    """An independent integrator, fed with the increments, must arrive at the table's own attitude."""
+    effects = WOBBLES if place is None else {place: WOBBLES[place]}
+    settings = {"max_rate": [1.0, 1.3], "max_acceleration": [2.0, 1.5], "azimuth": 0.6, "initial_angle": [0.4, -0.3]}
+    errors = []
+    for step in (0.02, 0.01):
+        model, at = table(effects, **settings)
+        assert model.initialise(0.0) == 0
+        begin = Rotation.from_quat(array(model, at, "attitude_inertial", 4), scalar_first=True)
+        attitude, first, worst = begin, None, 0.0
+        for k in range(round(4.0 / step)):
+            if k == 0:
+                model.set(at["command[1]"], 2.0)
+                model.set(at["command[2]"], -2.5)
+            assert model.do_step(k * step, step) == 0
+            increment = array(model, at, "increment", 3)
+            if first is None:
+                first = increment
+            else:
+                # Two-sample rotation vector: error of order h^4 over the run, h^3 at the kinks of the rates.
+                attitude = attitude * Rotation.from_rotvec(first + increment + (2.0 / 3.0) * np.cross(first, increment))
+                first = None
+                truth = Rotation.from_quat(array(model, at, "attitude_inertial", 4), scalar_first=True)
+                worst = max(worst, (attitude.inv() * truth).magnitude())
+        errors.append(worst)
+    assert errors[0] < 0.06 * 0.02**3
+    assert errors[1] < errors[0] / 6.0
+
+
+def test_increments_with_small_turns_do_not_depend_on_the_step():
+    (coarse, at), (fine, _) = table(WOBBLES), table(WOBBLES)
+    for model in (coarse, fine):
+        assert model.initialise(0.0) == 0
+        model.set(at["command[1]"], 1.7)
+        model.set(at["command[2]"], -2.9)
+    for k in range(4):
+        assert coarse.do_step(k * 1.0, 1.0) == 0
+        total = np.zeros(3)
+        for j in range(40):
+            assert fine.do_step(k * 1.0 + j * 0.025, 0.025) == 0
+            total += array(fine, at, "increment", 3)
+        assert array(coarse, at, "increment", 3) == pytest.approx(total, abs=3e-13)
+
+
+def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:
+    """Readings (7, 3) [g] of the true bench with a variant of an effect."""
+    return true_bench()[1].prediction + variant.offset + variant.columns @ coefficients
+
+
+def one_variant(name: str, accelerometer: int, parameter: float) -> tuple[Variant, np.ndarray]:
+    """The variant of an effect that acts as the component does, and the component's readings (7, 3) [g]."""
+    place = EffectPlace(name, f"accelerometer-{accelerometer}")
+    seen = readings([place], [(parameter,)])
+    variants = CATALOGUE[name].variants
+    assert variants is not None
+    rows = true_bench()[1]
+    fitting = [v for v in variants(place, rows, seen, 1e-9) if v.limits[0][0] <= parameter <= v.limits[0][1]]
+    standing = [v for v in fitting if v.stands(rows, np.array([parameter])[: v.columns.shape[2]])]
+    assert len(standing) == 1
+    return standing[0], seen
+
+
+def test_a_dead_zone_acts_as_one_of_its_variants():
+    n = true_bench()[1].n
+    accelerometer = int(np.abs(n).min(axis=0).argmin())
+    width = float(np.abs(n[:, accelerometer]).min()) + 1e-3
+    assert width < 0.05
+    variant, seen = one_variant("dead-zone", accelerometer + 1, width)
+    assert variant.lost.sum() == (np.abs(n[:, accelerometer]) < width).sum()
+    assert predicted(variant, np.zeros(0)) == pytest.approx(seen, abs=1e-14)
+    assert variant.limits[0][0] < variant.values(np.zeros(0))[0] <= variant.limits[0][1]
+
+
+def test_saturation_acts_as_one_of_its_variants():
+    prediction = np.abs(true_bench()[1].prediction)
+    accelerometer = int(prediction.max(axis=0).argmax())
+    order = np.sort(prediction[:, accelerometer])
+    level = max(0.9, float(order[-2]) - 1e-4)
+    variant, seen = one_variant("saturation", accelerometer + 1, level)
+    assert variant.fixed.sum() == (prediction[:, accelerometer] >= level).sum() >= 2
+    assert predicted(variant, np.array([level])) == pytest.approx(seen, abs=1e-14)
+    assert variant.low[0] <= level <= variant.high[0]
+    assert variant.values(np.array([level])) == (level,)
+
+
+def test_quantisation_widens_the_bounds_of_its_accelerometer():
+    variant, seen = one_variant("quantisation", 2, 1.3e-4)
+    left = np.abs(seen - predicted(variant, np.zeros(0)))
+    assert variant.values(np.zeros(0))[0] == pytest.approx(1.3e-4, rel=1e-9)
+    assert np.all(left <= variant.widening + 1e-12)
+    assert left[:, 1].max() > 1e-5
+    assert variant.widening[:, [0, 2]].max() == 0.0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_step_of_averaged_readings_is_found_and_none_where_there_is_none(seed):
+    """Means over rests of rounded samples: some rests lie between two steps. Nine decimals, as a record has."""
+    rng = np.random.default_rng(seed)
+    count, step = int(rng.integers(15, 90)), 10.0 ** rng.uniform(-4.5, -2.5)
+    n = rng.uniform(-1.0, 1.0, count)
+    samples = n[:, None] + rng.uniform(-2e-6, 2e-6, (count, 20))
+    rounded = (step * np.floor(samples / step + 0.5)).mean(axis=1)
+    assert common_step(np.round(rounded * G, 9) / G, 1e-10, 2e-6) == pytest.approx(step, rel=1e-6)
+    assert common_step(np.round(n * G, 9) / G, 1e-10, 2e-6) is None
+
+
+def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
+    """The first input comes from none; a change of mounting is a new beginning."""
+    here, _ = true_bench()
+    record = PositionRecord(
+        position=np.arange(1, ROWS + 1),
+        time_s=60.0 * np.arange(ROWS),
+        alpha=ALPHA,
+        beta=BETA,
+        specific_force=np.full((ROWS, 3), 5.0),
+    )
+    rows = rows_at(here, here.point, here.positions, circumstances_of(record))
+    assert rows.input_sense[0].tolist() == np.sign(rows.n[0]).tolist()
+    assert rows.input_sense[1:].tolist() == np.sign(np.diff(rows.n, axis=0)).tolist()
+    turns = np.remainder(np.diff(ALPHA) + np.pi, 2.0 * np.pi) - np.pi
+    assert rows.sense_alpha.tolist() == [0.0, *np.sign(turns)]
+    # Any order of rows keeps what came before each.
+    kept = np.array([2, 5])
+    some = circumstances_of(record).selected(kept)
+    at = Positions(ALPHA[kept], BETA[kept], np.zeros(2, dtype=int))
+    assert rows_at(here, here.point, at, some).input_sense.tolist() == rows.input_sense[kept].tolist()
+
+
+def test_the_axis_with_the_longer_way_has_the_last_word_on_an_input():
+    """From (0, 0): outer longer; inner longer the other way round; outer stayed; the same way."""
+    alpha, beta = np.array([1.0, 1.0, 0.0, 0.5]), np.array([0.5, 0.5, 0.5, -0.5])
+    senses = np.array([[1.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, -1.0]])
+    here = Circumstances(np.zeros(4), None, senses[:, 0], senses[:, 1], True, np.zeros((4, 2)))
+    outer, inner = later_axes(Positions(alpha, beta, np.zeros(4, dtype=int)), here)
+    assert outer.tolist() == [True, False, False, True]
+    assert inner.tolist() == [False, True, True, True]
+
+
+def test_rows_carry_the_nominal_prediction_and_the_own_response():
+    here, rows = true_bench()
+    assert np.array_equal(rows.prediction, predicted_reading(here.parametrisation, here.point, here.positions))
+    x = dict(zip(TARGETS, here.parametrisation.selection[0] @ here.point, strict=True))
+    positive = rows.n[:, 1] >= 0.0
+    assert rows.own[:, 1] == pytest.approx(rows.n[:, 1] * (1.0 + np.where(positive, x["X9"], x["X10"])), abs=1e-15)
