@@ -1,5 +1,8 @@
 """Reference costs that plans are held to: least guaranteed errors on the 1° grid, in units of σ, to ten digits."""
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 COSTS: dict[tuple[str, str], tuple[float, ...]] = {
     ("identity", "tables"): (
         *(
@@ -291,3 +294,8 @@ COSTS: dict[tuple[str, str], tuple[float, ...]] = {
     ),
 }
 """By mounting and admissible set; in the order of `trihedron.models.bench.TARGETS`, mountings as the presets."""
+
+
+def random_mounting(seed: int) -> np.ndarray:
+    """A proper rotation, uniform over all."""
+    return Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()

@@ -74,8 +74,11 @@ def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
     result = diagnose(record, noise_bound=NOISE_BOUND, baseline="symmetric" if symmetric else "asymmetric", rerun=False)
     assert result.verdict in ("explained", "ambiguous")
     named = {finding.causes[0].place: finding.causes[0] for finding in result.findings if len(finding.causes) == 1}
-    assert case.place in named
-    for value, (low, high) in zip(case.values, named[case.place].intervals, strict=True):
+    # What no measurement on this bench could tell from it may stand for it, with parameters of its own.
+    answers = [cause for place, cause in named.items() if case.place in (place, *cause.equivalents)]
+    assert len(answers) == 1
+    ends = answers[0].intervals if answers[0].place == case.place else ()
+    for value, (low, high) in zip(case.values, ends, strict=bool(ends)):
         turn = (
             2 * math.pi if (value - low) > 2 * math.pi - 1 else -2 * math.pi if (high - value) > 2 * math.pi - 1 else 0
         )

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
+from planning_reference import random_mounting
 from trihedron.calibration.parametrisation import parametrise
 from trihedron.planning.certificate import ROUNDING, ceiling
 from trihedron.planning.forms import Sheet, clearance, dual_forms, sheets, value
@@ -27,7 +27,7 @@ def sampled_maximum(found: list[Sheet], dual: np.ndarray, seed: int) -> float:
 def test_the_bound_is_between_samples_and_violation(seed: int, symmetric: bool, rule: str) -> None:
     """Nothing sampled exceeds a proven bound; what is said to exceed a limit does, at an admissible position."""
     rng = np.random.default_rng(seed)
-    p = parametrise({"q": Rotation.random(random_state=seed).as_matrix()}, symmetric=symmetric)
+    p = parametrise({"q": random_mounting(seed)}, symmetric=symmetric)
     found = sheets(p, bounds=(1e-3, 3e-2), rule=rule)
     dual = rng.normal(size=len(p.symbols))
     greatest = sampled_maximum(found, dual, seed)
@@ -58,7 +58,7 @@ def test_a_curve_of_contact_is_bounded_tightly(excess: float) -> None:
 
 
 def test_a_search_that_is_cut_short_still_bounds() -> None:
-    p = parametrise({"q": Rotation.random(random_state=3).as_matrix()})
+    p = parametrise({"q": random_mounting(3)})
     found = sheets(p)
     dual = np.random.default_rng(3).normal(size=18)
     greatest = sampled_maximum(found, dual, 3)

@@ -61,7 +61,7 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
     Ceiling
     """
     forms, third, size = _forms(sheets, dual)
-    width = np.pi / FIRST_BOXES
+    width = float(np.pi) / FIRST_BOXES
     centres = width * (2 * np.arange(FIRST_BOXES) + 1)
     case, alpha, beta = (g.ravel() for g in np.meshgrid(np.arange(len(forms)), centres, centres, indexing="ij"))
     half = np.full((2, len(case)), width)
@@ -75,7 +75,7 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
         if violated.any():
             found = np.flatnonzero(violated)
             found = found[np.argsort(-values[found, 0, 0], kind="stable")]
-            first = found[np.sort(np.unique(case[found], return_index=True)[1])]
+            first = found[[int(np.flatnonzero(case[found] == k)[0]) for k in dict.fromkeys(case[found].tolist())]]
             where = np.column_stack([case[first] // 2, 1 - 2 * (case[first] % 2), alpha[first], beta[first]])
             return Ceiling(np.inf, where, seen)
         upper, share = _upper(values, third[case], size[case], radius, limit)
@@ -215,9 +215,12 @@ def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
         inner = -curvature * r > slope
         top = np.where(inner, 0.5 * slope * slope / np.where(inner, -curvature, 1.0), at_end)
         separate = separate + top
-    determinant = h[:, 3] * h[:, 5] - h[:, 4] ** 2
-    concave = (h[:, 3] < 0.0) & (determinant > 1e-6 * (h[:, 3] * h[:, 5] + 1e-300))
+    product = h[:, 3] * h[:, 5]
+    determinant = product - h[:, 4] ** 2
+    concave = (h[:, 3] < 0.0) & (determinant > 1e-3 * np.abs(product) + 1e-300)
+    # Only where the top is not far away, so that rounding errors of the gradient stay below what is allowed for.
+    concave &= np.abs(h[:, 1:3]).sum(axis=1) * np.abs(h[:, [3, 5]]).sum(axis=1) < 4.0 * determinant
     safe = np.where(concave, determinant, 1.0)
     square = h[:, 1] ** 2 * h[:, 5] - 2.0 * h[:, 1] * h[:, 2] * h[:, 4] + h[:, 2] ** 2 * h[:, 3]
-    whole = h[:, 0] - 0.5 * square / safe
-    return np.where(concave, np.minimum(separate, whole), separate) * 1.0
+    whole = h[:, 0] + 0.5 * np.abs(square) / safe * (1.0 + 1e-9)
+    return np.where(concave, np.minimum(separate, whole), separate)

@@ -73,7 +73,7 @@ class Master:
     def aim(self, target: NDArray) -> None:
         """Set the weights a (P,) of the target."""
         rows = np.arange(self._size, dtype=np.int32)
-        self._highs.changeRowsBounds(self._size, rows, target, target)  # pyright: ignore[reportArgumentType]
+        self._highs.changeRowsBounds(self._size, rows, target, target)  # pyright: ignore
 
     def solve(self) -> tuple[NDArray, NDArray, bool]:
         """Solve, warm.
