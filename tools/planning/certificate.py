@@ -76,7 +76,9 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
             found = np.flatnonzero(violated)
             found = found[np.argsort(-values[found, 0, 0], kind="stable")]
             first = found[[int(np.flatnonzero(case[found] == k)[0]) for k in dict.fromkeys(case[found].tolist())]]
-            where = np.column_stack([case[first] // 2, 1 - 2 * (case[first] % 2), alpha[first], beta[first]])
+            where = np.column_stack(
+                [case[first] // 2, 1 - 2 * (case[first] % 2), np.take(alpha, first), np.take(beta, first)]
+            )
             return Ceiling(np.inf, where, seen)
         upper, share = _upper(values, third[case], size[case], radius, limit)
         keep = upper > limit
