@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-EARTH_RATE = 7.292115e-5
-"""Rate of Earth's rotation against inertial space [rad/s]."""
+from trihedron.attitude.error_split import split_error
+from trihedron.errors import InputError
+from trihedron.models.turntable import EARTH_RATE
 
 
 def rotation_of(quaternion: np.ndarray) -> Rotation:
@@ -171,4 +172,18 @@ class AttitudeRun:
         if self.heading is not None and self.tilt is not None:
             heading, tilt = (float(np.sqrt(np.mean(part[known] ** 2))) for part in (self.heading, self.tilt))
             lines.append(f"of it heading {math.degrees(heading):.3f} deg rms, tilt {math.degrees(tilt):.3f} deg rms")
-        return lines
+        return lines + self.split_lines()
+
+    def split_lines(self) -> list[str]:
+        """The error as a slowly growing and a periodic part; nothing where the run is too short to tell them apart."""
+        known = self.judged
+        try:
+            split = split_error(self.time_s[known], np.degrees(self.error_rad[known]))
+        except InputError:
+            return []
+        rate = ", ".join(f"{60.0 * value:+.3f}" for value in split.rate)
+        amplitude = ", ".join(f"{value:.3f}" for value in split.amplitude)
+        return [
+            f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
+            f"(period {split.period:.1f} s)"
+        ]

@@ -104,7 +104,7 @@ def squares_with_one_more(projection: Projection, problem: Problem, others: Sequ
     """Squared bounds (n,) of the sets that add one of `others`; candidates with equally many columns together."""
     found = np.zeros(len(others))
     sizes = np.array([problem.blocks[index].stop - problem.blocks[index].start for index in others], dtype=int)
-    for size in np.unique(sizes):
+    for size in np.unique(sizes).tolist():
         at = np.flatnonzero(sizes == size)
         index = np.array([problem.blocks[others[i]].start for i in at])[:, None] + np.arange(size)
         columns = projection.columns[:, index]
