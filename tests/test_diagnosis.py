@@ -13,7 +13,8 @@ from trihedron.diagnosis.circumstances import circumstances_of
 from trihedron.diagnosis.classes import classes_of, residual_spaces, same_space
 from trihedron.diagnosis.extension import export_extended
 from trihedron.diagnosis.search import catalogue_places
-from trihedron.hidden import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth, measure
+from trihedron.hidden import measure
+from trihedron.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.records import read_position_record, write_position_record
 

@@ -20,7 +20,8 @@ from trihedron.diagnosis import Diagnosis, diagnose
 from trihedron.diagnosis.extension import export_extended
 from trihedron.errors import InputError
 from trihedron.fmus.in_process import parameter_starts
-from trihedron.hidden import NOISE_BOUND, write_hidden_record
+from trihedron.hidden import write_hidden_record
+from trihedron.hidden_cases import NOISE_BOUND
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, target_values
 from trihedron.records import StrapdownRecord, read_position_record, read_record
 from trihedron.report.page import Section, render_page

@@ -8,7 +8,8 @@ from trihedron.diagnosis import diagnose
 from trihedron.fmus import components
 from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.units import UNITS
-from trihedron.hidden import NOISE_BOUND, draw_case, measure
+from trihedron.hidden import measure
+from trihedron.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
 from trihedron.report.results import diagnosis_sections
 from trihedron.writing import write_text

@@ -5,7 +5,8 @@ from collections import Counter
 import pytest
 
 from trihedron.diagnosis import diagnose
-from trihedron.hidden import NOISE_BOUND, draw_case, measure
+from trihedron.hidden import measure
+from trihedron.hidden_cases import NOISE_BOUND, draw_case
 
 pytestmark = pytest.mark.acceptance
 
