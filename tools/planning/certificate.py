@@ -63,7 +63,8 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
     forms, third, size = _forms(sheets, dual)
     width = float(np.pi) / FIRST_BOXES
     centres = width * (2 * np.arange(FIRST_BOXES) + 1)
-    case, alpha, beta = (g.ravel() for g in np.meshgrid(np.arange(len(forms)), centres, centres, indexing="ij"))
+    grid = np.meshgrid(np.arange(len(forms)), centres, centres, indexing="ij")
+    case, alpha, beta = grid[0].ravel(), np.ravel(grid[1]), np.ravel(grid[2])
     half = np.full((2, len(case)), width)
     seen, bound = 0, limit
     while len(case):
@@ -76,9 +77,7 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
             found = np.flatnonzero(violated)
             found = found[np.argsort(-values[found, 0, 0], kind="stable")]
             first = found[[int(np.flatnonzero(case[found] == k)[0]) for k in dict.fromkeys(case[found].tolist())]]
-            where = np.column_stack(
-                [case[first] // 2, 1 - 2 * (case[first] % 2), np.take(alpha, first), np.take(beta, first)]
-            )
+            where = np.column_stack([case[first] // 2, 1 - 2 * (case[first] % 2), alpha[first], beta[first]])
             return Ceiling(np.inf, where, seen)
         upper, share = _upper(values, third[case], size[case], radius, limit)
         keep = upper > limit

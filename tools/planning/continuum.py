@@ -35,7 +35,7 @@ NEAR = np.radians(8.0)
 QUIET = ((0.05, SLIGHT), (1e-3, SLIGHT), (0.0, SLIGHT), (0.0, 1e-10), (0.0, 3e-10))
 """How far below one a dual is asked to stay, far from the support, and how far above it may rise; tried in turn."""
 BOXES = 100_000
-ATTEMPTS = 10
+ATTEMPTS = 24
 
 
 @dataclass(frozen=True)
@@ -151,9 +151,9 @@ class Continuum:
 
     def _provable(self, dual: NDArray) -> float:
         """What |F'y| is proven not to exceed, by limits that rise until none is violated."""
-        excess = 1e-9
+        excess = 5e-10
         while len((bounded := ceiling(self._sheets, dual, 1.0 + excess, max_boxes=BOXES)).violations):
-            excess *= 4.0
+            excess *= 1.9
         return bounded.bound
 
     def _start(self) -> tuple[NDArray, float]:
@@ -242,13 +242,16 @@ class Continuum:
                     if slack == 0.0:
                         return places[len(self._place) :]
                     limit = max(limit, 1.5 * slack)
+                    limits = iter([x for x in TO_PROVE if x > limit])
             peaks = self._peaks(dual).above(1.0 + limit)
             more = peaks.places
             if not len(more):
                 bounded = ceiling(self._sheets, dual, 1.0 + limit, max_boxes=BOXES)
                 if not len(bounded.violations):
                     return dual, bounded.bound
-                limit = next(limits, limit)
+                limit = next(limits, 0.0)
+                if limit == 0.0:
+                    break
                 more = self._tops(dual, bounded.violations)
             places = np.vstack([places, more])
         return dual, self._provable(dual)
