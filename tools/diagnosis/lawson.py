@@ -106,7 +106,7 @@ def squares_with_one_more(projection: Projection, problem: Problem, others: Sequ
     sizes = np.array([problem.blocks[index].stop - problem.blocks[index].start for index in others], dtype=int)
     for size in np.unique(sizes).tolist():
         at = np.flatnonzero(sizes == size)
-        index = np.array([problem.blocks[others[i]].start for i in at])[:, None] + np.arange(size)
+        index = np.array([problem.blocks[others[int(i)]].start for i in at])[:, None] + np.arange(size)
         columns = projection.columns[:, index]
         gram = np.einsum("mij,mik->ijk", columns, columns)
         product = np.einsum("mij,m->ij", columns, projection.residual)
