@@ -1,6 +1,6 @@
 """The smallest sets of effects that explain a record: candidates, linear search, exact judgement."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +13,9 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, rows_at, signature_columns
 from trihedron.diagnosis.lawson import Problem
-from trihedron.diagnosis.sets import EffectSet, smallest_sets
+from trihedron.diagnosis.sets import MAX_SET, EffectSet, sets_of_size
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
-
-LARGEST_SET = 2
-"""So many effects are looked for together."""
 
 
 @dataclass(frozen=True)
@@ -141,22 +138,27 @@ def smallest_explanations(
     slack = 0.05 + 20.0 * radius**2 * float(here.bound.min())
 
     def judge(candidate: EffectSet) -> bool:
-        kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
-        columns = np.hstack((problem.nominal, problem.columns[:, problem.columns_of(candidate.effects)]))[kept]
-        if chebyshev_radius(columns, problem.residual[kept], np.ones(len(kept)))[0] > 1.0 + slack:
-            return False
         chosen = [places[i] for i in candidate.effects]
         chosen += [place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in candidate.outliers]
         explanation = explain(fit_extended(here, circumstances, chosen))
         found[candidate] = explanation
         return explanation.possible and explanation.fit.radius <= limit
 
-    def tracked(order: Sequence[int]) -> Iterable[int]:
-        console = Console(stderr=True)
-        return track(order, "sets of effects", console=console, disable=not console.is_terminal, transient=True)
-
-    most = 1 if others else LARGEST_SET
-    sets = smallest_sets(problem, slack, judge, most, tracked if progress else iter)
+    console = Console(stderr=True)
+    sets: list[EffectSet] = []
+    for size in range(1, (1 if others else MAX_SET) + 1):
+        stream = sets_of_size(problem, size, slack)
+        bar = track(
+            stream,
+            f"sets of {size}",
+            total=None,
+            console=console,
+            disable=not (progress and console.is_terminal),
+            transient=True,
+        )
+        sets = [candidate for candidate in bar if judge(candidate)]
+        if sets:
+            break
     return sorted([*(found[candidate] for candidate in sets), *others], key=lambda e: (round(e.fit.radius, 9), e.title))
 
 

@@ -1,24 +1,21 @@
-"""The smallest sets of effects that make a record consistent, proven smallest."""
+"""Sets of effects and outliers that the linear model of a record allows, with proof that it refuses all others."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.diagnosis.lawson import (
-    Problem,
-    Projection,
-    is_refused,
-    project,
-    sharp_weights,
-    sharpened,
-    squares_with_one_more,
-    squares_without_one,
-    squares_without_two,
-)
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.lawson import Problem, Projection, project, sharp_weights
+from trihedron.diagnosis.set_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
 
 MAX_SET = 3
+MOST_OUTLIERS = 2
+FEW = 32
+"""For so few sets their own bounds cost less than another projection."""
+ROUNDS_AT_FIRST = (2, 8, 20)
+"""Rounds of Lawson's algorithm for the nominal model, whose weights every set is tried with first."""
 
 
 @dataclass(frozen=True, order=True)
@@ -32,96 +29,110 @@ class EffectSet:
         return len(self.effects) + len(self.outliers)
 
 
-Judge = Callable[[EffectSet], bool]
-Track = Callable[[Sequence[int]], Iterable[int]]
+def sets_of_size(problem: Problem, size: int, slack: float) -> Iterator[EffectSet]:
+    """All sets of a size that keep every residual of the linear model within its bound, to the slack.
 
-
-def smallest_sets(
-    problem: Problem, slack: float, judge: Judge, most: int = MAX_SET, track: Track = iter
-) -> list[EffectSet]:
-    """All sets of the smallest size that the judge accepts; at most two outliers in each.
-
-    A set is refused when a lower bound of its radius is above one and the slack; what no bound refuses is judged
-    exactly. So no smaller set, and no other set of that size, makes the record consistent.
+    A set is refused when some weights prove that its radius is above one and the slack; the weights that refuse one set
+    are tried on all others, and what no bound refuses is decided by a linear programme.
 
     Parameters
     ----------
     problem : Problem
         the nominal model and the candidates, linear at its fit
+    size : int
+        effects and outliers together, 0 to 3; at most two outliers
     slack : float
         what the linearisation may be wrong by, in units of the bounds
-    judge : callable
-        set -> whether the exact model with it keeps every residual within its bound
-    most : int
-        largest size that is tried
-    track : callable
-        wraps the longest loop, for a progress bar
 
-    Returns
-    -------
-    list of EffectSet
-        sorted; empty when no set of up to `most` will do
+    Yields
+    ------
+    EffectSet
+        about the most promising first
     """
     limit = (1.0 + slack) ** 2
-    count = len(problem.blocks)
     uniform = np.full(len(problem.residual), 1.0 / len(problem.residual))
-    base = project(problem, sharp_weights(problem, uniform, (), 3))
+    projections = [project(problem, sharp_weights(problem, uniform, rounds)) for rounds in ROUNDS_AT_FIRST]
+    starts, sizes = problem.starts, problem.sizes
+    for outliers in range(min(size, MOST_OUTLIERS) + 1):
+        if size - outliers > len(problem.blocks):
+            continue
+        sets = surviving_sets(size - outliers, outliers, limit, *parts(projections[0]), starts, sizes)
+        bound, source = np.zeros(len(sets)), np.zeros(len(sets), dtype=int)
+        for number, projection in enumerate(projections):
+            sets, bound, source = tried(problem, projection, number, sets, bound, source, limit)
+        yield from settled(problem, projections, sets, bound, source, slack)
 
-    def settle(found: Iterable[tuple[EffectSet, NDArray]]) -> list[EffectSet]:
-        return sorted(
-            candidate
-            for candidate, weights in found
-            if not is_refused(problem, weights, candidate.effects, candidate.outliers, limit) and judge(candidate)
+
+def settled(
+    problem: Problem, projections: list[Projection], sets: NDArray, bound: NDArray, source: NDArray, slack: float
+) -> Iterator[EffectSet]:
+    """Decide the sets (n, 5) that no projection has refused; `source` is the projection of each one's best bound."""
+    limit = (1.0 + slack) ** 2
+    starts, sizes = problem.starts, problem.sizes
+    weights = [projection.weights for projection in projections]
+    wait, pause = 0, 0
+    while len(sets):
+        pick = int(np.argmin(bound))
+        chosen = sets[pick]
+        verdict, sharp = settle(
+            problem.matrix,
+            problem.residual,
+            problem.nominal.shape[1],
+            starts,
+            sizes,
+            chosen,
+            weights[source[pick]],
+            limit,
         )
-
-    def settle_all(sets: Iterable[EffectSet], weights: NDArray) -> list[EffectSet]:
-        return settle((candidate, weights) for candidate in sets)
-
-    ones = settle_all([*grown(base, problem, (), limit), *one_out(base, (), limit)], base.weights)
-    if ones or most < 2:
-        return ones
-    singles = [project(problem, sharp_weights(problem, base.weights, (i,), 4), (i,)) for i in track(range(count))]
-    twos = settle_all(two_out(base, (), limit), base.weights)
-    for i, single in enumerate(singles):
-        twos += settle_all([*grown(single, problem, (i,), limit), *one_out(single, (i,), limit)], single.weights)
-    if twos or most < 3:
-        return sorted(twos)
-    threes: list[EffectSet] = []
-    for i in track(range(count)):
-        single = singles[i]
-        threes += settle_all(two_out(single, (i,), limit), single.weights)
-        for j in range(i + 1, count):
-            pair = project(problem, pair_weights(problem, single, (i, j)), (i, j))
-            sets = [*grown(pair, problem, (i, j), limit), *one_out(pair, (i, j), limit)]
-            threes += settle_all(sets, pair.weights)
-    return sorted(threes)
+        sets, bound, source = np.delete(sets, pick, 0), np.delete(bound, pick), np.delete(source, pick)
+        if verdict != REFUSED:
+            candidate = EffectSet(
+                tuple(int(i) for i in chosen[:3] if i >= 0), tuple(int(i) for i in chosen[3:] if i >= 0)
+            )
+            if verdict == ACCEPTED or linear_radius(problem, candidate) <= 1.0 + slack:
+                yield candidate
+        elif wait > 0:
+            wait -= 1
+        elif len(sets) > FEW:
+            before = len(sets)
+            weights.append(sharp)
+            sets, bound, source = tried(problem, project(problem, sharp), len(weights) - 1, sets, bound, source, limit)
+            # Weights that refuse few others cost more than they save: leave more sets to themselves.
+            pause = 0 if before - len(sets) >= FEW else min(2 * pause + FEW, 1024)
+            wait = pause
 
 
-def pair_weights(problem: Problem, single: Projection, pair: tuple[int, int]) -> NDArray:
-    """Weights for two effects, from those of the first: one round of Lawson's algorithm."""
-    columns = single.columns[:, problem.columns_of(pair[1:])]
-    solution = np.linalg.lstsq(columns, single.residual, rcond=1e-9)[0]
-    misfit = (single.residual - columns @ solution) / np.sqrt(np.maximum(single.weights, 1e-300))
-    return sharpened(single.weights, misfit)
+def tried(
+    problem: Problem,
+    projection: Projection,
+    number: int,
+    sets: NDArray,
+    bound: NDArray,
+    source: NDArray,
+    limit: float,
+) -> tuple[NDArray, NDArray, NDArray]:
+    """The sets that one more projection does not refuse, with their best bounds and where these are from."""
+    found = bounds_of(sets, *parts(projection), problem.starts, problem.sizes)
+    source = np.where(found > bound, number, source)
+    bound = np.maximum(found, bound)
+    kept = bound <= limit
+    return sets[kept], bound[kept], source[kept]
 
 
-def grown(projection: Projection, problem: Problem, chosen: tuple[int, ...], limit: float) -> list[EffectSet]:
-    """Sets that add a later effect and are not refused by the bound."""
-    first = chosen[-1] + 1 if chosen else 0
-    others = range(first, len(problem.blocks))
-    if not others:
-        return []
-    bounds = squares_with_one_more(projection, problem, others)
-    return [EffectSet((*chosen, other)) for other, bound in zip(others, bounds, strict=True) if bound <= limit]
+def parts(projection: Projection) -> tuple[NDArray, ...]:
+    """A projection as compiled code takes it."""
+    return (
+        projection.weights,
+        projection.basis,
+        projection.residual,
+        projection.columns,
+        projection.gram,
+        projection.product,
+    )
 
 
-def one_out(projection: Projection, chosen: tuple[int, ...], limit: float) -> list[EffectSet]:
-    """Sets that leave out one reading and are not refused by the bound."""
-    bounds = squares_without_one(projection)
-    return [EffectSet(chosen, (int(i),)) for i in np.flatnonzero(bounds <= limit)]
-
-
-def two_out(projection: Projection, chosen: tuple[int, ...], limit: float) -> list[EffectSet]:
-    """Sets that leave out two readings and are not refused by the bound."""
-    first, second = np.nonzero(np.triu(squares_without_two(projection) <= limit, 1))
-    return [EffectSet(chosen, (int(i), int(j))) for i, j in zip(first, second, strict=True)]
+def linear_radius(problem: Problem, candidate: EffectSet) -> float:
+    """Chebyshev radius that a set leaves, by a linear programme."""
+    kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
+    columns = np.hstack((problem.nominal, problem.columns[:, problem.columns_of(candidate.effects)]))[kept]
+    return chebyshev_radius(columns, problem.residual[kept], np.ones(len(kept)))[0]

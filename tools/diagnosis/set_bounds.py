@@ -1,0 +1,307 @@
+"""Compiled bounds of very many sets of effects and outliers, and Lawson's algorithm for one set.
+
+A set is a row of five whole numbers: up to three candidates, then up to two readings that are left out; -1 stands for
+none. Deleting reading a of weight w_a, residual r and leverage h takes r²/(1 - h) off the weighted sum of squares, and
+the others' weights then sum to 1 - w_a; two readings have a formula of order two.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+WIDTH = 5
+MOST_COLUMNS = 16
+"""An effect has at most four columns, a set at most three effects."""
+REFUSED, ACCEPTED, UNDECIDED = 0, 1, 2
+ROUNDS = 30
+"""Rounds of Lawson's algorithm before a set is handed to a linear programme."""
+
+
+@numba.njit(cache=True)
+def _append(gram, product, first, size, chosen, triangle, solved, count):
+    """Extend a Cholesky factor by the columns of one candidate; dependent ones are passed over."""
+    for column in range(first, first + size):
+        for m in range(count):
+            value = gram[column, chosen[m]]
+            for q in range(m):
+                value -= triangle[count, q] * triangle[m, q]
+            triangle[count, m] = value / triangle[m, m]
+        pivot = gram[column, column]
+        for q in range(count):
+            pivot -= triangle[count, q] * triangle[count, q]
+        if pivot > 1e-9 * gram[column, column] and pivot > 0.0:
+            triangle[count, count] = np.sqrt(pivot)
+            value = product[column]
+            for q in range(count):
+                value -= triangle[count, q] * solved[q]
+            solved[count] = value / triangle[count, count]
+            chosen[count] = column
+            count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _row(columns, row, chosen, triangle, count, solution):
+    """One row of the chosen columns, made orthonormal."""
+    for m in range(count):
+        value = columns[row, chosen[m]]
+        for q in range(m):
+            value -= triangle[m, q] * solution[q]
+        solution[m] = value / triangle[m, m]
+
+
+@numba.njit(cache=True)
+def _without_one(square, residual, leverage, weight):
+    left = 1.0 - leverage
+    if left <= 1e-9 or weight >= 1.0 - 1e-9:
+        return 0.0
+    return max(0.0, square - residual * residual / left) / (1.0 - weight)
+
+
+@numba.njit(cache=True)
+def _without_two(square, ra, rb, ha, hb, cross, weight):
+    left_a, left_b = 1.0 - ha, 1.0 - hb
+    determinant = left_a * left_b - cross * cross
+    if determinant <= 1e-9 or weight >= 1.0 - 1e-9:
+        return 0.0
+    taken = (left_b * ra * ra + left_a * rb * rb + 2.0 * cross * ra * rb) / determinant
+    return max(0.0, square - taken) / (1.0 - weight)
+
+
+@numba.njit(cache=True)
+def bounds_of(sets, weights, basis, residual, columns, gram, product, starts, sizes):
+    """Squared bounds (n,) of sets (n, 5) under one projection."""
+    total = 0.0
+    for m in range(len(residual)):
+        total += residual[m] * residual[m]
+    leverage = np.sum(basis * basis, axis=1)
+    found = np.empty(len(sets))
+    triangle = np.zeros((MOST_COLUMNS, MOST_COLUMNS))
+    solved = np.zeros(MOST_COLUMNS)
+    chosen = np.zeros(MOST_COLUMNS, dtype=np.int64)
+    first, second = np.zeros(MOST_COLUMNS), np.zeros(MOST_COLUMNS)
+    for n in range(len(sets)):
+        count = 0
+        for k in range(3):
+            if sets[n, k] >= 0:
+                i = sets[n, k]
+                count = _append(gram, product, starts[i], sizes[i], chosen, triangle, solved, count)
+        square = total
+        for q in range(count):
+            square -= solved[q] * solved[q]
+        square = max(0.0, square)
+        a, b = sets[n, 3], sets[n, 4]
+        if a >= 0:
+            _row(columns, a, chosen, triangle, count, first)
+            ra, ha = residual[a], leverage[a]
+            for q in range(count):
+                ra -= first[q] * solved[q]
+                ha += first[q] * first[q]
+            if b < 0:
+                square = _without_one(square, ra, ha, weights[a])
+            else:
+                _row(columns, b, chosen, triangle, count, second)
+                rb, hb, cross = residual[b], leverage[b], 0.0
+                for q in range(count):
+                    rb -= second[q] * solved[q]
+                    hb += second[q] * second[q]
+                    cross += first[q] * second[q]
+                for q in range(basis.shape[1]):
+                    cross += basis[a, q] * basis[b, q]
+                square = _without_two(square, ra, rb, ha, hb, cross, weights[a] + weights[b])
+        found[n] = square
+    return found
+
+
+@numba.njit(cache=True)
+def _kept(survivors, count, i, j, k, a, b):
+    if count == len(survivors):
+        survivors = np.concatenate((survivors, np.empty_like(survivors)))
+    survivors[count] = (i, j, k, a, b)
+    return survivors
+
+
+@numba.njit(cache=True)
+def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, gram, product, starts, sizes):
+    """All sets (n, 5) of so many effects and outliers whose squared bound is not above the limit."""
+    rows, candidates = len(residual), len(starts)
+    total = 0.0
+    for m in range(rows):
+        total += residual[m] * residual[m]
+    leverage = np.sum(basis * basis, axis=1)
+    survivors = np.empty((1024, WIDTH), dtype=np.int64)
+    found = 0
+    triangle = np.zeros((MOST_COLUMNS, MOST_COLUMNS))
+    solved = np.zeros(MOST_COLUMNS)
+    chosen = np.zeros(MOST_COLUMNS, dtype=np.int64)
+    ends = np.zeros(4, dtype=np.int64)
+    numbers = np.full(3, -1, dtype=np.int64)
+    r, h = np.empty(rows), np.empty(rows)
+    own = np.zeros((rows, MOST_COLUMNS))
+    depth = 0
+    numbers[0] = -1
+    # Sets of candidates in rising order, one level of the factor for each.
+    while depth >= 0:
+        if depth == effects:
+            count = ends[depth]
+            square = total
+            for q in range(count):
+                square -= solved[q] * solved[q]
+            square = max(0.0, square)
+            if outliers == 0:
+                if square <= limit:
+                    survivors = _kept(survivors, found, numbers[0], numbers[1], numbers[2], -1, -1)
+                    found += 1
+            else:
+                for m in range(rows):
+                    _row(columns, m, chosen, triangle, count, own[m])
+                    r[m], h[m] = residual[m], leverage[m]
+                    for q in range(count):
+                        r[m] -= own[m, q] * solved[q]
+                        h[m] += own[m, q] * own[m, q]
+                for a in range(rows):
+                    if outliers == 1:
+                        if _without_one(square, r[a], h[a], weights[a]) <= limit:
+                            survivors = _kept(survivors, found, numbers[0], numbers[1], numbers[2], a, -1)
+                            found += 1
+                        continue
+                    for b in range(a + 1, rows):
+                        # The smallest eigenvalue of the formula's matrix is not below this.
+                        left = 1.0 - h[a] - h[b]
+                        weight = weights[a] + weights[b]
+                        if left > 1e-6 and square - (r[a] * r[a] + r[b] * r[b]) / left > limit * (1.0 - weight):
+                            continue
+                        cross = 0.0
+                        for q in range(count):
+                            cross += own[a, q] * own[b, q]
+                        for q in range(basis.shape[1]):
+                            cross += basis[a, q] * basis[b, q]
+                        if _without_two(square, r[a], r[b], h[a], h[b], cross, weight) <= limit:
+                            survivors = _kept(survivors, found, numbers[0], numbers[1], numbers[2], a, b)
+                            found += 1
+            depth -= 1
+            if depth < 0:
+                break
+        # The next candidate at this level.
+        numbers[depth] += 1
+        if numbers[depth] >= candidates:
+            numbers[depth] = -1
+            depth -= 1
+            continue
+        i = numbers[depth]
+        ends[depth + 1] = _append(gram, product, starts[i], sizes[i], chosen, triangle, solved, ends[depth])
+        depth += 1
+        if depth < effects:
+            numbers[depth] = i
+    return survivors[:found]
+
+
+@numba.njit(cache=True)
+def settle(matrix, residual, always, starts, sizes, chosen_set, weights, limit):
+    """Lawson's algorithm for one set: (REFUSED, ACCEPTED or UNDECIDED, weights (M,) with which it ended).
+
+    `matrix` has the `always` nominal columns first, `starts` counts from there.
+    """
+    rows = len(residual)
+    used = np.empty(always + MOST_COLUMNS, dtype=np.int64)
+    count = always
+    for k in range(always):
+        used[k] = k
+    for k in range(3):
+        if chosen_set[k] >= 0:
+            for column in range(starts[chosen_set[k]], starts[chosen_set[k]] + sizes[chosen_set[k]]):
+                used[count] = always + column
+                count += 1
+    w = weights.copy()
+    for k in range(3, WIDTH):
+        if chosen_set[k] >= 0:
+            w[chosen_set[k]] = 0.0
+    w /= w.sum()
+    alive = 0
+    for m in range(rows):
+        if w[m] > 0.0:
+            alive += 1
+    normal = np.empty((count, count))
+    right = np.empty(count)
+    x = np.empty(count)
+    misfit = np.empty(rows)
+    for _ in range(ROUNDS):
+        normal[:] = 0.0
+        right[:] = 0.0
+        for m in range(rows):
+            if w[m] > 0.0:
+                for p in range(count):
+                    value = w[m] * matrix[m, used[p]]
+                    right[p] += value * residual[m]
+                    for q in range(p + 1):
+                        normal[p, q] += value * matrix[m, used[q]]
+        _solve(normal, right, x)
+        # Once more with what is left, so that the sum of squares is the least to rounding.
+        for again in range(2):
+            square, largest = 0.0, 0.0
+            right[:] = 0.0
+            for m in range(rows):
+                if w[m] > 0.0:
+                    value = residual[m]
+                    for p in range(count):
+                        value -= matrix[m, used[p]] * x[p]
+                    misfit[m] = value
+                    square += w[m] * value * value
+                    largest = max(largest, abs(value))
+                    if again == 0:
+                        for p in range(count):
+                            right[p] += w[m] * matrix[m, used[p]] * value
+                else:
+                    misfit[m] = 0.0
+            if again == 0:
+                correction = np.empty(count)
+                _substitute(normal, right, correction)
+                x += correction
+        if square > limit:
+            return REFUSED, w
+        if largest <= 1.0:
+            return ACCEPTED, w
+        total = 0.0
+        for m in range(rows):
+            total += w[m] * abs(misfit[m])
+        for m in range(rows):
+            if w[m] > 0.0:
+                w[m] = 0.99 * w[m] * abs(misfit[m]) / total + 0.01 / alive
+    return UNDECIDED, w
+
+
+@numba.njit(cache=True)
+def _solve(normal, right, x):
+    """Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column) and the solution."""
+    count = len(right)
+    for p in range(count):
+        pivot = normal[p, p]
+        size = pivot
+        for q in range(p):
+            value = normal[p, q]
+            for k in range(q):
+                value -= normal[p, k] * normal[q, k]
+            normal[p, q] = value / normal[q, q] if normal[q, q] > 0.0 else 0.0
+            pivot -= normal[p, q] * normal[p, q]
+        normal[p, p] = np.sqrt(pivot) if pivot > 1e-12 * size and pivot > 0.0 else 0.0
+    _substitute(normal, right, x)
+
+
+@numba.njit(cache=True)
+def _substitute(factor, right, x):
+    count = len(right)
+    for p in range(count):
+        value = right[p]
+        for q in range(p):
+            value -= factor[p, q] * x[q]
+        x[p] = value / factor[p, p] if factor[p, p] > 0.0 else 0.0
+    for p in range(count - 1, -1, -1):
+        value = x[p]
+        for q in range(p + 1, count):
+            value -= factor[q, p] * x[q]
+        x[p] = value / factor[p, p] if factor[p, p] > 0.0 else 0.0
+
+
+def no_sets() -> NDArray:
+    """No set at all."""
+    return np.empty((0, WIDTH), dtype=np.int64)
