@@ -9,7 +9,7 @@ from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.result import component_parameters
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.extended_fit import rows_at
+from trihedron.diagnosis.disturbance import rows_at
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.in_process import instantiate, references

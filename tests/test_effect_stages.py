@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
 from trihedron.calibration.parametrisation import Positions, predicted_reading
 from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.diagnosis.extended_fit import later_axes, rows_at
+from trihedron.diagnosis.disturbance import rows_at
+from trihedron.diagnosis.senses import later_axes
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
 from trihedron.models.effects.quantisation import common_step

@@ -10,7 +10,7 @@ from effect_readings import ALPHA, BETA, ROWS, readings, true_bench
 from trihedron.calibration.linearisation import linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.diagnosis.circumstances import standing_still
-from trihedron.diagnosis.extended_fit import rows_at, signature_columns
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.units import UNITS

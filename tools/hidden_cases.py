@@ -12,7 +12,7 @@ from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances, senses_of
-from trihedron.diagnosis.extended_fit import coefficient_count, rows_at, signature_columns
+from trihedron.diagnosis.disturbance import coefficient_count, rows_at, signature_columns
 from trihedron.errors import InputError, nearest
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of

@@ -53,11 +53,14 @@ class Positions:
         encoder readings [rad]
     mounting : (N,) array of int
         index into the mountings of the parametrisation
+    tilts : (N, 2) array or None
+        small turns [rad] by which κ and ε differ from the parameters' at each position; none by default
     """
 
     alpha: NDArray
     beta: NDArray
     mounting: NDArray
+    tilts: NDArray | None = None
 
 
 def parametrise(mountings: Mapping[str, ArrayLike], *, symmetric: bool = False) -> Parametrisation:
@@ -87,7 +90,17 @@ def parametrise(mountings: Mapping[str, ArrayLike], *, symmetric: bool = False) 
 
 
 def _arguments(p: Parametrisation, point: NDArray, at: Positions) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    return (p.selection @ point)[at.mounting], at.alpha, at.beta, p.matrices[at.mounting]
+    if len(p.mountings) == 1 and at.tilts is None:
+        # one turn for all positions, not one for each
+        return p.selection[0] @ point, at.alpha, at.beta, p.matrices[0]
+    targets = (p.selection @ point)[at.mounting]
+    if at.tilts is not None:
+        targets[:, [TARGETS.index("X1"), TARGETS.index("X3")]] += at.tilts
+    return targets, at.alpha, at.beta, p.matrices[at.mounting]
+
+
+def _selection(p: Parametrisation, at: Positions) -> NDArray:
+    return p.selection[0] if len(p.mountings) == 1 else p.selection[at.mounting]
 
 
 def predicted_reading(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
@@ -102,9 +115,9 @@ def predicted_input(p: Parametrisation, point: NDArray, at: Positions) -> NDArra
 
 def reading_jacobian(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """Derivatives (N, 3, P) of `predicted_reading`."""
-    return target_jacobian(*_arguments(p, point, at), sign) @ p.selection[at.mounting]
+    return target_jacobian(*_arguments(p, point, at), sign) @ _selection(p, at)
 
 
 def direction_jacobian(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
     """Derivatives (N, 3, P) of `predicted_input`."""
-    return input_jacobian(*_arguments(p, point, at)) @ p.selection[at.mounting]
+    return input_jacobian(*_arguments(p, point, at)) @ _selection(p, at)

@@ -1,7 +1,8 @@
 """The linear programmes of the guaranteed approach, solved by HiGHS to 1e-10 of the noise bound.
 
 All are about the set {x: |r − J x| ≤ bound}. Rows are scaled to a bound of one and parameters to the smallest bound, so
-that the tolerances are relative to the noise.
+that the tolerances are relative to the noise. Of many rows few matter: programmes begin with a few and take in those
+that their solution violates, until it violates none.
 """
 
 from collections.abc import Sequence
@@ -9,11 +10,16 @@ from collections.abc import Sequence
 import highspy
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
 RELATIVE_TOLERANCE = 1e-9
 """What a programme's value may be wrong by, as a fraction of the noise bound."""
+MANY_ROWS = 1000
+"""Up to so many rows are given to the solver at once."""
+ADDED_ROWS = 100
+"""The most violated rows that one round takes in."""
 
 
 DUAL_SIMPLEX, PRIMAL_SIMPLEX = 1, 4
@@ -39,17 +45,22 @@ class Polytope:
     def __init__(self, jacobian: NDArray, scale: NDArray):
         self._unit = float(scale.min())
         self._scale = scale
-        matrix = jacobian * (self._unit / scale)[:, None]
-        rows, columns = matrix.shape
-        free = np.full(columns, highspy.kHighsInf)
-        self._highs = _model(np.zeros(columns), -free, free, matrix, np.zeros(rows), np.zeros(rows))
+        self._matrix = jacobian * (self._unit / scale)[:, None]
+        self._taken = first_rows(self._matrix)
+        columns = jacobian.shape[1]
+        self._lower, self._upper = np.zeros((2, len(scale)))
+        free, rows = np.full(columns, highspy.kHighsInf), len(self._taken)
+        start = self._matrix[self._taken]
+        self._highs = _model(np.zeros(columns), -free, free, start, np.zeros(rows), np.zeros(rows))
         self._highs.changeObjectiveSense(highspy.ObjSense.kMaximize)
         self._columns = np.arange(columns, dtype=np.int32)
 
     def confine(self, lower: NDArray, upper: NDArray) -> None:
         """Set the ends (M,) of every row."""
-        rows = np.arange(len(lower), dtype=np.int32)
-        self._highs.changeRowsBounds(len(rows), rows, lower / self._scale, upper / self._scale)  # pyright: ignore
+        self._lower, self._upper = lower / self._scale, upper / self._scale
+        rows = np.arange(len(self._taken), dtype=np.int32)
+        ends = self._lower[self._taken], self._upper[self._taken]
+        self._highs.changeRowsBounds(len(rows), rows, *ends)  # pyright: ignore
 
     def maximise(self, weights: NDArray) -> tuple[float, NDArray, NDArray]:
         """The greatest weights'x over the set.
@@ -67,13 +78,52 @@ class Polytope:
             Φ with Φ'J = weights: how the value changes with each row's active end
         """
         self._highs.changeColsCost(len(self._columns), self._columns, np.asarray(weights, dtype=float))
-        solution = _solve(self._highs)
-        x = np.array(solution.col_value) * self._unit
-        duals = np.array(solution.row_dual) * self._unit / self._scale
-        return float(weights @ x), x, duals
+        while True:
+            solution = _solve(self._highs)
+            x = np.array(solution.col_value)
+            if len(self._taken) == len(self._scale):
+                break
+            activity = self._matrix @ x
+            violation = np.maximum(self._lower - activity, activity - self._upper)
+            if not len(more := _most_violated(violation, self._taken, TOLERANCE)):
+                break
+            self._take(more)
+        duals = np.zeros(len(self._scale))
+        duals[self._taken] = np.array(solution.row_dual) * self._unit / self._scale[self._taken]
+        return float(weights @ x) * self._unit, x * self._unit, duals
+
+    def _take(self, more: NDArray) -> None:
+        count, width = len(more), self._matrix.shape[1]
+        start = np.arange(0, count * width, width, dtype=np.int32)
+        index = np.tile(self._columns, count)
+        values = self._matrix[more].ravel()
+        self._highs.addRows(count, self._lower[more], self._upper[more], len(values), start, index, values)  # pyright: ignore
+        self._taken = np.append(self._taken, more)
 
 
-def chebyshev_radius(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[float, NDArray, NDArray]:
+def first_rows(matrix: NDArray) -> NDArray:
+    """Rows (indices) to begin with: all when they are few, else the n that determine the columns best."""
+    if len(matrix) <= MANY_ROWS:
+        return np.arange(len(matrix))
+    pivots = qr(matrix.T, mode="r", pivoting=True)[1]
+    return np.sort(np.asarray(pivots)[: matrix.shape[1]])
+
+
+def _most_violated(violation: NDArray, taken: NDArray, tolerance: float) -> NDArray:
+    """Rows to take in: the most violated of those that are not in yet, in the order of the rows."""
+    violation[taken] = 0.0
+    worst = np.argpartition(violation, -ADDED_ROWS)[-ADDED_ROWS:]
+    return np.sort(worst[violation[worst] > tolerance])
+
+
+def chebyshev_radius(
+    jacobian: NDArray,
+    residual: NDArray,
+    bound: NDArray,
+    *,
+    low: NDArray | None = None,
+    high: NDArray | None = None,
+) -> tuple[float, NDArray, NDArray]:
     """The least possible max |residual − jacobian x| / bound, with the proof that nothing less is possible.
 
     Parameters
@@ -83,6 +133,8 @@ def chebyshev_radius(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tu
     residual : (M,) array
     bound : (M,) array
         positive
+    low, high : (n,) array, optional
+        ends of x; the duals prove the radius only without them
 
     Returns
     -------
@@ -94,6 +146,24 @@ def chebyshev_radius(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tu
         jacobian'duals = 0, sum of bound·|duals| = 1, residual'duals = radius: the measurements with a dual other
         than zero, at most rank + 1, prove the radius by themselves
     """
+    taken = first_rows(jacobian / bound[:, None])
+    while True:
+        radius, x, duals = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high))
+        if len(taken) == len(bound):
+            return radius, x, duals
+        excess = np.abs(residual - jacobian @ x) / bound - radius
+        more = _most_violated(excess, taken, TOLERANCE * max(1.0, radius))
+        if not len(more):
+            every = np.zeros(len(bound))
+            every[taken] = duals
+            return radius, x, every
+        taken = np.append(taken, more)
+
+
+def _chebyshev(
+    jacobian: NDArray, residual: NDArray, bound: NDArray, ends: tuple[NDArray | None, NDArray | None]
+) -> tuple[float, NDArray, NDArray]:
+    """`chebyshev_radius` with all rows at once."""
     rows, columns = jacobian.shape
     target = residual / bound
     size = np.abs(jacobian / bound[:, None]).max(axis=0, initial=0.0) if rows else np.zeros(columns)
@@ -103,10 +173,13 @@ def chebyshev_radius(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tu
     both = np.vstack([np.hstack([matrix, np.ones((rows, 1))]), np.hstack([matrix, -np.ones((rows, 1))])])
     infinite = np.full(rows, highspy.kHighsInf)
     free = np.full(columns, highspy.kHighsInf)
+    low, high = (
+        free * sign if end is None else end * size / stretch for end, sign in zip(ends, (-1.0, 1.0), strict=True)
+    )
     highs = _model(
         np.append(np.zeros(columns), 1.0),
-        np.append(-free, 0.0),
-        np.append(free, highspy.kHighsInf),
+        np.append(low, 0.0),
+        np.append(high, highspy.kHighsInf),
         both,
         np.concatenate([target, -infinite]) / np.append(np.full(rows, stretch), np.ones(rows)),
         np.concatenate([infinite, target / stretch]),

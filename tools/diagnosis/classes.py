@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import Positions, reading_jacobian
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.extended_fit import rows_at, signature_columns
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.models.effects import EffectPlace
 
 GRID_STEP_DEG = 15.0

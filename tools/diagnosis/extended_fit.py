@@ -1,32 +1,23 @@
 """The bench model together with a set of effects, fitted to a record."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import (
-    Parametrisation,
-    Positions,
-    predicted_input,
-    predicted_reading,
-    reading_jacobian,
-)
+from trihedron.calibration.parametrisation import predicted_reading, reading_jacobian
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
+from trihedron.diagnosis.disturbance import acts_on_table, disturbed, is_linear, rows_at, signature_columns
+from trihedron.diagnosis.variants import bench_slopes, variants_seen
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.rows import Variant
 
 MAX_ITERATIONS = 12
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
-INPUT_CHANGE = 1e-4
-"""Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
-SAME_WAY = 0.02
-"""Ways [rad] of the two axes that differ by less end together."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +31,9 @@ class ExtendedFit:
     point : (P,) array
         parameters of the bench, as in the linearisation of the nominal model
     coefficients : (K,) array
-        linear coefficients of the effects, one effect after the other
+        linear coefficients of the effects
+    blocks : tuple of slice
+        the coefficients of each effect
     residual, bound : (M,) array
         exact residuals at the fit, bounds of the readings' errors; fractions of g
     jacobian : (M, P + K) array
@@ -51,157 +44,40 @@ class ExtendedFit:
         step from the fit to where the radius is attained
     duals : (M,) array
         proof of the radius
-    variant : Variant or None
-        the way in which an effect that is not linear acts; its coefficients are then those of the variant
+    variants : tuple of (Variant or None)
+        the way in which each effect acts that is not linear
     """
 
     places: tuple[EffectPlace, ...]
     point: NDArray
     coefficients: NDArray
+    blocks: tuple[slice, ...]
     residual: NDArray
     bound: NDArray
     jacobian: NDArray
     radius: float
     centre: NDArray
     duals: NDArray
-    variant: Variant | None = None
+    variants: tuple[Variant | None, ...]
 
+    @property
+    def linear(self) -> bool:
+        """Whether every effect is linear in its coefficients."""
+        return all(variant is None for variant in self.variants)
 
-def acts_on_encoder(place: EffectPlace) -> bool:
-    """Whether an effect adds to the readings of the encoders: then the true angles follow from it exactly."""
-    return CATALOGUE[place.effect].stage == "encoder_effects"
+    @property
+    def central(self) -> NDArray:
+        """Coefficients (K,) where the radius is attained."""
+        return self.coefficients + self.centre[len(self.point) :]
 
-
-def true_angles(
-    here: Linearisation,
-    point: NDArray,
-    places: Sequence[EffectPlace],
-    coefficients: NDArray,
-    circumstances: Circumstances,
-) -> Positions:
-    """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
-    at = here.positions
-    alpha, beta = at.alpha, at.beta
-    if not any(acts_on_encoder(place) for place in places):
-        return at
-    shift = point[here.symbols.index("X2")]
-    nothing = np.zeros((len(alpha), 3))
-    for _ in range(6):
-        rows = Rows(
-            hours=circumstances.hours,
-            alpha=alpha - shift,
-            beta=beta,
-            n=nothing,
-            by_alpha=nothing,
-            by_beta=nothing,
-            sense_alpha=circumstances.sense_alpha,
-            sense_beta=circumstances.sense_beta,
+    def values(self) -> tuple[tuple[float, ...], ...]:
+        """Parameters of each effect where the radius is attained."""
+        return tuple(
+            CATALOGUE[place.effect].at(place).from_coefficients(self.central[block])
+            if variant is None
+            else variant.values(self.central[block])
+            for place, block, variant in zip(self.places, self.blocks, self.variants, strict=True)
         )
-        turn = np.zeros((len(alpha), 4))
-        first = 0
-        for place in places:
-            effect = CATALOGUE[place.effect].at(place)
-            count = coefficient_count(place)
-            if acts_on_encoder(place) and effect.turns is not None:
-                turn += effect.turns(place, rows) @ coefficients[first : first + count]
-            first += count
-        alpha, beta = at.alpha + turn[:, 1], at.beta + turn[:, 3]
-    return Positions(alpha, beta, at.mounting)
-
-
-def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: Circumstances) -> Rows:
-    """What the signatures see at these positions; derivatives by a complex step."""
-    p, step = here.parametrisation, 1e-30
-    n = predicted_input(p, point, at)
-
-    def slope(parameter: str | None, alpha: float = 0.0, beta: float = 0.0) -> NDArray:
-        moved = point + 1j * step * np.array([symbol == parameter for symbol in p.symbols])
-        there = Positions(at.alpha + 1j * step * alpha, at.beta + 1j * step * beta, at.mounting)
-        return np.imag(predicted_reading(p, moved, there)) / step
-
-    targets = (p.selection @ point)[at.mounting]
-    plus, minus = (targets[:, [TARGETS.index(pair[k]) for pair in SYMMETRIC_PAIRS]] for k in (0, 1))
-    return Rows(
-        hours=circumstances.hours,
-        alpha=at.alpha - point[here.symbols.index("X2")],
-        beta=at.beta,
-        n=n,
-        by_alpha=slope(None, alpha=1.0),
-        by_beta=slope(None, beta=1.0),
-        by_kappa=slope("X1"),
-        by_epsilon=slope("X3"),
-        temperature=circumstances.temperature,
-        sense_alpha=circumstances.sense_alpha,
-        sense_beta=circumstances.sense_beta,
-        input_sense=input_senses(p, point, at, circumstances),
-        own=n + np.where(n >= 0.0, plus, minus) * n,
-        prediction=predicted_reading(p, point, at),
-    )
-
-
-def input_senses(p: Parametrisation, point: NDArray, at: Positions, circumstances: Circumstances) -> NDArray:
-    """Senses (N, 3) of the last change of each accelerometer's input: with the approach, else from the row before.
-
-    The first row comes from no input. At an approach the axis with the longer way, which arrives last where both set
-    out together at equal rates, has the last word; both have it when the ways are equal or not known.
-    """
-    step = 1e-30
-    n = predicted_input(p, point, at)
-    if circumstances.approached or circumstances.before is None:
-        first, second = later_axes(at, circumstances)
-        moving = Positions(
-            at.alpha + 1j * step * first * circumstances.sense_alpha,
-            at.beta + 1j * step * second * circumstances.sense_beta,
-            at.mounting,
-        )
-        return np.sign(np.imag(predicted_input(p, point, moving)))
-    before = predicted_input(p, point, Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting))
-    change = n - np.nan_to_num(before)
-    return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0)
-
-
-def later_axes(at: Positions, circumstances: Circumstances) -> tuple[NDArray, NDArray]:
-    """Whether (N,) the outer and the inner axis still moved when the table came to each position."""
-    both = np.ones(len(at.alpha), dtype=bool)
-    if circumstances.before is None:
-        return both, both
-    senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
-    ways = np.remainder(senses * (np.stack((at.alpha, at.beta), axis=1) - circumstances.before), 2.0 * np.pi)
-    # An axis that stayed seems to have gone all the way round.
-    longer = np.diff(np.where(ways > 2.0 * np.pi - SAME_WAY, 0.0, ways), axis=1)[:, 0]
-    return ~(longer > SAME_WAY), ~(longer < -SAME_WAY)
-
-
-def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
-    """Signatures (3 N, K) of all effects, side by side."""
-    columns = [CATALOGUE[place.effect].signature(place, rows).reshape(3 * len(rows.hours), -1) for place in places]
-    return np.hstack(columns) if columns else np.zeros((3 * len(rows.hours), 0))
-
-
-def coefficient_count(place: EffectPlace) -> int:
-    """Number of linear coefficients of an effect: it has as many parameters."""
-    return len(CATALOGUE[place.effect].at(place).parameters)
-
-
-def extended_reading(
-    here: Linearisation,
-    point: NDArray,
-    places: Sequence[EffectPlace],
-    coefficients: NDArray,
-    circumstances: Circumstances,
-) -> tuple[NDArray, NDArray]:
-    """Predicted readings (3 N,) over g with the effects, and their signatures (3 N, K) there."""
-    at = true_angles(here, point, places, coefficients, circumstances)
-    rows = rows_at(here, point, at, circumstances)
-    columns = signature_columns(places, rows)
-    reading = predicted_reading(here.parametrisation, point, at, here.sign).ravel()
-    first = 0
-    for place in places:
-        count = coefficient_count(place)
-        if not acts_on_encoder(place):
-            reading = reading + columns[:, first : first + count] @ coefficients[first : first + count]
-        first += count
-    return reading, columns
 
 
 def least_squares_step(jacobian: NDArray, residual: NDArray, bound: NDArray) -> NDArray:
@@ -214,7 +90,103 @@ def least_squares_step(jacobian: NDArray, residual: NDArray, bound: NDArray) -> 
     return (directions[kept].T @ ((u[:, kept].T @ (residual / bound)) / values[kept])) / size
 
 
+@dataclass(frozen=True)
+class _Model:
+    """Prediction and derivatives at one point."""
+
+    reading: NDArray
+    jacobian: NDArray
+    bound: NDArray
+    variants: tuple[Variant | None, ...]
+    rows: Rows
+
+
+def coefficient_blocks(places: Sequence[EffectPlace], variants: Sequence[Variant | None]) -> tuple[slice, ...]:
+    """The coefficients of each effect, one effect after the other."""
+    blocks, first = [], 0
+    for place, variant in zip(places, variants, strict=True):
+        count = len(CATALOGUE[place.effect].at(place).parameters) if variant is None else variant.columns.shape[2]
+        blocks.append(slice(first, first + count))
+        first += count
+    return tuple(blocks)
+
+
+def extended_model(
+    here: Linearisation,
+    point: NDArray,
+    places: Sequence[EffectPlace],
+    coefficients: NDArray,
+    circumstances: Circumstances,
+) -> tuple[NDArray, NDArray]:
+    """Predicted readings (3 N,) over g with linear effects, and their derivatives (3 N, P + K) there."""
+    blocks = coefficient_blocks(places, [None] * len(places))
+    model = _model(here, point, places, coefficients, blocks, circumstances, {}, 0.0)
+    if model is None:
+        raise ValueError("linear effects act in one way only")
+    return model.reading, model.jacobian
+
+
+def _model(
+    here: Linearisation,
+    point: NDArray,
+    places: Sequence[EffectPlace],
+    coefficients: NDArray,
+    blocks: Sequence[slice],
+    circumstances: Circumstances,
+    ways: Mapping[EffectPlace, int],
+    resolution: float,
+) -> _Model | None:
+    linear = [(place, coefficients[block]) for place, block in zip(places, blocks, strict=True) if place not in ways]
+    own = np.concatenate([c for _, c in linear]) if linear else np.zeros(0)
+    named = [place for place, _ in linear]
+    pieces = coefficient_blocks(named, [None] * len(named))
+    at = disturbed(here, point, named, own, pieces, circumstances)
+    rows = replace(rows_at(here, point, at, circumstances), resolution=resolution)
+    columns = {place: signature_columns([place], rows) for place, _ in linear}
+    reading = predicted_reading(here.parametrisation, point, at, here.sign).ravel()
+    for place, part in linear:
+        if not acts_on_table(place):
+            reading = reading + columns[place] @ part
+    slopes = reading_jacobian(here.parametrisation, point, at, here.sign)
+    rows = replace(rows, prediction=reading.reshape(-1, 3))
+    bound = here.bound
+    chosen: dict[EffectPlace, Variant] = {}
+    fixed = np.zeros(rows.n.shape, dtype=bool)
+    for place, way in ways.items():
+        variant = acting(place, way, rows, here)
+        if variant is None:
+            return None
+        chosen[place] = variant
+        slopes = bench_slopes(here, point, at, variant, slopes)
+        reading = reading + variant.offset.ravel()
+        bound = bound + variant.widening.ravel()
+        columns[place] = variant.columns.reshape(len(reading), -1)
+        fixed |= variant.fixed
+    slopes[fixed] = 0.0
+    for place, block in zip(places, blocks, strict=True):
+        if place in ways:
+            reading = reading + columns[place] @ coefficients[block]
+        else:
+            columns[place][fixed.ravel()] = 0.0
+    jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in places)])
+    return _Model(reading, jacobian, bound, tuple(chosen.get(place) for place in places), rows)
+
+
 def fit_extended(here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]) -> ExtendedFit:
+    """Fit the bench together with linear effects; arguments as for `fit_ways`."""
+    fit = fit_ways(here, circumstances, places, {}, 0.0)
+    if fit is None:
+        raise ValueError("linear effects act in one way only")
+    return fit
+
+
+def fit_ways(
+    here: Linearisation,
+    circumstances: Circumstances,
+    places: Sequence[EffectPlace],
+    ways: Mapping[EffectPlace, int],
+    resolution: float,
+) -> ExtendedFit | None:
     """Fit the bench together with effects: least squares, relinearised, then the Chebyshev programme.
 
     Parameters
@@ -225,26 +197,89 @@ def fit_extended(here: Linearisation, circumstances: Circumstances, places: Sequ
         of the rows
     places : sequence of EffectPlace
         the effects
+    ways : mapping
+        of each effect that is not linear, which of its variants
+    resolution : float
+        half a last digit of the readings, as a fraction of g; what is not linear needs it
 
     Returns
     -------
-    ExtendedFit
+    ExtendedFit or None
+        None where the fit leaves the way in which an effect acts
     """
-    point = here.point
-    coefficients = np.zeros(sum(coefficient_count(place) for place in places))
-    reading = here.reading.ravel()
-    jacobian = np.zeros((len(reading), 0))
-    for _ in range(MAX_ITERATIONS):
-        predicted, columns = extended_reading(here, point, places, coefficients, circumstances)
-        at = true_angles(here, point, places, coefficients, circumstances)
-        bench = reading_jacobian(here.parametrisation, point, at, here.sign).reshape(len(reading), -1)
-        jacobian = np.hstack((bench, columns))
-        step = least_squares_step(jacobian, reading - predicted, here.bound)
-        if np.abs(step).max(initial=0.0) < CONVERGED:
+    point, reading = here.point, here.reading.ravel()
+    rows = replace(rows_at(here, point, here.positions, circumstances), resolution=resolution)
+    begun = [acting(place, ways[place], rows, here) if place in ways else None for place in places]
+    if any(variant is None for place, variant in zip(places, begun, strict=True) if place in ways):
+        return None
+    blocks = coefficient_blocks(places, begun)
+    coefficients = np.zeros(blocks[-1].stop if blocks else 0)
+    for block, variant in zip(blocks, begun, strict=True):
+        if variant is not None:
+            coefficients[block] = 0.5 * (variant.low + variant.high)
+    for iteration in range(MAX_ITERATIONS + 1):
+        model = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution)
+        if model is None:
+            return None
+        step = least_squares_step(model.jacobian, reading - model.reading, model.bound)
+        if iteration == MAX_ITERATIONS or np.abs(step).max(initial=0.0) < CONVERGED:
             break
         point = point + step[: len(point)]
         coefficients = coefficients + step[len(point) :]
-    predicted, _ = extended_reading(here, point, places, coefficients, circumstances)
-    residual = reading - predicted
-    radius, centre, duals = chebyshev_radius(jacobian, residual, here.bound)
-    return ExtendedFit(tuple(places), point, coefficients, residual, here.bound, jacobian, radius, centre, duals)
+    residual = reading - model.reading
+    radius, centre, duals = chebyshev_radius(model.jacobian, residual, model.bound)
+    fit = ExtendedFit(
+        tuple(places),
+        point,
+        coefficients,
+        blocks,
+        residual,
+        model.bound,
+        model.jacobian,
+        radius,
+        centre,
+        duals,
+        model.variants,
+    )
+    return fit if _stands(fit, model.rows) else None
+
+
+def acting(place: EffectPlace, way: int, rows: Rows, here: Linearisation) -> Variant | None:
+    """One of the ways in which an effect can act on these rows; None where there are fewer."""
+    seen = variants_seen(place, rows, here.reading, float(here.bound.min()))
+    return seen[way] if way < len(seen) else None
+
+
+def fit_nearest(
+    here: Linearisation,
+    circumstances: Circumstances,
+    places: Sequence[EffectPlace],
+    like: ExtendedFit,
+    resolution: float,
+) -> ExtendedFit | None:
+    """Fit effects to other rows; what is not linear acts there in the way whose parameters are nearest to `like`'s."""
+    rows = replace(rows_at(here, like.point, here.positions, circumstances), resolution=resolution)
+    wanted = dict(zip(like.places, like.values(), strict=True))
+    ways = {}
+    for place in places:
+        if is_linear(place):
+            continue
+        seen = variants_seen(place, rows, here.reading, float(here.bound.min()))
+        if not seen:
+            return None
+        value = wanted[place][0]
+        limits = [variant.limits[0] for variant in seen]
+        ways[place] = int(np.argmin([max(low - value, value - high, 0.0) for low, high in limits]))
+    return fit_ways(here, circumstances, places, ways, resolution)
+
+
+def _stands(fit: ExtendedFit, rows: Rows) -> bool:
+    """Whether each effect that is not linear acts at the fit in the way that was assumed."""
+    for block, variant in zip(fit.blocks, fit.variants, strict=True):
+        if variant is None:
+            continue
+        middle = fit.central[block]
+        within = bool(np.all(middle >= variant.low - 1e-12) and np.all(middle <= variant.high + 1e-12))
+        if not within or not variant.stands(rows, middle):
+            return False
+    return True

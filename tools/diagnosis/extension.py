@@ -11,7 +11,8 @@ from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions
 from trihedron.calibration.result import component_parameters
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, true_angles
+from trihedron.diagnosis.disturbance import true_angles
+from trihedron.diagnosis.extended_fit import ExtendedFit, fit_nearest
 from trihedron.fmus import build
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -109,7 +110,9 @@ def held_out_rows(here: Linearisation, fit: ExtendedFit) -> tuple[NDArray, NDArr
     return best
 
 
-def measure_gain(here: Linearisation, circumstances: Circumstances, fit: ExtendedFit, gravity: float) -> Gain | None:
+def measure_gain(
+    here: Linearisation, circumstances: Circumstances, fit: ExtendedFit, gravity: float, resolution: float
+) -> Gain | None:
     """Fit without every fourth position, simulate those by the orchestrator without and with the effect, compare.
 
     Parameters
@@ -122,6 +125,8 @@ def measure_gain(here: Linearisation, circumstances: Circumstances, fit: Extende
         the model with an effect that has a kernel
     gravity : float
         the model's g [m/s²]
+    resolution : float
+        half a last digit of the readings, as a fraction of g
 
     Returns
     -------
@@ -136,7 +141,9 @@ def measure_gain(here: Linearisation, circumstances: Circumstances, fit: Extende
     kept = np.setdiff1d(np.arange(len(here.reading)), out)
     errors = []
     for places in ((), fit.places):
-        trained = fit_extended(subset(here, kept), circumstances.selected(kept), places)
+        trained = fit_nearest(subset(here, kept), circumstances.selected(kept), places, fit, resolution)
+        if trained is None:
+            return None
         simulated = simulate_rows(here, trained, circumstances, out, gravity)
         errors.append(here.reading[out] - simulated)
     return Gain(out, scored, errors[0], errors[1])
@@ -147,7 +154,7 @@ def simulate_rows(
 ) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
     readings = np.zeros((len(here.reading), 3))
-    at = true_angles(here, fit.point, fit.places, fit.coefficients, circumstances)
+    at = true_angles(here, fit.point, fit.places, fit.coefficients, fit.blocks, circumstances)
     commands = np.stack((at.alpha, at.beta), axis=1)
     p = here.parametrisation
     for index in range(len(p.mountings)):
@@ -166,12 +173,11 @@ def simulate_rows(
 def effect_entries(fit: ExtendedFit) -> list[dict[str, object]]:
     """Effects of a fit as a scenario writes them."""
     entries: list[dict[str, object]] = []
-    first = 0
-    for place in fit.places:
+    for place, block, variant in zip(fit.places, fit.blocks, fit.variants, strict=True):
         effect = CATALOGUE[place.effect].at(place)
-        count = len(effect.parameters)
-        values = effect.from_coefficients(fit.coefficients[first : first + count])
-        first += count
+        values = (
+            effect.from_coefficients(fit.coefficients[block]) if variant is None else variant.values(fit.central[block])
+        )
         entry: dict[str, object] = {"effect": place.effect, "where": place.where}
         if place.order is not None:
             entry["order"] = place.order

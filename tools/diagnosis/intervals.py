@@ -66,17 +66,13 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
     tuple of tuple of (low, high)
         for each effect, for each of its parameters; (-inf, inf) where the measurements do not determine it
     """
-    if fit.variant is not None:
-        return (variant_intervals(fit, fit.variant, room),)
     count = fit.jacobian.shape[1]
     polytope, span, scale = feasible_set(fit, np.zeros((len(fit.residual), 0)), room)
-    at = fit.coefficients + fit.centre[len(fit.point) :]
+    at = fit.central
     found: list[tuple[Interval, ...]] = []
-    first = 0
-    for place in fit.places:
+    for place, block, variant in zip(fit.places, fit.blocks, fit.variants, strict=True):
         parameters = CATALOGUE[place.effect].at(place).parameters
-        own = np.arange(first, first + len(parameters))
-        first += len(parameters)
+        own = np.arange(block.start, block.stop)
         columns = len(fit.point) + own
         determined = np.linalg.norm(np.eye(count)[columns] - span[columns] @ span.T) <= 1e-6
         unknown = ((-math.inf, math.inf),) * len(parameters)
@@ -87,30 +83,22 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
             return float(direction @ at[own] + polytope.maximise(span.T @ weights)[0])
 
         try:
-            found.append(effect_intervals(parameters, reach) if determined else unknown)
+            if variant is not None:
+                found.append(variant_intervals(variant, reach))
+            else:
+                found.append(effect_intervals(parameters, reach) if determined else unknown)
         except SolverError:
             found.append(unknown)
     return tuple(found)
 
 
-def variant_intervals(fit: ExtendedFit, variant: Variant, room: float) -> tuple[Interval, ...]:
+def variant_intervals(variant: Variant, reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:
     """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
     if variant.columns.shape[2] == 0:
         return variant.limits
-    polytope, span, scale = feasible_set(fit, np.zeros((len(fit.residual), 0)), room)
-    weights = np.zeros(len(scale))
-    weights[-1] = 1.0 / scale[-1]
-    middle = float(fit.coefficients[-1] + fit.centre[-1])
+    unit = np.ones(1)
     low, high = variant.limits[0]
-    try:
-        return (
-            (
-                max(low, middle - polytope.maximise(-span.T @ weights)[0]),
-                min(high, middle + polytope.maximise(span.T @ weights)[0]),
-            ),
-        )
-    except SolverError:
-        return variant.limits
+    return ((max(low, -reach(-unit)), min(high, reach(unit))),)
 
 
 def effect_intervals(parameters: Sequence[EffectParameter], reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:

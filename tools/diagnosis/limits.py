@@ -10,7 +10,8 @@ from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import Polytope, SolverError
 from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.extended_fit import ExtendedFit, rows_at, signature_columns, true_angles
+from trihedron.diagnosis.disturbance import disturbed, is_linear, rows_at, signature_columns
+from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.diagnosis.intervals import feasible_set
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
@@ -45,11 +46,11 @@ def excluded_sizes(
         effect, where, order, axes, parameter, unit and ``above``: sizes above it are excluded; effects that the record
         does not bound are left out
     """
-    at = true_angles(here, model.point, model.places, model.coefficients, circumstances)
+    at = disturbed(here, model.point, model.places, model.coefficients, model.blocks, circumstances)
     rows = rows_at(here, model.point, at, circumstances)
     found = []
     for place in places:
-        if place in model.places:
+        if place in model.places or not is_linear(place):
             continue
         columns = signature_columns([place], rows)
         reach = reaches(model, columns, room)

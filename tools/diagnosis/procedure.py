@@ -9,24 +9,18 @@ from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.next_positions import repeats
 from trihedron.calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
 from trihedron.calibration.programmes import SolverError
+from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.classes import Classes, classes_of, same_space
-from trihedron.diagnosis.extended_fit import fit_extended
+from trihedron.diagnosis.disturbance import is_linear
+from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended
 from trihedron.diagnosis.extension import Gain, measure_gain
 from trihedron.diagnosis.intervals import parameter_intervals
 from trihedron.diagnosis.limits import excluded_sizes, target_shifts
 from trihedron.diagnosis.residual_structure import residual_structure
 from trihedron.diagnosis.result import Cause, Diagnosis, Finding
-from trihedron.diagnosis.search import (
-    Explanation,
-    catalogue_places,
-    explain,
-    is_linear,
-    single_radii,
-    smallest_explanations,
-)
+from trihedron.diagnosis.search import catalogue_places, single_radii, smallest_explanations
 from trihedron.diagnosis.separation import separating_positions
-from trihedron.diagnosis.variants import variant_fits
 from trihedron.errors import InputError
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
@@ -72,7 +66,6 @@ def diagnose(
     every = catalogue_places(baseline, circumstances)
     places = [place for place in every if is_linear(place)]
     room = reading_uncertainty(record.resolution / gravity)
-    limit = radius_limit(nominal.noise_bound, record.resolution / gravity)
     if nominal.verdict != "falsified":
         # With no more measurements than parameters every record fits.
         enough = nominal.verdict == "consistent" and len(here.residual) > here.span.shape[1]
@@ -86,92 +79,100 @@ def diagnose(
             excluded=excluded_sizes(here, circumstances, places, fit_extended(here, circumstances, ()), room),
         )
     try:
-        classes = classes_of(here, places)
-        resolution = record.resolution / gravity
-        bent = [
-            explain(fit)
-            for place in every
-            if not is_linear(place)
-            for fit in variant_fits(here, circumstances, place, resolution, limit)
-        ]
-        found = smallest_explanations(
-            here,
-            circumstances,
-            classes.places,
-            limit,
-            nominal.radius,
-            [explanation for explanation in bent if explanation.possible],
-            progress=progress,
-        )
-        tried = tuple(single_radii(here, circumstances, classes.places))
-        if not found:
-            structure = tuple(residual_structure(here, circumstances.hours))
-            return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
-        groups = equivalence_groups(classes, found)
-        findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)
-        if len(groups) > 1:
-            ahead = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
-            positions = separating_positions(here, ahead, [group[0] for group in groups], bounds, room)
-            return Diagnosis(
-                "ambiguous", nominal, record.position, findings, tried=tried, next_positions=tuple(positions)
-            )
-        named = groups[0][0]
-        return Diagnosis(
-            "explained",
-            nominal,
-            record.position,
-            findings,
-            tuple(other.places for other in groups[0][1:]),
-            tried,
-            gain_of(here, circumstances, named, gravity) if rerun else None,
-            excluded=excluded_sizes(here, circumstances, classes.places, named.fit, room)
-            if named.fit.variant is None
-            else (),
-            targets=target_shifts(nominal, named.fit, room) if named.fit.variant is None else (),
-        )
+        return cause_of(nominal, record, circumstances, bounds, gravity, rerun=rerun, progress=progress)
     except SolverError as error:
         raise InputError(
             f"{record.path}: {error}; is --noise-bound {nominal.noise_bound:g} a fraction of g?"
         ) from error
 
 
-def gain_of(here: Linearisation, circumstances: Circumstances, named: Explanation, gravity: float) -> Gain | None:
-    """The gain of a set of effects on held-out positions; None where it says nothing of other positions.
+def cause_of(
+    nominal: Calibration,
+    record: PositionRecord,
+    circumstances: Circumstances,
+    bounds: tuple[float, float],
+    gravity: float,
+    *,
+    rerun: bool,
+    progress: bool,
+) -> Diagnosis:
+    """The diagnosis of a record that the nominal model cannot explain; arguments as for `diagnose`."""
+    here, resolution = nominal.linearised, record.resolution / gravity
+    room, limit = reading_uncertainty(resolution), radius_limit(nominal.noise_bound, resolution)
+    every = catalogue_places(nominal.baseline, circumstances)
+    classes = classes_of(here, [place for place in every if is_linear(place)])
+    bent = [place for place in every if not is_linear(place)]
+    found = smallest_explanations(
+        here, circumstances, classes.places, bent, limit, nominal.radius, resolution, progress=progress
+    )
+    tried = tuple(single_radii(here, circumstances, classes.places))
+    if not found.fits:
+        structure = tuple(residual_structure(here, circumstances.hours))
+        return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
+    groups = equivalence_groups(classes, found.fits)
+    findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)
+    if len(groups) > 1 or not found.complete:
+        ahead = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
+        positions = separating_positions(here, ahead, [group[0] for group in groups], bounds, room)
+        return Diagnosis(
+            "ambiguous",
+            nominal,
+            record.position,
+            findings,
+            tried=tried,
+            next_positions=tuple(positions),
+            complete=found.complete,
+        )
+    named = groups[0][0]
+    return Diagnosis(
+        "explained",
+        nominal,
+        record.position,
+        findings,
+        tuple(other.places for other in groups[0][1:]),
+        tried,
+        gain_of(here, circumstances, named, gravity, resolution) if rerun else None,
+        excluded=excluded_sizes(here, circumstances, classes.places, named, room),
+        targets=target_shifts(nominal, named, room),
+    )
 
-    Outliers do not; an effect that is not linear is known by the readings that it changed.
-    """
-    if named.fit.variant is not None or any(CATALOGUE[place.effect].kernel is None for place in named.places):
+
+def gain_of(
+    here: Linearisation, circumstances: Circumstances, named: ExtendedFit, gravity: float, resolution: float
+) -> Gain | None:
+    """The gain of a set of effects on held-out positions; None where it says nothing of other positions: outliers."""
+    if any(CATALOGUE[place.effect].kernel is None for place in named.places):
         return None
-    return measure_gain(here, circumstances, named.fit, gravity)
+    return measure_gain(here, circumstances, named, gravity, resolution)
 
 
-def equivalence_groups(classes: Classes, found: Sequence[Explanation]) -> list[list[Explanation]]:
+def equivalence_groups(classes: Classes, found: Sequence[ExtendedFit]) -> list[list[ExtendedFit]]:
     """Sets that no measurement on this bench could tell apart, together; the least radius first."""
-    groups: list[list[Explanation]] = []
+    groups: list[list[ExtendedFit]] = []
     spaces: list[tuple[frozenset[EffectPlace], NDArray]] = []
-    for explanation in found:
+    for fit in found:
         # Outliers and effects that are not linear are compared by name: they have no space of their own.
-        outliers = frozenset(place for place in explanation.places if place not in classes.places)
-        physical = [place for place in explanation.places if place in classes.places]
+        outliers = frozenset(place for place in fit.places if place not in classes.places)
+        physical = [place for place in fit.places if place in classes.places]
         space = classes.joint_space(physical) if physical else np.zeros((1, 0))
         for group, (others, other) in zip(groups, spaces, strict=True):
             if outliers == others and same_space(space, other):
-                group.append(explanation)
+                group.append(fit)
                 break
         else:
-            groups.append([explanation])
+            groups.append([fit])
             spaces.append((outliers, space))
     return groups
 
 
-def finding_of(classes: Classes, explanation: Explanation, numbers: NDArray, room: float) -> Finding:
+def finding_of(classes: Classes, fit: ExtendedFit, numbers: NDArray, room: float) -> Finding:
     """A set of effects as causes, each with everything in the catalogue that is equivalent to it."""
-    intervals = parameter_intervals(explanation.fit, room)
+    intervals = parameter_intervals(fit, room)
     causes = []
-    for place, values, ends in zip(explanation.places, explanation.values, intervals, strict=True):
+    for place, values, ends in zip(fit.places, fit.values(), intervals, strict=True):
         named = place
         if place.effect == "outlier":
             row = int(place.where.removeprefix("position-")) - 1
             named = place_of(int(numbers[row]), place.axes[0])
         causes.append(Cause(named, classes.equivalents(place), values, ends))
-    return Finding(tuple(causes), explanation.fit)
+    return Finding(tuple(causes), fit)

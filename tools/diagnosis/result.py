@@ -126,6 +126,8 @@ class Diagnosis:
         upper bounds of effects that were not found
     targets : tuple of dict
         the calibration's targets before and after the extension
+    complete : bool
+        whether `findings` are all sets of that size that explain the record
     """
 
     verdict: str
@@ -139,6 +141,7 @@ class Diagnosis:
     residual_structure: tuple[dict[str, Any], ...] = ()
     excluded: tuple[dict[str, Any], ...] = ()
     targets: tuple[dict[str, Any], ...] = ()
+    complete: bool = True
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -170,6 +173,7 @@ class Diagnosis:
         }
         if self.verdict == "ambiguous":
             content["alternatives"] = [[cause.to_json() for cause in causes] for causes in self.alternatives]
+            content["complete"] = self.complete
         if self.equivalent_sets:
             content["equivalent_sets"] = [[place_json(place) for place in places] for places in self.equivalent_sets]
         if self.targets:

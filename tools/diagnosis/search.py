@@ -1,50 +1,46 @@
 """The smallest sets of effects that explain a record: candidates, linear search, exact judgement."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended, rows_at, signature_columns
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
 from trihedron.diagnosis.lawson import Problem
+from trihedron.diagnosis.possible import within_possible
 from trihedron.diagnosis.sets import MAX_SET, EffectSet, sets_of_size
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.diagnosis.variants import Relaxation, relaxations
+from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.outlier import place_of
+
+MOST_FOUND = 60
+"""So many sets of one size are enough to say that the positions cannot decide."""
+MOST_JUDGED = 1500
+"""So many sets of one size are fitted exactly before the search gives up."""
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """A set of effects, fitted.
+class Found:
+    """The smallest sets that explain a record.
 
     Attributes
     ----------
-    fit : ExtendedFit
-        the model with them
-    values : tuple of tuple of float
-        parameters of each effect at the Chebyshev centre
-    possible : bool
-        whether the catalogue calls all those sizes possible
+    fits : tuple of ExtendedFit
+        the least radius first
+    complete : bool
+        whether they are all; else the search was cut off
     """
 
-    fit: ExtendedFit
-    values: tuple[tuple[float, ...], ...]
-    possible: bool
-
-    @property
-    def places(self) -> tuple[EffectPlace, ...]:
-        """The effects."""
-        return self.fit.places
-
-    @property
-    def title(self) -> str:
-        """The effects in words."""
-        return " and ".join(place.title for place in self.places)
+    fits: tuple[ExtendedFit, ...]
+    complete: bool = True
 
 
 def catalogue_places(baseline: str, circumstances: Circumstances) -> list[EffectPlace]:
@@ -52,44 +48,18 @@ def catalogue_places(baseline: str, circumstances: Circumstances) -> list[Effect
     return [
         place
         for effect in CATALOGUE.values()
-        if effect.within != baseline
-        and effect.variants is None
-        and all(getattr(circumstances, need) is not None for need in effect.needs)
+        if effect.within != baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
         for place in effect.places
     ]
 
 
-def is_linear(place: EffectPlace) -> bool:
-    """Whether an effect is linear in its coefficients, so that its signature says it all."""
-    return CATALOGUE[place.effect].variants is None
+def title_of(places: Sequence[EffectPlace]) -> str:
+    """A set of effects in words."""
+    return " and ".join(place.title for place in places)
 
 
-def explain(fit: ExtendedFit) -> Explanation:
-    """The parameters of fitted effects, and whether they are possible."""
-    coefficients = fit.coefficients + fit.centre[len(fit.point) :]
-    values, possible = [], True
-    if fit.variant is not None:
-        parameters = fit.variant.values(coefficients)
-        effect = CATALOGUE[fit.places[0].effect]
-        possible = all(p.possible(v) for v, p in zip(parameters, effect.parameters, strict=True))
-        return Explanation(fit, (parameters,), possible)
-    first = 0
-    for place in fit.places:
-        effect = CATALOGUE[place.effect].at(place)
-        count = len(effect.parameters)
-        parameters = effect.from_coefficients(coefficients[first : first + count])
-        first += count
-        values.append(parameters)
-        possible &= all(
-            parameter.possible(value) for value, parameter in zip(parameters, effect.parameters, strict=True)
-        )
-    return Explanation(fit, tuple(values), possible)
-
-
-def linear_problem(here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]) -> Problem:
+def linear_problem(here: Linearisation, rows: Rows, places: Sequence[EffectPlace]) -> Problem:
     """The search as a linear problem at the fit of the nominal model, in units of the bounds."""
-    at: Positions = here.positions
-    rows = rows_at(here, here.point, at, circumstances)
     columns, blocks, first = [], [], 0
     for place in places:
         block = signature_columns([place], rows) / here.bound[:, None]
@@ -100,66 +70,117 @@ def linear_problem(here: Linearisation, circumstances: Circumstances, places: Se
     return Problem(here.residual / here.bound, here.jacobian / here.bound[:, None], stacked, tuple(blocks))
 
 
+def relaxed(problem: Problem, here: Linearisation, relaxation: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
+    """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
+    widened = here.bound + sum(r.widening for r in relaxation)
+    kept = np.flatnonzero(~np.any([r.touched for r in relaxation], axis=0))
+    shrunk = (here.bound / widened)[kept]
+    return (
+        Problem(
+            problem.residual[kept] * shrunk,
+            problem.nominal[kept] * shrunk[:, None],
+            problem.columns[kept] * shrunk[:, None],
+            problem.blocks,
+        ),
+        kept,
+    )
+
+
+def candidate_sets(
+    here: Linearisation, problem: Problem, bent: Sequence[Relaxation], size: int, slack: float
+) -> Iterator[tuple[tuple[Relaxation, ...], EffectSet]]:
+    """All sets of a size that no bound refuses: effects that are not linear, then linear ones and outliers."""
+    for count in range(min(size, len(bent)) + 1):
+        for chosen in combinations(bent, count):
+            if not chosen:
+                yield from (((), candidate) for candidate in sets_of_size(problem, size, slack))
+                continue
+            part, kept = relaxed(problem, here, chosen)
+            for candidate in sets_of_size(part, size - count, slack):
+                outliers = tuple(int(kept[row]) for row in candidate.outliers)
+                yield chosen, EffectSet(candidate.effects, outliers)
+
+
 def smallest_explanations(
     here: Linearisation,
     circumstances: Circumstances,
     places: Sequence[EffectPlace],
+    bent: Sequence[EffectPlace],
     limit: float,
     radius: float,
-    others: Sequence[Explanation] = (),
+    resolution: float,
     *,
     progress: bool = False,
-) -> list[Explanation]:
-    """All sets of effects of the smallest size, up to two, that make the record consistent; the least radius first.
+) -> Found:
+    """All sets of effects of the smallest size, up to three, that make the record consistent; the least radius first.
 
     Parameters
     ----------
     here : Linearisation
         the nominal model at its fit
     circumstances : Circumstances
-    places : sequence of EffectPlace
-        candidates; outliers are tried at every reading besides
+    places, bent : sequence of EffectPlace
+        candidates, linear and not; outliers are tried at every reading besides
     limit : float
         radius up to which a model is consistent
     radius : float
         of the nominal model: the larger, the farther its fit may be from the truth
-    others : sequence of Explanation
-        single effects that explain the record but are not linear: where there are any, larger sets are not needed
+    resolution : float
+        half a last digit of the readings, as a fraction of g
     progress : bool
         show a bar on standard error, where that is a terminal
 
     Returns
     -------
-    list of Explanation
+    Found
     """
-    problem = linear_problem(here, circumstances, places)
-    found: dict[EffectSet, Explanation] = {}
+    rows = replace(rows_at(here, here.point, here.positions, circumstances), resolution=resolution)
+    problem = linear_problem(here, rows, places)
+    softened = relaxations(here, rows, bent)
     # Of second order in the misfit: by so much the linear model at a wrong fit may err.
     slack = 0.05 + 20.0 * radius**2 * float(here.bound.min())
-
-    def judge(candidate: EffectSet) -> bool:
-        chosen = [places[i] for i in candidate.effects]
-        chosen += [place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in candidate.outliers]
-        explanation = explain(fit_extended(here, circumstances, chosen))
-        found[candidate] = explanation
-        return explanation.possible and explanation.fit.radius <= limit
-
     console = Console(stderr=True)
-    sets: list[EffectSet] = []
-    for size in range(1, (1 if others else MAX_SET) + 1):
-        stream = sets_of_size(problem, size, slack)
-        bar = track(
-            stream,
+    for size in range(1, MAX_SET + 1):
+        found: list[ExtendedFit] = []
+        candidates = track(
+            candidate_sets(here, problem, softened, size, slack),
             f"sets of {size}",
             total=None,
             console=console,
             disable=not (progress and console.is_terminal),
             transient=True,
         )
-        sets = [candidate for candidate in bar if judge(candidate)]
-        if sets:
-            break
-    return sorted([*(found[candidate] for candidate in sets), *others], key=lambda e: (round(e.fit.radius, 9), e.title))
+        complete = True
+        for judged, (chosen, candidate) in enumerate(candidates, start=1):
+            named = [places[i] for i in candidate.effects]
+            named += [place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in candidate.outliers]
+            found += best_fit(here, circumstances, named, chosen, limit, resolution)
+            if len(found) >= MOST_FOUND or judged >= MOST_JUDGED:
+                complete = False
+                break
+        if found or not complete:
+            return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), title_of(fit.places)))), complete)
+    return Found(())
+
+
+def best_fit(
+    here: Linearisation,
+    circumstances: Circumstances,
+    linear: Sequence[EffectPlace],
+    bent: Sequence[Relaxation],
+    limit: float,
+    resolution: float,
+) -> list[ExtendedFit]:
+    """A set of effects fitted in the best of the ways in which it can act; none where it does not mend the record."""
+    places = [*linear, *(r.place for r in bent)]
+    best: list[ExtendedFit] = []
+    for ways in product(*(range(r.ways) for r in bent)):
+        chosen = {r.place: way for r, way in zip(bent, ways, strict=True)}
+        fit = fit_ways(here, circumstances, places, chosen, resolution)
+        fit = within_possible(fit, limit) if fit is not None and fit.radius <= limit else None
+        if fit is not None and (not best or fit.radius < best[0].radius):
+            best = [fit]
+    return best
 
 
 def single_radii(

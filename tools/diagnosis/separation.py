@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.parametrisation import Positions, reading_jacobian
+from trihedron.calibration.parametrisation import Positions
 from trihedron.calibration.programmes import SolverError
 from trihedron.diagnosis.circumstances import Circumstances, standing_still
-from trihedron.diagnosis.extended_fit import extended_reading
+from trihedron.diagnosis.extended_fit import ExtendedFit, extended_model
 from trihedron.diagnosis.intervals import feasible_set
-from trihedron.diagnosis.search import Explanation
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.diagnosis.search import title_of
+from trihedron.models.effects import EffectPlace
 from trihedron.models.regressors import admissible
 
 GRID_STEP_DEG = 5.0
@@ -26,7 +26,7 @@ MOST_PAIRS = 15
 def separating_positions(
     here: Linearisation,
     hours: float,
-    candidates: Sequence[Explanation],
+    candidates: Sequence[ExtendedFit],
     bounds: tuple[float, float],
     room: float,
     most: int = 6,
@@ -42,7 +42,7 @@ def separating_positions(
         the nominal model at its fit
     hours : float
         when the new positions would be measured, since the first row
-    candidates : sequence of Explanation
+    candidates : sequence of ExtendedFit
         sets of effects that explain the record; outliers say nothing about other positions
     bounds : (float, float)
         u^max and v^0max: only readings whose sign is certain count
@@ -57,7 +57,7 @@ def separating_positions(
         alpha_deg, beta_deg, mounting where there are several, what is separated, and ``apart_g``: the least distance of
         the predictions, over all parameters (negative: they overlap, one reading there need not decide)
     """
-    physical = [c for c in candidates if c.fit.variant is None and any(p.effect != "outlier" for p in c.places)]
+    physical = [c for c in candidates if c.linear and any(p.effect != "outlier" for p in c.places)]
     p = here.parametrisation
     degrees = np.arange(0.0, 360.0, GRID_STEP_DEG)
     alpha, beta, mounting = (g.ravel() for g in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij"))
@@ -72,7 +72,7 @@ def separating_positions(
         gap = guaranteed_gap(here, physical[first], physical[second], part, hours, certain[shortlist], room)
         best = int(np.argmax(np.round(gap, 12)))
         distance, names = chosen.setdefault(int(shortlist[best]), (np.inf, []))
-        names += [c.title for c in (physical[first], physical[second]) if c.title not in names]
+        names += [t for c in (first, second) if (t := title_of(physical[c].places)) not in names]
         chosen[int(shortlist[best])] = (min(distance, float(gap[best])), names)
     positions = []
     for index, (distance, names) in list(chosen.items())[:most]:
@@ -84,19 +84,17 @@ def separating_positions(
     return positions
 
 
-def physical_part(candidate: Explanation) -> tuple[list[EffectPlace], NDArray]:
+def physical_part(candidate: ExtendedFit) -> tuple[list[EffectPlace], NDArray]:
     """The effects of a set that act at other positions too, and which of its coefficients are theirs."""
-    kept, own, first = [], [], 0
-    for place in candidate.places:
-        count = len(CATALOGUE[place.effect].at(place).parameters)
+    kept, own = [], []
+    for place, block in zip(candidate.places, candidate.blocks, strict=True):
         if place.effect != "outlier":
             kept.append(place)
-            own += list(range(first, first + count))
-        first += count
+            own += list(range(block.start, block.stop))
     return kept, np.array(own, dtype=int)
 
 
-def predictions(here: Linearisation, candidate: Explanation, at: Positions, hours: float) -> tuple[NDArray, NDArray]:
+def predictions(here: Linearisation, candidate: ExtendedFit, at: Positions, hours: float) -> tuple[NDArray, NDArray]:
     """What a candidate predicts at other positions, and how that changes with its parameters.
 
     Returns
@@ -105,26 +103,23 @@ def predictions(here: Linearisation, candidate: Explanation, at: Positions, hour
         over g, at the centre of what is possible
     slopes : (N, 3, P + K) array
     """
-    fit = candidate.fit
-    count = len(at.alpha)
-    point = fit.point + fit.centre[: len(fit.point)]
-    coefficients = fit.coefficients + fit.centre[len(fit.point) :]
+    count, bench = len(at.alpha), len(candidate.point)
+    point = candidate.point + candidate.centre[:bench]
     places, own = physical_part(candidate)
     there = linearise(
         here.parametrisation, at, np.zeros((count, 3)), point, np.full(3 * count, float(here.bound.min()))
     )
     circumstances: Circumstances = standing_still(count, np.full(count, hours))
-    reading, columns = extended_reading(there, point, places, coefficients[own], circumstances)
-    slopes = np.zeros((count, 3, len(fit.centre)))
-    slopes[..., : len(fit.point)] = reading_jacobian(here.parametrisation, point, at, there.sign)
-    slopes[..., len(fit.point) + own] = columns.reshape(count, 3, -1)
+    reading, jacobian = extended_model(there, point, places, candidate.central[own], circumstances)
+    slopes = np.zeros((count, 3, len(candidate.centre)))
+    slopes[..., np.append(np.arange(bench), bench + own)] = jacobian.reshape(count, 3, -1)
     return reading.reshape(count, 3), slopes
 
 
 def guaranteed_gap(
     here: Linearisation,
-    first: Explanation,
-    second: Explanation,
+    first: ExtendedFit,
+    second: ExtendedFit,
     at: Positions,
     hours: float,
     certain: NDArray,
@@ -138,11 +133,11 @@ def guaranteed_gap(
 
 
 def prediction_intervals(
-    here: Linearisation, candidate: Explanation, at: Positions, hours: float, room: float
+    here: Linearisation, candidate: ExtendedFit, at: Positions, hours: float, room: float
 ) -> tuple[NDArray, NDArray]:
     """Ends (N, 3) of what a candidate can predict at other positions; infinite where nothing bounds it."""
     reading, slopes = predictions(here, candidate, at, hours)
-    polytope, span, scale = feasible_set(candidate.fit, np.zeros((len(candidate.fit.residual), 0)), room)
+    polytope, span, scale = feasible_set(candidate, np.zeros((len(candidate.residual), 0)), room)
     low, high = np.full_like(reading, -np.inf), np.full_like(reading, np.inf)
     for row, axis in np.ndindex(*reading.shape):
         weights = slopes[row, axis] / scale

@@ -119,7 +119,7 @@ def tried(
     return sets[kept], bound[kept], source[kept]
 
 
-def parts(projection: Projection) -> tuple[NDArray, ...]:
+def parts(projection: Projection) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]:
     """A projection as compiled code takes it."""
     return (
         projection.weights,

@@ -1,103 +1,74 @@
 """Effects that are not linear in their parameters: dead zone, saturation, quantisation, tried variant by variant."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import direction_jacobian, predicted_reading, reading_jacobian
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.extended_fit import ExtendedFit, least_squares_step, rows_at
+from trihedron.calibration.parametrisation import Positions, direction_jacobian, predicted_input
 from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.models.effects.rows import Rows, Variant
-
-MAX_ITERATIONS = 8
+from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects.rows import Variant
 
 
-def variant_fits(
-    here: Linearisation, circumstances: Circumstances, place: EffectPlace, resolution: float, limit: float
-) -> list[ExtendedFit]:
-    """The ways in which an effect that is not linear makes a record consistent, at most the best of them.
+@dataclass(frozen=True)
+class Relaxation:
+    """What any variant of an effect may do, and more: a set that is refused with it is refused with each of them.
 
-    Parameters
+    Attributes
     ----------
-    here : Linearisation
-        the nominal model at its fit
-    circumstances : Circumstances
     place : EffectPlace
-    resolution : float
-        half a last digit of the readings, as a fraction of g
-    limit : float
-        radius up to which a model is consistent
-
-    Returns
-    -------
-    list of ExtendedFit
-        one or none; its `variant` says how the effect acts
+    ways : int
+        number of variants
+    touched : (M,) array of bool
+        readings that some variant changes: they say nothing about the bench
+    widening : (M,) array
+        by which the bounds of the others grow, fractions of g
     """
-    count = len(variants_at(here, circumstances, here.point, place, resolution)[1])
-    fits = [fit_variant(here, circumstances, place, k, resolution) for k in range(count)]
-    standing = [fit for fit in fits if fit is not None and fit.radius <= limit]
-    return sorted(standing, key=lambda fit: fit.radius)[:1]
+
+    place: EffectPlace
+    ways: int
+    touched: NDArray
+    widening: NDArray
 
 
-def variants_at(
-    here: Linearisation, circumstances: Circumstances, point: NDArray, place: EffectPlace, resolution: float
-) -> tuple[Rows, list[Variant]]:
-    """What the effect sees at a point of the parameters, and the ways in which it can act there."""
-    rows = replace(rows_at(here, point, here.positions, circumstances), resolution=resolution)
+def variants_seen(place: EffectPlace, rows: Rows, reading: NDArray, sigma: float) -> list[Variant]:
+    """The ways in which an effect can act on rows with readings (N, 3) and noise bound σ, fractions of g."""
     variants = CATALOGUE[place.effect].variants
-    return rows, [] if variants is None else variants(place, rows, here.reading, float(here.bound.min()))
+    return [] if variants is None else variants(place, rows, reading, sigma)
 
 
-def fit_variant(
-    here: Linearisation, circumstances: Circumstances, place: EffectPlace, index: int, resolution: float
-) -> ExtendedFit | None:
-    """Fit the bench with one way in which an effect acts; None where the fit leaves that way."""
-    p, point = here.parametrisation, here.point
-    coefficients = np.zeros(0)
-    for _ in range(MAX_ITERATIONS):
-        rows, variants = variants_at(here, circumstances, point, place, resolution)
-        if index >= len(variants):
-            return None
-        variant = variants[index]
-        columns = variant.columns.reshape(len(here.residual), -1)
-        if len(coefficients) != columns.shape[1]:
-            coefficients = 0.5 * (variant.low + variant.high)
-        jacobian = np.hstack((bench_slopes(here, point, variant), columns))
-        predicted = predicted_reading(p, point, here.positions, here.sign) + variant.offset
-        residual = here.reading.ravel() - predicted.ravel() - columns @ coefficients
-        bound = here.bound + variant.widening.ravel()
-        step = least_squares_step(jacobian, residual, bound)
-        if np.abs(step).max(initial=0.0) < 1e-11:
-            break
-        point = point + step[: len(point)]
-        coefficients = coefficients + step[len(point) :]
-    else:
-        return None
-    radius, centre, duals = chebyshev_radius(jacobian, residual, bound)
-    middle = coefficients + centre[len(point) :]
-    within = bool(np.all(middle >= variant.low - 1e-12) and np.all(middle <= variant.high + 1e-12))
-    if not within or not variant.stands(rows, middle):
-        return None
-    return ExtendedFit((place,), point, coefficients, residual, bound, jacobian, radius, centre, duals, variant=variant)
+def relaxations(here: Linearisation, rows: Rows, places: Sequence[EffectPlace]) -> list[Relaxation]:
+    """Of each effect that can act on the record at all, what it may do at most."""
+    found = []
+    for place in places:
+        variants = variants_seen(place, rows, here.reading, float(here.bound.min()))
+        if not variants:
+            continue
+        touched = np.any([changed(variant) for variant in variants], axis=0)
+        widening = np.max([variant.widening for variant in variants], axis=0)
+        found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel()))
+    return found
 
 
-def bench_slopes(here: Linearisation, point: NDArray, variant: Variant) -> NDArray:
-    """Derivatives (M, P) of the readings by the bench's parameters where the effect lets some of them through."""
-    p = here.parametrisation
-    slopes = reading_jacobian(p, point, here.positions, here.sign)
-    if variant.lost.any():
-        targets = (p.selection @ point)[here.positions.mounting]
-        inputs = direction_jacobian(p, point, here.positions)
-        for k, pair in enumerate(SYMMETRIC_PAIRS):
-            rows = np.flatnonzero(variant.lost[:, k])
-            chosen = np.where(here.sign[rows, k] >= 0, TARGETS.index(pair[0]), TARGETS.index(pair[1]))
-            scale = 1.0 + targets[rows, chosen]
-            by_scale = p.selection[here.positions.mounting[rows], chosen]
-            slopes[rows, k] -= scale[:, None] * inputs[rows, k] + here.input[rows, k][:, None] * by_scale
-    slopes[variant.fixed] = 0.0
-    return slopes.reshape(len(here.residual), -1)
+def changed(variant: Variant) -> NDArray:
+    """Readings (N, 3) of bool that a variant changes."""
+    return variant.lost | variant.fixed | (variant.offset != 0.0) | np.any(variant.columns != 0.0, axis=2)
+
+
+def bench_slopes(here: Linearisation, point: NDArray, at: Positions, variant: Variant, slopes: NDArray) -> NDArray:
+    """Derivatives (N, 3, P) of the readings by the bench's parameters, less what the effect does not let through."""
+    if not variant.lost.any():
+        return slopes
+    p, left = here.parametrisation, slopes.copy()
+    targets = (p.selection @ point)[at.mounting]
+    inputs, n = direction_jacobian(p, point, at), predicted_input(p, point, at)
+    for k, pair in enumerate(SYMMETRIC_PAIRS):
+        rows = np.flatnonzero(variant.lost[:, k])
+        chosen = np.where(here.sign[rows, k] >= 0, TARGETS.index(pair[0]), TARGETS.index(pair[1]))
+        scale = 1.0 + targets[rows, chosen]
+        by_scale = p.selection[at.mounting[rows], chosen]
+        left[rows, k] -= scale[:, None] * inputs[rows, k] + n[rows, k][:, None] * by_scale
+    return left

@@ -1,0 +1,250 @@
+"""The two sizes of an effect that have a theory: surely detected, and surely not taken for another effect.
+
+Let d be what the unit effect adds to the readings, J the derivatives of the nominal model at its relinearised point and
+b the bounds. Noise within its bounds can hide what is nearer to the model than the bounds, and the model may use up the
+bounds once more, so that an effect is surely *detected* from the size 2 / min over x of max |d − J x| / b (2 σ over the
+Chebyshev distance; b is wider where a sign is open). No parameters of a rival with columns C can mend the record from
+2 / min over x, y of max |d − J x − C y| / b; the greatest such size over all rivals outside the effect's class surely
+*excludes* them.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.linearisation import Linearisation
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects.outlier import place_of
+from trihedron.models.restricted import CONTEXT_SIZE, INPUT
+
+NOTHING_LEFT = 1e-8
+"""A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
+TOLERANCE = 1e-3
+"""By so small a part a rival may be nearer than the one that is called the last to be excluded."""
+ROUNDS = 12
+"""Rounds of Lawson's algorithm in which a rival may be found too far away to matter."""
+DIRECTIONS = 16
+"""Directions of an effect's coefficients among which the worst is sought."""
+
+
+@dataclass(frozen=True)
+class SureSizes:
+    """Sizes of an effect, as lengths of its vector of linear coefficients; infinite where there is none.
+
+    Attributes
+    ----------
+    detected : float
+        from here the nominal model is surely falsified
+    excluded : float
+        from here no single rival leaves a radius of 1 or less; never below `detected`
+    rival : str or None
+        the rival that is excluded last; None where the model itself is
+    """
+
+    detected: float
+    excluded: float
+    rival: str | None
+
+
+def sure_sizes(
+    here: Linearisation,
+    circumstances: Circumstances,
+    place: EffectPlace,
+    rivals: Sequence[EffectPlace],
+    *,
+    direction: NDArray | None = None,
+    beside: Sequence[EffectPlace] = (),
+) -> SureSizes:
+    """Sizes from which an effect is surely detected and from which every rival is surely excluded.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model, with the bounds of its readings
+    circumstances : Circumstances
+    place : EffectPlace
+        linear in its coefficients, or an outlier
+    rivals : sequence of EffectPlace
+        outside the effect's class; an outlier at every other reading is one too
+    direction : (K,) array, optional
+        of the effect's coefficients, of length one; by default the worst of `DIRECTIONS`, each size for itself
+    beside : sequence of EffectPlace
+        effects that the model has too, whatever their size: with those of a pair the sizes say from where the other
+        one cannot be replaced
+
+    Returns
+    -------
+    SureSizes
+    """
+    rows = rows_at(here, here.point, here.positions, circumstances)
+    columns = signature_columns([place], rows)
+    nominal = np.hstack((here.jacobian, signature_columns(beside, rows)))
+    others = [(rival.title, signature_columns([rival], rows)) for rival in rivals]
+    own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
+    directions = spread_directions(columns.shape[1]) if direction is None else [direction]
+    found = [sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
+    worst = max(found, key=lambda sizes: sizes.excluded)
+    return SureSizes(max(sizes.detected for sizes in found), worst.excluded, worst.rival)
+
+
+def sizes_of_change(
+    nominal: NDArray,
+    change: NDArray,
+    bound: NDArray,
+    rivals: Sequence[tuple[str, NDArray]],
+    *,
+    own_reading: int | None = None,
+) -> SureSizes:
+    """Factors of a change (M,) of the readings from which it is surely detected, and every rival surely excluded.
+
+    Parameters
+    ----------
+    nominal : (M, P) array
+        columns of the model
+    change : (M,) array
+        fractions of g
+    bound : (M,) array
+    rivals : sequence of (title, (M, K) array)
+        columns of each rival; one reading left out is a rival besides
+    own_reading : int, optional
+        the reading that the change itself is about: leaving it out is no rival
+    """
+    model, target = nominal / bound[:, None], change / bound
+    scale = float(np.abs(target).max(initial=0.0))
+    if scale == 0.0:
+        return SureSizes(math.inf, math.inf, None)
+    target = target / scale
+    ones = np.ones(len(bound))
+    alone, _, duals = chebyshev_radius(model, target, ones)
+    if alone < NOTHING_LEFT:
+        return SureSizes(math.inf, math.inf, None)
+    least, nearest = alone, None
+    bounds, candidates = least_square_bounds(model, target, [c / bound[:, None] for _, c in rivals], own_reading)
+    for k in np.argsort(bounds, kind="stable"):
+        if bounds[k] >= (1.0 - TOLERANCE) * least:
+            break
+        columns = np.hstack((model, candidates[k]))
+        if is_farther(columns, target, (1.0 - TOLERANCE) * least, np.abs(duals)):
+            continue
+        radius = chebyshev_radius(columns, target, ones)[0]
+        if radius < least:
+            least, nearest = radius, int(k)
+    rival = None if nearest is None else rivals[nearest][0] if nearest < len(rivals) else outlier_title(nearest, rivals)
+    excluded = 2.0 / (scale * least) if least > NOTHING_LEFT else math.inf
+    return SureSizes(2.0 / (scale * alone), excluded, rival)
+
+
+def outlier_title(candidate: int, rivals: Sequence[tuple[str, NDArray]]) -> str:
+    """Words for a reading that is left out; readings follow the rivals."""
+    row, accelerometer = divmod(candidate - len(rivals), 3)
+    return place_of(row + 1, accelerometer + 1).title
+
+
+def least_square_bounds(
+    model: NDArray, target: NDArray, rivals: Sequence[NDArray], own_reading: int | None
+) -> tuple[NDArray, list[NDArray]]:
+    """Lower bounds of the distances with each rival's columns, then with each reading's own column, and the columns."""
+    count = len(target)
+    basis = column_basis(model)
+    left = target - basis @ (basis.T @ target)
+    bounds = []
+    for columns in rivals:
+        more = column_basis(columns - basis @ (basis.T @ columns), np.abs(columns).max(initial=0.0))
+        bounds.append(np.linalg.norm(left - more @ (more.T @ left)) / math.sqrt(count))
+    free = 1.0 - np.sum(basis**2, axis=1)
+    taken = np.where(free > 1e-9, left**2 / np.maximum(free, 1e-9), 0.0)
+    # One reading less: the others' mean square is over one fewer.
+    alone = np.sqrt(np.maximum(left @ left - taken, 0.0) / (count - 1))
+    if own_reading is not None:
+        alone[own_reading] = math.inf
+    readings = [np.eye(count, 1, -k) for k in range(count)]
+    return np.concatenate((bounds, alone)), [*rivals, *readings]
+
+
+def column_basis(columns: NDArray, scale: float | None = None) -> NDArray:
+    """Orthonormal basis of columns; what is below 1e-9 of their scale is rounding."""
+    if columns.shape[1] == 0:
+        return columns
+    size = np.linalg.norm(columns, axis=0) if scale is None else np.full(columns.shape[1], scale)
+    u, values, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    return u[:, values > 1e-9 * max(values.max(initial=0.0), 1e-9 if scale is None else 1.0)]
+
+
+def is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) -> bool:
+    """Whether some rounds of Lawson's algorithm, from weights `first`, prove that columns come no nearer than `least`."""
+    weights = 0.9 * first / first.sum() + 0.1 / len(target)
+    for _ in range(ROUNDS):
+        root = np.sqrt(weights)
+        basis = column_basis(columns * root[:, None])
+        weighted = root * target
+        left = weighted - basis @ (basis.T @ weighted)
+        if left @ left >= least**2:
+            return True
+        weights = weights * np.abs(left / root)
+        total = weights.sum()
+        if not total > 0.0:
+            return False
+        weights = 0.99 * weights / total + 0.01 / len(weights)
+    return False
+
+
+def spread_directions(count: int) -> list[NDArray]:
+    """Unit vectors (count,) spread over all directions; of opposite ones one is enough."""
+    if count == 1:
+        return [np.ones(1)]
+    if count == 2:
+        angles = math.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        return [np.array([math.cos(angle), math.sin(angle)]) for angle in angles]
+    vectors = np.random.default_rng(0).normal(size=(4 * DIRECTIONS, count))
+    return list(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def level_change(place: EffectPlace, level: float, rows: Rows, offset: NDArray | float = 0.0) -> NDArray:
+    """What an effect that is not linear changes in the readings (N, 3) [g] at a level, by its own kernel.
+
+    Parameters
+    ----------
+    place : EffectPlace
+        dead zone, saturation or quantisation
+    level : float
+        its parameter
+    rows : Rows
+        with `own` and `prediction`
+    offset : (N, 3) array, optional
+        errors of the readings [g] that are there before the effect acts
+    """
+    kernel = CATALOGUE[place.effect].kernel
+    assert kernel is not None
+    before = rows.prediction + offset
+    after = before.copy()
+    for k in range(len(after)):
+        context = [0.0] * CONTEXT_SIZE
+        context[INPUT : INPUT + 3] = rows.n[k].tolist()
+        reading = before[k].tolist()
+        kernel(context, rows.own[k].tolist(), place.index, level, reading)
+        after[k] = reading
+    return after - before
+
+
+def level_margins(
+    here: Linearisation,
+    circumstances: Circumstances,
+    place: EffectPlace,
+    levels: Sequence[float],
+    rivals: Sequence[EffectPlace],
+) -> list[SureSizes]:
+    """For each level of an effect that is not linear, factors of its change that surely detect it and exclude rivals.
+
+    The change grows in jumps with the level, so levels are scanned: at one whose factor is 1 or less the effect is
+    surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
+    """
+    rows = rows_at(here, here.point, here.positions, circumstances)
+    others = [(rival.title, signature_columns([rival], rows)) for rival in rivals]
+    changes = [level_change(place, level, rows).ravel() for level in levels]
+    return [sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]
