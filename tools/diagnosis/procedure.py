@@ -102,9 +102,7 @@ def cause_of(
     every = catalogue_places(nominal.baseline, circumstances)
     classes = classes_of(here, [place for place in every if is_linear(place)])
     bent = [place for place in every if not is_linear(place)]
-    found = smallest_explanations(
-        here, circumstances, classes.places, bent, limit, nominal.radius, resolution, progress=progress
-    )
+    found = smallest_explanations(here, circumstances, classes.places, bent, limit, resolution, progress=progress)
     tried = tuple(single_radii(here, circumstances, classes.places))
     if not found.fits:
         structure = tuple(residual_structure(here, circumstances.hours))

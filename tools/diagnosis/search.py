@@ -17,6 +17,7 @@ from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
 from trihedron.diagnosis.lawson import Problem
 from trihedron.diagnosis.possible import within_possible
 from trihedron.diagnosis.sets import MAX_SET, EffectSet, sets_of_size
+from trihedron.diagnosis.starting_point import starting_point
 from trihedron.diagnosis.variants import Relaxation, relaxations
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.outlier import place_of
@@ -107,7 +108,6 @@ def smallest_explanations(
     places: Sequence[EffectPlace],
     bent: Sequence[EffectPlace],
     limit: float,
-    radius: float,
     resolution: float,
     *,
     progress: bool = False,
@@ -123,8 +123,6 @@ def smallest_explanations(
         candidates, linear and not; outliers are tried at every reading besides
     limit : float
         radius up to which a model is consistent
-    radius : float
-        of the nominal model: the larger, the farther its fit may be from the truth
     resolution : float
         half a last digit of the readings, as a fraction of g
     progress : bool
@@ -134,11 +132,13 @@ def smallest_explanations(
     -------
     Found
     """
+    start = starting_point(here, circumstances, places)
+    here = start.here
     rows = replace(rows_at(here, here.point, here.positions, circumstances), resolution=resolution)
     problem = linear_problem(here, rows, places)
     softened = relaxations(here, rows, bent)
     # Of second order in the misfit: by so much the linear model at a wrong fit may err.
-    slack = 0.05 + 20.0 * radius**2 * float(here.bound.min())
+    slack = 0.05 + 20.0 * start.misfit**2 * float(here.bound.min())
     console = Console(stderr=True)
     for size in range(1, MAX_SET + 1):
         found: list[ExtendedFit] = []
