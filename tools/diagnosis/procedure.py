@@ -110,8 +110,7 @@ def cause_of(
     groups = equivalence_groups(classes, found.fits)
     findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)
     if len(groups) > 1 or not found.complete:
-        ahead = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
-        positions = separating_positions(here, ahead, [group[0] for group in groups], bounds, room)
+        positions = separating_positions(here, circumstances, [group[0] for group in groups], bounds, room)
         return Diagnosis(
             "ambiguous",
             nominal,

@@ -1,49 +1,57 @@
 """Table positions that tell candidate causes apart, whatever parameters they have."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
+from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import Positions
-from trihedron.calibration.programmes import SolverError
-from trihedron.diagnosis.circumstances import Circumstances, standing_still
-from trihedron.diagnosis.extended_fit import ExtendedFit, extended_model
-from trihedron.diagnosis.intervals import feasible_set
+from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.diagnosis.extended_fit import ExtendedFit
+from trihedron.diagnosis.predictions import Visits, depends_on_senses, prediction_intervals, predictions, seen_at_last
 from trihedron.diagnosis.search import title_of
-from trihedron.models.effects import EffectPlace
 from trihedron.models.regressors import admissible
 
 GRID_STEP_DEG = 5.0
-SHORTLIST = 12
-"""So many positions, those where the fitted predictions differ most, are judged over all possible parameters."""
-MOST_PAIRS = 15
-"""So many pairs of candidates, the best ones first, get a position of their own."""
+MOST_CANDIDATES = 10
+"""So many candidates, the best ones first, are separated from each other."""
+SHORTLIST = 24
+"""So many positions, where the fitted predictions differ most, are judged over all possible parameters."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two candidates by their numbers, and how far apart their fitted predictions are (N, 3) [g]."""
+
+    first: int
+    second: int
+    apart: NDArray
 
 
 def separating_positions(
     here: Linearisation,
-    hours: float,
+    circumstances: Circumstances,
     candidates: Sequence[ExtendedFit],
     bounds: tuple[float, float],
     room: float,
     most: int = 6,
 ) -> list[dict[str, object]]:
-    """For each pair of candidates the position where their predictions are farthest apart.
+    """Positions whose readings decide between candidates, those that decide most pairs first.
 
-    Each candidate predicts an interval, over all parameters that the record leaves it; the gap between the intervals is
-    what a reading there must be nearer to one of.
+    Each candidate predicts an interval, over all parameters that the record leaves it. Where the gap between two
+    intervals is more than 2 σ, no reading can be within σ of both.
 
     Parameters
     ----------
     here : Linearisation
         the nominal model at its fit
-    hours : float
-        when the new positions would be measured, since the first row
+    circumstances : Circumstances
+        of the record's rows: the positions would be measured after them
     candidates : sequence of ExtendedFit
-        sets of effects that explain the record; outliers say nothing about other positions
+        sets of effects that explain the record, the best first
     bounds : (float, float)
         u^max and v^0max: only readings whose sign is certain count
     room : float
@@ -54,98 +62,139 @@ def separating_positions(
     Returns
     -------
     list of dict
-        alpha_deg, beta_deg, mounting where there are several, what is separated, and ``apart_g``: the least distance of
-        the predictions, over all parameters (negative: they overlap, one reading there need not decide)
+        alpha_deg, beta_deg, mounting where there are several, the senses of the approach where they matter, what is
+        separated, and ``apart_g``: the least distance of the predictions, over all parameters (negative: they overlap,
+        one reading there need not decide; None: nothing bounds them)
     """
-    physical = [c for c in candidates if c.linear and any(p.effect != "outlier" for p in c.places)]
-    p = here.parametrisation
-    degrees = np.arange(0.0, 360.0, GRID_STEP_DEG)
-    alpha, beta, mounting = (g.ravel() for g in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij"))
-    at = Positions(np.radians(alpha), np.radians(beta), mounting.astype(int))
+    chosen = list(candidates[:MOST_CANDIDATES])
+    visits, senses = possible_visits(here, circumstances, chosen)
+    at, p = visits.at, here.parametrisation
     certain = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds)
-    centres = [predictions(here, c, at, hours)[0] for c in physical]
-    chosen: dict[int, tuple[float, list[str]]] = {}
-    for first, second in list(combinations(range(len(physical)), 2))[:MOST_PAIRS]:
-        apart = np.where(certain, np.abs(centres[first] - centres[second]), 0.0).max(axis=1)
-        shortlist = np.argsort(-np.round(apart, 12), kind="stable")[:SHORTLIST]
-        part = Positions(at.alpha[shortlist], at.beta[shortlist], at.mounting[shortlist])
-        gap = guaranteed_gap(here, physical[first], physical[second], part, hours, certain[shortlist], room)
-        best = int(np.argmax(np.round(gap, 12)))
-        distance, names = chosen.setdefault(int(shortlist[best]), (np.inf, []))
-        names += [t for c in (first, second) if (t := title_of(physical[c].places)) not in names]
-        chosen[int(shortlist[best])] = (min(distance, float(gap[best])), names)
+    centres = [seen_at_last(here, c, visits, predictions(here, c, visits)[0]) for c in chosen]
+    pairs = [
+        Pair(i, j, np.where(certain, np.abs(centres[i] - centres[j]), 0.0))
+        for i, j in combinations(range(len(chosen)), 2)
+    ]
+    short = shortlist(pairs)
+    gaps = guaranteed_gaps(here, chosen, pairs, visits, short, float(here.bound.min()), room)
     positions = []
-    for index, (distance, names) in list(chosen.items())[:most]:
-        position: dict[str, object] = {"alpha_deg": float(alpha[index]), "beta_deg": float(beta[index])}
+    for k, separated in deciding(gaps, 2.0 * float(here.bound.min()), most):
+        row = int(short[k])
+        position: dict[str, object] = {
+            "alpha_deg": float(np.round(np.degrees(at.alpha[row]), 6)),
+            "beta_deg": float(np.round(np.degrees(at.beta[row]), 6)),
+        }
         if len(p.mountings) > 1:
-            position["mounting"] = p.mountings[int(mounting[index])]
-        apart_g = distance if np.isfinite(distance) else None
-        positions.append({**position, "separates": names, "apart_g": apart_g})
+            position["mounting"] = p.mountings[int(at.mounting[row])]
+        if senses:
+            position["approach_alpha"] = int(visits.circumstances.sense_alpha[row])
+            position["approach_beta"] = int(visits.circumstances.sense_beta[row])
+        names: list[str] = []
+        for n in separated:
+            names += [t for c in (pairs[n].first, pairs[n].second) if (t := title_of(chosen[c].places)) not in names]
+        least = float(gaps[separated, k].min())
+        positions.append({**position, "separates": names, "apart_g": least if np.isfinite(least) else None})
     return positions
 
 
-def physical_part(candidate: ExtendedFit) -> tuple[list[EffectPlace], NDArray]:
-    """The effects of a set that act at other positions too, and which of its coefficients are theirs."""
-    kept, own = [], []
-    for place, block in zip(candidate.places, candidate.blocks, strict=True):
-        if place.effect != "outlier":
-            kept.append(place)
-            own += list(range(block.start, block.stop))
-    return kept, np.array(own, dtype=int)
-
-
-def predictions(here: Linearisation, candidate: ExtendedFit, at: Positions, hours: float) -> tuple[NDArray, NDArray]:
-    """What a candidate predicts at other positions, and how that changes with its parameters.
-
-    Returns
-    -------
-    reading : (N, 3) array
-        over g, at the centre of what is possible
-    slopes : (N, 3, P + K) array
-    """
-    count, bench = len(at.alpha), len(candidate.point)
-    point = candidate.point + candidate.centre[:bench]
-    places, own = physical_part(candidate)
-    there = linearise(
-        here.parametrisation, at, np.zeros((count, 3)), point, np.full(3 * count, float(here.bound.min()))
+def possible_visits(
+    here: Linearisation, circumstances: Circumstances, candidates: Sequence[ExtendedFit]
+) -> tuple[Visits, bool]:
+    """A grid of positions with every mounting and those where outliers would be; and whether senses are in it."""
+    p = here.parametrisation
+    degrees = np.radians(np.arange(0.0, 360.0, GRID_STEP_DEG))
+    alpha, beta, mounting = (g.ravel() for g in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij"))
+    rows = sorted(
+        {
+            int(place.where.removeprefix("position-")) - 1
+            for c in candidates
+            for place in c.places
+            if place.effect == "outlier"
+        }
     )
-    circumstances: Circumstances = standing_still(count, np.full(count, hours))
-    reading, jacobian = extended_model(there, point, places, candidate.central[own], circumstances)
-    slopes = np.zeros((count, 3, len(candidate.centre)))
-    slopes[..., np.append(np.arange(bench), bench + own)] = jacobian.reshape(count, 3, -1)
-    return reading.reshape(count, 3), slopes
+    alpha, beta = np.append(alpha, here.positions.alpha[rows]), np.append(beta, here.positions.beta[rows])
+    mounting = np.append(mounting, here.positions.mounting[rows]).astype(int)
+    hours = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
+    last = 20.0 if circumstances.temperature is None else float(circumstances.temperature[-1])
+    sides = [(0.0, 0.0)]
+    plain = _visits(alpha, beta, mounting, hours, last, sides)
+    few = plain.selected(np.arange(0, len(alpha), 97))
+    if any(depends_on_senses(c, here, few) for c in candidates):
+        sides = [(a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+        return _visits(alpha, beta, mounting, hours, last, sides), True
+    return plain, False
 
 
-def guaranteed_gap(
+def _visits(
+    alpha: NDArray, beta: NDArray, mounting: NDArray, hours: float, temperature: float, sides: list[tuple[float, float]]
+) -> Visits:
+    count, times = len(alpha), len(sides)
+    senses = np.repeat(np.array(sides), count, axis=0)
+    constant = np.ones(count * times)
+    return Visits(
+        Positions(np.tile(alpha, times), np.tile(beta, times), np.tile(mounting, times)),
+        Circumstances(hours * constant, temperature * constant, senses[:, 0], senses[:, 1], True),
+    )
+
+
+def shortlist(pairs: Sequence[Pair]) -> NDArray:
+    """Numbers of the positions where each pair's predictions are farthest apart, every pair in its turn."""
+    orders = [np.argsort(-np.round(pair.apart.max(axis=1), 12), kind="stable") for pair in pairs]
+    chosen: list[int] = []
+    for rank in range(SHORTLIST):
+        for order in orders:
+            if int(order[rank]) not in chosen and len(chosen) < SHORTLIST:
+                chosen.append(int(order[rank]))
+    return np.array(sorted(chosen), dtype=int)
+
+
+def guaranteed_gaps(
     here: Linearisation,
-    first: ExtendedFit,
-    second: ExtendedFit,
-    at: Positions,
-    hours: float,
-    certain: NDArray,
+    candidates: Sequence[ExtendedFit],
+    pairs: Sequence[Pair],
+    visits: Visits,
+    short: NDArray,
+    sigma: float,
     room: float,
 ) -> NDArray:
-    """Least distance (N,) [g] of two candidates' predictions over all their parameters, the best reading of each."""
-    low_1, high_1 = prediction_intervals(here, first, at, hours, room)
-    low_2, high_2 = prediction_intervals(here, second, at, hours, room)
-    gap = np.maximum(low_1 - high_2, low_2 - high_1)
-    return np.where(certain, gap, -np.inf).max(axis=1)
+    """Least distances (pairs, n) [g] of the candidates' predictions over all parameters, the best reading of each.
+
+    Only readings are judged at which the fitted predictions of a pair differ by more than the noise.
+    """
+    part = visits.selected(short)
+    low, high = [], []
+    for number, candidate in enumerate(candidates):
+        wanted = np.zeros((len(short), 3), dtype=bool)
+        for pair in pairs:
+            if number in (pair.first, pair.second):
+                wanted |= pair.apart[short] > sigma
+        ends = prediction_intervals(here, candidate, part, wanted, room)
+        low.append(ends[0])
+        high.append(ends[1])
+    gaps = np.full((len(pairs), len(short)), -np.inf)
+    for n, pair in enumerate(pairs):
+        gap = np.maximum(low[pair.first] - high[pair.second], low[pair.second] - high[pair.first])
+        gaps[n] = np.where(pair.apart[short] > sigma, gap, -np.inf).max(axis=1)
+    return gaps
 
 
-def prediction_intervals(
-    here: Linearisation, candidate: ExtendedFit, at: Positions, hours: float, room: float
-) -> tuple[NDArray, NDArray]:
-    """Ends (N, 3) of what a candidate can predict at other positions; infinite where nothing bounds it."""
-    reading, slopes = predictions(here, candidate, at, hours)
-    polytope, span, scale = feasible_set(candidate, np.zeros((len(candidate.residual), 0)), room)
-    low, high = np.full_like(reading, -np.inf), np.full_like(reading, np.inf)
-    for row, axis in np.ndindex(*reading.shape):
-        weights = slopes[row, axis] / scale
-        if np.linalg.norm(weights - span @ (span.T @ weights)) > 1e-6 * np.linalg.norm(weights):
-            continue
-        try:
-            low[row, axis] = reading[row, axis] - polytope.maximise(-span.T @ weights)[0]
-            high[row, axis] = reading[row, axis] + polytope.maximise(span.T @ weights)[0]
-        except SolverError:
-            continue
-    return low, high
+def deciding(gaps: NDArray, enough: float, most: int) -> list[tuple[int, list[int]]]:
+    """Positions (columns of `gaps`) one by one, each with the pairs that it decides, until every pair is decided.
+
+    A pair that no position decides gets the one where its gap is largest, as long as there is any.
+    """
+    chosen: list[tuple[int, list[int]]] = []
+    open_pairs = list(range(len(gaps)))
+    while open_pairs and len(chosen) < most:
+        decided = gaps[open_pairs] > enough
+        best = int(np.argmax(decided.sum(axis=0) + 1e-3 * np.where(decided, gaps[open_pairs], 0.0).sum(axis=0)))
+        separated = [n for n, yes in zip(open_pairs, decided[:, best], strict=True) if yes]
+        if not separated:
+            first = open_pairs[0]
+            if not np.isfinite(gaps[first]).any():
+                open_pairs.remove(first)
+                continue
+            best, separated = int(np.argmax(gaps[first])), [first]
+        chosen.append((best, separated))
+        open_pairs = [n for n in open_pairs if n not in separated]
+    return chosen

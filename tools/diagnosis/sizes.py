@@ -177,7 +177,7 @@ def column_basis(columns: NDArray, scale: float | None = None) -> NDArray:
 
 
 def is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) -> bool:
-    """Whether some rounds of Lawson's algorithm, from weights `first`, prove that columns come no nearer than `least`."""
+    """Whether Lawson's algorithm, from weights `first`, proves soon that columns come no nearer than `least`."""
     weights = 0.9 * first / first.sum() + 0.1 / len(target)
     for _ in range(ROUNDS):
         root = np.sqrt(weights)
