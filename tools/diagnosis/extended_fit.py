@@ -16,13 +16,16 @@ from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.rows import Variant
 
 MAX_ITERATIONS = 12
+MAX_MOVES = 8
+ATTAINED = 1e-10
+"""Relative difference between the radius of the programme and the largest misfit where it is attained."""
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
 
 
 @dataclass(frozen=True)
 class ExtendedFit:
-    """The model with effects, linearised at its fit.
+    """The model with effects, linearised where its largest misfit is least.
 
     Attributes
     ----------
@@ -39,13 +42,15 @@ class ExtendedFit:
     jacobian : (M, P + K) array
         derivatives by parameters and coefficients
     radius : float
-        least max |residual| / bound
+        least max |residual| / bound, attained at the point
     centre : (P + K,) array
-        step from the fit to where the radius is attained
+        step from the point to where the radius is attained: none, but where possible sizes were asked for
     duals : (M,) array
         proof of the radius
     variants : tuple of (Variant or None)
         the way in which each effect acts that is not linear
+    estimate : (P + K,) array
+        parameters and coefficients of least squares
     """
 
     places: tuple[EffectPlace, ...]
@@ -59,6 +64,7 @@ class ExtendedFit:
     centre: NDArray
     duals: NDArray
     variants: tuple[Variant | None, ...]
+    estimate: NDArray
 
     @property
     def linear(self) -> bool:
@@ -187,7 +193,7 @@ def fit_ways(
     ways: Mapping[EffectPlace, int],
     resolution: float,
 ) -> ExtendedFit | None:
-    """Fit the bench together with effects: least squares, relinearised, then the Chebyshev programme.
+    """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
 
     Parameters
     ----------
@@ -226,8 +232,22 @@ def fit_ways(
             break
         point = point + step[: len(point)]
         coefficients = coefficients + step[len(point) :]
+    estimate = np.append(point, coefficients)
     residual = reading - model.reading
     radius, centre, duals = chebyshev_radius(model.jacobian, residual, model.bound)
+    for _ in range(MAX_MOVES):
+        # Noise may be at its very bound: then the second order of the step to the centre must not count either.
+        point, coefficients = point + centre[: len(point)], coefficients + centre[len(point) :]
+        there = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution)
+        if there is None:
+            return None
+        model, residual = there, reading - there.reading
+        attained = float(np.abs(residual / model.bound).max(initial=0.0))
+        if attained <= radius + ATTAINED * max(1.0, radius):
+            break
+        radius, centre, duals = chebyshev_radius(model.jacobian, residual, model.bound)
+    centre = np.zeros(len(centre))
+    radius = float(np.abs(residual / model.bound).max(initial=0.0))
     fit = ExtendedFit(
         tuple(places),
         point,
@@ -240,6 +260,7 @@ def fit_ways(
         centre,
         duals,
         model.variants,
+        estimate,
     )
     return fit if _stands(fit, model.rows) else None
 

@@ -154,13 +154,14 @@ def simulate_rows(
 ) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
     readings = np.zeros((len(here.reading), 3))
-    at = true_angles(here, fit.point, fit.places, fit.coefficients, fit.blocks, circumstances)
+    bench, coefficients = fit.estimate[: len(fit.point)], fit.estimate[len(fit.point) :]
+    at = true_angles(here, bench, fit.places, coefficients, fit.blocks, circumstances)
     commands = np.stack((at.alpha, at.beta), axis=1)
     p = here.parametrisation
     for index in range(len(p.mountings)):
         mine = np.flatnonzero(here.positions.mounting == index)
         if np.isin(mine, rows).any():
-            values = dict(zip(TARGETS, p.selection[index] @ fit.point, strict=True))
+            values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
             parameters = component_parameters(values, p.matrices[index], gravity)
             scenario = extended_scenario(parameters, effect_entries(fit), commands[mine], circumstances.selected(mine))
             run = simulate(scenario).table
@@ -171,12 +172,13 @@ def simulate_rows(
 
 
 def effect_entries(fit: ExtendedFit) -> list[dict[str, object]]:
-    """Effects of a fit as a scenario writes them."""
+    """Effects of a fit, with the sizes of least squares, as a scenario writes them."""
+    coefficients = fit.estimate[len(fit.point) :]
     entries: list[dict[str, object]] = []
     for place, block, variant in zip(fit.places, fit.blocks, fit.variants, strict=True):
         effect = CATALOGUE[place.effect].at(place)
         values = (
-            effect.from_coefficients(fit.coefficients[block]) if variant is None else variant.values(fit.central[block])
+            effect.from_coefficients(coefficients[block]) if variant is None else variant.values(fit.central[block])
         )
         entry: dict[str, object] = {"effect": place.effect, "where": place.where}
         if place.order is not None:

@@ -128,7 +128,7 @@ def target_shifts(nominal: Calibration, fit: ExtendedFit, room: float) -> tuple[
             {
                 "symbol": symbol,
                 "before": float(here.point[k]),
-                "after": float(fit.point[k]),
+                "after": float(fit.estimate[k]),
                 "low": low,
                 "high": high,
             }

@@ -1,6 +1,8 @@
 """From a position record to a verdict on the simulation's model: the procedure of `trihedron diagnose`."""
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +18,14 @@ from trihedron.diagnosis.disturbance import is_linear
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended
 from trihedron.diagnosis.extension import Gain, measure_gain
 from trihedron.diagnosis.intervals import parameter_intervals
+from trihedron.diagnosis.judgement import judge
 from trihedron.diagnosis.limits import excluded_sizes, target_shifts
+from trihedron.diagnosis.predictions import lasting_part
 from trihedron.diagnosis.residual_structure import residual_structure
 from trihedron.diagnosis.result import Cause, Diagnosis, Finding
-from trihedron.diagnosis.search import catalogue_places, single_radii, smallest_explanations
-from trihedron.diagnosis.separation import separating_positions
+from trihedron.diagnosis.search import catalogue_places, single_radii, smallest_explanations, title_of
+from trihedron.diagnosis.second_mounting import SecondMounting, second_mounting
+from trihedron.diagnosis.separation import MOST_CANDIDATES, separating_positions
 from trihedron.errors import InputError
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
@@ -119,6 +124,8 @@ def cause_of(
             tried=tried,
             next_positions=tuple(positions),
             complete=found.complete,
+            judgement=judge(here, groups[0][0]),
+            mounting=helpful_mounting(here, groups, positions),
         )
     named = groups[0][0]
     return Diagnosis(
@@ -131,7 +138,35 @@ def cause_of(
         gain_of(here, circumstances, named, gravity, resolution) if rerun else None,
         excluded=excluded_sizes(here, circumstances, classes.places, named, room),
         targets=target_shifts(nominal, named, room),
+        judgement=judge(here, named),
+        mounting=class_breaking_mounting(here, findings[0]),
     )
+
+
+def helpful_mounting(
+    here: Linearisation, groups: Sequence[Sequence[ExtendedFit]], positions: Sequence[Mapping[str, Any]]
+) -> SecondMounting | None:
+    """A mounting that tells apart two candidates that no further position with the record's mountings surely does."""
+    sure = 2.0 * float(here.bound.min())
+    settled = [set(p["separates"]) for p in positions if p["apart_g"] is not None and p["apart_g"] > sure]
+    for first, second in combinations([group[0] for group in groups[:MOST_CANDIDATES]], 2):
+        titles = title_of(first.places), title_of(second.places)
+        if any(names >= set(titles) for names in settled) or not (first.linear and second.linear):
+            continue
+        found = second_mounting(here, lasting_part(first)[0], lasting_part(second)[0], titles)
+        if found is not None:
+            return found
+    return None
+
+
+def class_breaking_mounting(here: Linearisation, finding: Finding) -> SecondMounting | None:
+    """A mounting that tells a named effect from one of its equivalents."""
+    for cause in finding.causes:
+        for other in cause.equivalents:
+            found = second_mounting(here, [cause.place], [other], (cause.place.title, other.title))
+            if found is not None:
+                return found
+    return None
 
 
 def gain_of(

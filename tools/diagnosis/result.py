@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.diagnosis.extension import Gain
+from trihedron.diagnosis.judgement import Judgement
+from trihedron.diagnosis.second_mounting import SecondMounting
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
 SCHEMA = "trihedron.diagnosis/1"
@@ -128,6 +130,10 @@ class Diagnosis:
         the calibration's targets before and after the extension
     complete : bool
         whether `findings` are all sets of that size that explain the record
+    judgement : Judgement or None
+        what readings that were left out say of the first finding
+    mounting : SecondMounting or None
+        a mounting that would tell apart what the record's mountings cannot
     """
 
     verdict: str
@@ -142,6 +148,8 @@ class Diagnosis:
     excluded: tuple[dict[str, Any], ...] = ()
     targets: tuple[dict[str, Any], ...] = ()
     complete: bool = True
+    judgement: Judgement | None = None
+    mounting: SecondMounting | None = None
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -176,6 +184,10 @@ class Diagnosis:
             content["complete"] = self.complete
         if self.equivalent_sets:
             content["equivalent_sets"] = [[place_json(place) for place in places] for places in self.equivalent_sets]
+        if self.judgement is not None:
+            content["judgement"] = self.judgement.to_json()
+        if self.mounting is not None:
+            content["second_mounting"] = self.mounting.to_json()
         if self.targets:
             content["targets"] = list(self.targets)
         if self.excluded:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ def separating_positions(
     bounds: tuple[float, float],
     room: float,
     most: int = 6,
-) -> list[dict[str, object]]:
+) -> list[dict[str, Any]]:
     """Positions whose readings decide between candidates, those that decide most pairs first.
 
     Each candidate predicts an interval, over all parameters that the record leaves it. Where the gap between two
@@ -80,7 +81,7 @@ def separating_positions(
     positions = []
     for k, separated in deciding(gaps, 2.0 * float(here.bound.min()), most):
         row = int(short[k])
-        position: dict[str, object] = {
+        position: dict[str, Any] = {
             "alpha_deg": float(np.round(np.degrees(at.alpha[row]), 6)),
             "beta_deg": float(np.round(np.degrees(at.beta[row]), 6)),
         }
