@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
-from trihedron.calibration.parametrisation import Positions, predicted_reading
+from trihedron.calibration.parametrisation import Positions, parametrise, predicted_reading
 from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.disturbance import rows_at
-from trihedron.diagnosis.senses import later_axes
+from trihedron.diagnosis.senses import input_senses
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
 from trihedron.models.effects.quantisation import common_step
@@ -277,14 +277,22 @@ def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
     assert rows_at(here, here.point, at, some).input_sense.tolist() == rows.input_sense[kept].tolist()
 
 
-def test_the_axis_with_the_longer_way_has_the_last_word_on_an_input():
-    """From (0, 0): outer longer; inner longer the other way round; outer stayed; the same way."""
-    alpha, beta = np.array([1.0, 1.0, 0.0, 0.5]), np.array([0.5, 0.5, 0.5, -0.5])
-    senses = np.array([[1.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, -1.0]])
-    here = Circumstances(np.zeros(4), None, senses[:, 0], senses[:, 1], True, np.zeros((4, 2)))
-    outer, inner = later_axes(Positions(alpha, beta, np.zeros(4, dtype=int)), here)
-    assert outer.tolist() == [True, False, False, True]
-    assert inner.tolist() == [False, True, True, True]
+def test_the_sense_of_an_input_is_told_where_it_does_not_matter_which_axis_came_last():
+    """At (60°, 30°) both axes raise the first input as they turn forwards; the second input falls as β grows."""
+    p = parametrise({"identity": np.eye(3)})
+    angles = np.radians([[60.0, 30.0]] * 4)
+    at = Positions(angles[:, 0], angles[:, 1], np.zeros(4, dtype=int))
+    senses = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [1.0, 1.0]])
+    before = angles - 0.3 * senses
+    before[3, 1] = angles[3, 1]
+    here = Circumstances(np.zeros(4), None, senses[:, 0], senses[:, 1], True, before)
+    sense, told = input_senses(p, np.zeros(len(p.symbols)), at, here)
+    assert sense[:, 0].tolist() == [1.0, 0.0, -1.0, 1.0]
+    assert told[:, 0].tolist() == [True, False, True, True]
+    assert sense[:, 1].tolist() == [0.0, 1.0, 0.0, 1.0]
+    assert told[:, 1].tolist() == [False, True, False, True]
+    assert sense[:, 2].tolist() == [-1.0, -1.0, 1.0, -1.0]
+    assert told[:, 2].all()
 
 
 def test_rows_carry_the_nominal_prediction_and_the_own_response():

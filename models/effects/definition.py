@@ -115,6 +115,9 @@ class Effect:
     variants : callable or None
         of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act. Its
         signature and coefficients raise TypeError
+    untold : callable or None
+        of a linear effect that depends on what a record may not tell: place, rows -> (N, 3): the largest size of the
+        effect [g] where it is not told. The signature vanishes there
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places
     """
@@ -133,6 +136,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     variants: Callable[[EffectPlace, Rows, NDArray[np.float64], float], list[Variant]] | None = None
+    untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     of_place: "Callable[[EffectPlace], Effect] | None" = None
 
     def at(self, place: EffectPlace) -> "Effect":

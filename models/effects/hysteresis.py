@@ -1,13 +1,18 @@
 """Hysteresis of an accelerometer: its reading lags the last change of its input."""
 
+import numpy as np
+from numpy.typing import NDArray
+
 from trihedron.models.effects.definition import (
     Effect,
     EffectParameter,
+    EffectPlace,
     accelerometer_column,
     accelerometer_number,
     on_accelerometers,
     only_coefficient,
 )
+from trihedron.models.effects.rows import Rows
 from trihedron.models.restricted import SENSE_INPUT, Vector
 
 
@@ -16,12 +21,20 @@ def hysteresis(context: Vector, n: Vector, p: int, width: float, added: Vector) 
     added[p] = added[p] - 0.5 * width * context[SENSE_INPUT + p]
 
 
+LARGEST_WIDTH = 1e-2
+
+
+def untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Half of the largest width (N, 3) where the sense of the last change of the input is not told."""
+    return accelerometer_column(place, np.where(rows.sense_told[:, place.index], 0.0, 0.5 * LARGEST_WIDTH))[..., 0]
+
+
 EFFECT = Effect(
     name="hysteresis",
     places=on_accelerometers("hysteresis"),
     parameters=(
         EffectParameter(
-            "width", "g", "difference between readings after falling and after rising input", 1e-2, smallest=0.0
+            "width", "g", "difference of readings after falling and after rising input", LARGEST_WIDTH, smallest=0.0
         ),
     ),
     component="AccelerometerBlock",
@@ -34,4 +47,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} reads {values['width']:.2e} g less after a rising input than after a "
         "falling one"
     ),
+    untold=untold,
 )

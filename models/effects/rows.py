@@ -33,6 +33,8 @@ class Rows:
         sense of the last move of each axis: +1, -1, 0 where there was none; zeros where not given
     input_sense : (N, 3)
         sense of the last change of each accelerometer's input; zeros where not given
+    sense_told : (N, 3) of bool
+        whether the record tells that sense; everywhere where not given
     own : (N, 3)
         response of each accelerometer to its own input, (1 + Γ±) n [g]; n where not given
     prediction : (N, 3)
@@ -53,6 +55,7 @@ class Rows:
     sense_alpha: NDArray[np.float64] = field(default_factory=_not_given)
     sense_beta: NDArray[np.float64] = field(default_factory=_not_given)
     input_sense: NDArray[np.float64] = field(default_factory=_not_given)
+    sense_told: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     own: NDArray[np.float64] = field(default_factory=_not_given)
     prediction: NDArray[np.float64] = field(default_factory=_not_given)
     resolution: float = 0.0
@@ -62,6 +65,7 @@ class Rows:
             **dict.fromkeys(("by_kappa", "by_epsilon", "input_sense"), np.zeros_like(self.n)),
             **dict.fromkeys(("sense_alpha", "sense_beta"), np.zeros_like(self.hours)),
             **dict.fromkeys(("own", "prediction"), self.n),
+            "sense_told": np.ones(self.n.shape, dtype=bool),
         }
         for name, values in instead.items():
             if len(getattr(self, name)) != len(self.hours):

@@ -115,6 +115,7 @@ def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: C
         there = replace(at, alpha=at.alpha + 1j * step * alpha, beta=at.beta + 1j * step * beta)
         return np.imag(predicted_reading(p, moved, there)) / step
 
+    input_sense, sense_told = input_senses(p, point, at, circumstances)
     targets = (p.selection @ point)[at.mounting]
     plus, minus = (targets[:, [TARGETS.index(pair[k]) for pair in SYMMETRIC_PAIRS]] for k in (0, 1))
     return Rows(
@@ -129,10 +130,21 @@ def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: C
         temperature=circumstances.temperature,
         sense_alpha=circumstances.sense_alpha,
         sense_beta=circumstances.sense_beta,
-        input_sense=input_senses(p, point, at, circumstances),
+        input_sense=input_sense,
+        sense_told=sense_told,
         own=n + np.where(n >= 0.0, plus, minus) * n,
         prediction=predicted_reading(p, point, at),
     )
+
+
+def added_bound(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
+    """By how much (3 N,) the bounds grow where the circumstances of linear effects are not told."""
+    added = np.zeros(rows.n.shape)
+    for place in places:
+        function = CATALOGUE[place.effect].at(place).untold
+        if function is not None:
+            added += function(place, rows)
+    return added.ravel()
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:

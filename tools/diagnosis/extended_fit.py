@@ -10,7 +10,7 @@ from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import predicted_reading, reading_jacobian
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import acts_on_table, disturbed, is_linear, rows_at, signature_columns
+from trihedron.diagnosis.disturbance import acts_on_table, added_bound, disturbed, is_linear, rows_at, signature_columns
 from trihedron.diagnosis.variants import bench_slopes, variants_seen
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.rows import Variant
@@ -155,7 +155,7 @@ def _model(
             reading = reading + columns[place] @ part
     slopes = reading_jacobian(here.parametrisation, point, at, here.sign)
     rows = replace(rows, prediction=reading.reshape(-1, 3))
-    bound = here.bound
+    bound = here.bound + added_bound(named, rows)
     chosen: dict[EffectPlace, Variant] = {}
     fixed = np.zeros(rows.n.shape, dtype=bool)
     for place, way in ways.items():

@@ -10,7 +10,7 @@ from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import Polytope, SolverError
 from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import disturbed, is_linear, rows_at, signature_columns
+from trihedron.diagnosis.disturbance import added_bound, disturbed, is_linear, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.diagnosis.intervals import feasible_set
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -50,7 +50,7 @@ def excluded_sizes(
     rows = rows_at(here, model.point, at, circumstances)
     found = []
     for place in places:
-        if place in model.places or not is_linear(place):
+        if place in model.places or not is_linear(place) or added_bound([place], rows).any():
             continue
         columns = signature_columns([place], rows)
         reach = reaches(model, columns, room)

@@ -12,7 +12,7 @@ from rich.progress import track
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
 from trihedron.diagnosis.lawson import Problem
 from trihedron.diagnosis.possible import within_possible
@@ -73,13 +73,14 @@ def linear_problem(here: Linearisation, rows: Rows, places: Sequence[EffectPlace
 
 def relaxed(problem: Problem, here: Linearisation, relaxation: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
     """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
+    nominal = np.hstack([problem.nominal, *(r.columns / here.bound[:, None] for r in relaxation)])
     widened = here.bound + sum(r.widening for r in relaxation)
     kept = np.flatnonzero(~np.any([r.touched for r in relaxation], axis=0))
     shrunk = (here.bound / widened)[kept]
     return (
         Problem(
             problem.residual[kept] * shrunk,
-            problem.nominal[kept] * shrunk[:, None],
+            nominal[kept] * shrunk[:, None],
             problem.columns[kept] * shrunk[:, None],
             problem.blocks,
         ),
@@ -135,8 +136,10 @@ def smallest_explanations(
     start = starting_point(here, circumstances, places)
     here = start.here
     rows = replace(rows_at(here, here.point, here.positions, circumstances), resolution=resolution)
+    untold = [place for place in places if added_bound([place], rows).any()]
+    places = [place for place in places if place not in untold]
     problem = linear_problem(here, rows, places)
-    softened = relaxations(here, rows, bent)
+    softened = relaxations(here, rows, [*untold, *bent])
     # Of second order in the misfit: by so much the linear model at a wrong fit may err.
     slack = 0.05 + 20.0 * start.misfit**2 * float(here.bound.min())
     console = Console(stderr=True)
@@ -174,8 +177,8 @@ def best_fit(
     """A set of effects fitted in the best of the ways in which it can act; none where it does not mend the record."""
     places = [*linear, *(r.place for r in bent)]
     best: list[ExtendedFit] = []
-    for ways in product(*(range(r.ways) for r in bent)):
-        chosen = {r.place: way for r, way in zip(bent, ways, strict=True)}
+    for ways in product(*(range(max(r.ways, 1)) for r in bent)):
+        chosen = {r.place: way for r, way in zip(bent, ways, strict=True) if r.ways}
         fit = fit_ways(here, circumstances, places, chosen, resolution)
         fit = within_possible(fit, limit) if fit is not None and fit.radius <= limit else None
         if fit is not None and (not best or fit.radius < best[0].radius):
@@ -191,5 +194,6 @@ def single_radii(
     tried = []
     for place in places:
         jacobian = np.hstack((here.jacobian, signature_columns([place], rows)))
-        tried.append((place.title, chebyshev_radius(jacobian, here.residual, here.bound)[0]))
+        bound = here.bound + added_bound([place], rows)
+        tried.append((place.title, chebyshev_radius(jacobian, here.residual, bound)[0]))
     return sorted(tried, key=lambda entry: (round(entry[1], 9), entry[0]))

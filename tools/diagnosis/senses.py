@@ -8,39 +8,51 @@ from trihedron.diagnosis.circumstances import Circumstances
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
-SAME_WAY = 0.02
-"""Ways [rad] of the two axes that differ by less end together."""
+MOVED = 1e-4
+"""An axis whose reading changes by less [rad] from row to row has not moved."""
 
 
-def input_senses(p: Parametrisation, point: NDArray, at: Positions, circumstances: Circumstances) -> NDArray:
-    """Senses (N, 3) of the last change of each accelerometer's input: with the approach, else from the row before.
+def input_senses(
+    p: Parametrisation, point: NDArray, at: Positions, circumstances: Circumstances
+) -> tuple[NDArray, NDArray]:
+    """Senses of the last change of each accelerometer's input, and whether the record tells them.
 
-    The first row comes from no input. At an approach the axis with the longer way, which arrives last where both set
-    out together at equal rates, has the last word; both have it when the ways are equal or not known.
+    Without approach columns the sense is that of the change from the row before; the first row comes from no input.
+    With them it is told where both axes, or the only one that moved, change the input in the same way when they come to
+    the position: else it depends on which of them came last, which no record says.
+
+    Returns
+    -------
+    sense : (N, 3) array
+        +1, -1, or 0 where there was no change or it is not told
+    told : (N, 3) array of bool
     """
-    step = 1e-30
     n = predicted_input(p, point, at)
-    if circumstances.approached or circumstances.before is None:
-        first, second = later_axes(at, circumstances)
-        moving = Positions(
-            at.alpha + 1j * step * first * circumstances.sense_alpha,
-            at.beta + 1j * step * second * circumstances.sense_beta,
-            at.mounting,
-            at.tilts,
-        )
-        return np.sign(np.imag(predicted_input(p, point, moving)))
-    before = predicted_input(p, point, Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting))
-    change = n - np.nan_to_num(before)
-    return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0)
+    if not circumstances.approached and circumstances.before is not None:
+        before = Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting)
+        change = n - np.nan_to_num(predicted_input(p, point, before))
+        return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0), np.ones(n.shape, dtype=bool)
+    outer, inner = moved_axes(at, circumstances)
+    ways = [
+        np.sign(_slope(p, point, at, outer * circumstances.sense_alpha, np.zeros(len(outer)))),
+        np.sign(_slope(p, point, at, np.zeros(len(outer)), inner * circumstances.sense_beta)),
+    ]
+    told = ways[0] * ways[1] >= 0.0
+    return np.where(told, np.sign(ways[0] + ways[1]), 0.0), told
 
 
-def later_axes(at: Positions, circumstances: Circumstances) -> tuple[NDArray, NDArray]:
-    """Whether (N,) the outer and the inner axis still moved when the table came to each position."""
+def _slope(p: Parametrisation, point: NDArray, at: Positions, alpha: NDArray, beta: NDArray) -> NDArray:
+    """Change of the inputs (N, 3) as the axes turn at these rates (N,)."""
+    step = 1e-30
+    moving = Positions(at.alpha + 1j * step * alpha, at.beta + 1j * step * beta, at.mounting, at.tilts)
+    return np.imag(predicted_input(p, point, moving)) / step
+
+
+def moved_axes(at: Positions, circumstances: Circumstances) -> tuple[NDArray, NDArray]:
+    """Whether (N,) the outer and the inner axis turned on the way to each position; both where that is not known."""
     both = np.ones(len(at.alpha), dtype=bool)
     if circumstances.before is None:
         return both, both
-    senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
-    ways = np.remainder(senses * (np.stack((at.alpha, at.beta), axis=1) - circumstances.before), 2.0 * np.pi)
-    # An axis that stayed seems to have gone all the way round.
-    longer = np.diff(np.where(ways > 2.0 * np.pi - SAME_WAY, 0.0, ways), axis=1)[:, 0]
-    return ~(longer > SAME_WAY), ~(longer < -SAME_WAY)
+    ways = np.abs(np.stack((at.alpha, at.beta), axis=1) - circumstances.before)
+    stayed = ways < MOVED
+    return ~stayed[:, 0], ~stayed[:, 1]

@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import Positions
 from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.diagnosis.disturbance import added_bound, rows_at
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.predictions import Visits, depends_on_senses, prediction_intervals, predictions, seen_at_last
+from trihedron.diagnosis.predictions import (
+    Visits,
+    depends_on_senses,
+    lasting_part,
+    prediction_intervals,
+    predictions,
+    seen_at_last,
+)
 from trihedron.diagnosis.search import title_of
 from trihedron.models.regressors import admissible
 
@@ -71,6 +79,7 @@ def separating_positions(
     visits, senses = possible_visits(here, circumstances, chosen)
     at, p = visits.at, here.parametrisation
     certain = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds)
+    certain &= told(here, chosen, visits)
     centres = [seen_at_last(here, c, visits, predictions(here, c, visits)[0]) for c in chosen]
     pairs = [
         Pair(i, j, np.where(certain, np.abs(centres[i] - centres[j]), 0.0))
@@ -96,6 +105,13 @@ def separating_positions(
         least = float(gaps[separated, k].min())
         positions.append({**position, "separates": names, "apart_g": least if np.isfinite(least) else None})
     return positions
+
+
+def told(here: Linearisation, candidates: Sequence[ExtendedFit], visits: Visits) -> NDArray:
+    """Readings (N, 3) of bool whose circumstances are told, as far as a candidate depends on them."""
+    places = sorted({place for c in candidates for place in lasting_part(c)[0]}, key=lambda place: place.title)
+    rows = rows_at(here, here.point, visits.at, visits.circumstances)
+    return added_bound(places, rows).reshape(-1, 3) == 0.0
 
 
 def possible_visits(

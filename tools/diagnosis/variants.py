@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import Positions, direction_jacobian, predicted_input
+from trihedron.diagnosis.disturbance import added_bound, is_linear, signature_columns
 from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.rows import Variant
@@ -21,17 +22,20 @@ class Relaxation:
     ----------
     place : EffectPlace
     ways : int
-        number of variants
+        number of variants; 0 of an effect that is linear, but not told everywhere
     touched : (M,) array of bool
         readings that some variant changes: they say nothing about the bench
     widening : (M,) array
         by which the bounds of the others grow, fractions of g
+    columns : (M, K) array
+        what the effect adds linearly
     """
 
     place: EffectPlace
     ways: int
     touched: NDArray
     widening: NDArray
+    columns: NDArray
 
 
 def variants_seen(place: EffectPlace, rows: Rows, reading: NDArray, sigma: float) -> list[Variant]:
@@ -44,12 +48,17 @@ def relaxations(here: Linearisation, rows: Rows, places: Sequence[EffectPlace]) 
     """Of each effect that can act on the record at all, what it may do at most."""
     found = []
     for place in places:
+        if is_linear(place):
+            columns = signature_columns([place], rows)
+            found.append(Relaxation(place, 0, added_bound([place], rows) > 0.0, np.zeros(len(columns)), columns))
+            continue
         variants = variants_seen(place, rows, here.reading, float(here.bound.min()))
         if not variants:
             continue
         touched = np.any([changed(variant) for variant in variants], axis=0)
         widening = np.max([variant.widening for variant in variants], axis=0)
-        found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel()))
+        nothing = np.zeros((touched.size, 0))
+        found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), nothing))
     return found
 
 
