@@ -14,11 +14,19 @@ if TYPE_CHECKING:
 def components() -> dict[str, "Component"]:
     """Every component, by its name."""
     from trihedron.fmus.accelerometer_block import ACCELEROMETER_BLOCK
+    from trihedron.fmus.accelerometer_compensation import ACCELEROMETER_COMPENSATION
     from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
     from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
     from trihedron.fmus.turntable_motion import TURNTABLE_MOTION
 
-    return {c.name: c for c in (TURNTABLE_MOTION, HARMONIC_MOTION, ACCELEROMETER_BLOCK, ATTITUDE_COMPUTER)}
+    every = (
+        TURNTABLE_MOTION,
+        HARMONIC_MOTION,
+        ACCELEROMETER_BLOCK,
+        ACCELEROMETER_COMPENSATION,
+        ATTITUDE_COMPUTER,
+    )
+    return {c.name: c for c in every}
 
 
 def component_names() -> tuple[str, ...]:
@@ -33,8 +41,16 @@ def version() -> str:
     return version("trihedron")
 
 
-def build(name: str, folder: Path, effects: "Sequence[EffectPlace]" = ()) -> Path:
-    """Build a component, extended by effects, as an FMI 2.0 co-simulation FMU of the PythonFMU flavour.
+def build(
+    name: str,
+    folder: Path,
+    effects: "Sequence[EffectPlace]" = (),
+    *,
+    flavour: str = "python",
+    fmi: int = 2,
+    platform: str = "host",
+) -> Path:
+    """Build a component, extended by effects, as a co-simulation FMU.
 
     Parameters
     ----------
@@ -44,6 +60,12 @@ def build(name: str, folder: Path, effects: "Sequence[EffectPlace]" = ()) -> Pat
         where ``<name>.fmu`` is written
     effects : sequence of EffectPlace
         composed into the component
+    flavour : str
+        "python": run by PythonFMU; "native": compiled
+    fmi : int
+        2 or 3; the Python flavour is FMI 2.0 only
+    platform : str
+        of the native flavour: "host", "all" or a name of `trihedron.fmus.native.platforms.PLATFORMS`
 
     Returns
     -------
@@ -55,9 +77,20 @@ def build(name: str, folder: Path, effects: "Sequence[EffectPlace]" = ()) -> Pat
     KeyError
         no component has that name
     ValueError
-        an effect belongs to another component
+        an effect belongs to another component, or no such flavour
+    trihedron.fmus.native.compiler.BuildError
+        there is no compiler for the platform, or it fails
     """
     from trihedron.fmus.composition import extend
-    from trihedron.fmus.python_flavour import build_python_fmu
 
-    return build_python_fmu(extend(components()[name], effects), folder)
+    component = extend(components()[name], effects)
+    if flavour == "native" and fmi in (2, 3):
+        from trihedron.fmus.native.compiler import chosen_platforms
+        from trihedron.fmus.native.flavour import build_native_fmu
+
+        return build_native_fmu(component, folder, fmi, chosen_platforms(platform), portable=platform == "all")
+    if flavour == "python" and fmi == 2:
+        from trihedron.fmus.python_flavour import build_python_fmu
+
+        return build_python_fmu(component, folder)
+    raise ValueError(f"there is no flavour {flavour} of FMI {fmi}")

@@ -3,11 +3,32 @@
 import ast
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from trihedron.fmus.component import Component
 from trihedron.models.effects import CATALOGUE
+
+
+@dataclass(frozen=True)
+class Part:
+    """A constant or a kernel of a flat source.
+
+    Attributes
+    ----------
+    text : str
+        its source
+    origin : str
+        name of the file that it comes from
+    first_line : int
+        line of that file on which it begins
+    """
+
+    text: str
+    origin: str
+    first_line: int
 
 
 def called_names(function: Callable[..., Any]) -> list[str]:
@@ -65,8 +86,18 @@ def flat_source(component: Component) -> str:
     TypeError
         a kernel uses something that is not a kernel, a number or `math`
     """
-    parts: dict[str, str] = {}
+    return "\n\n\n".join(part.text for part in flat_parts(component)) + "\n"
+
+
+def flat_parts(component: Component) -> tuple[Part, ...]:
+    """The parts of a component's flat source, in order; raises as `flat_source` does."""
+    parts: dict[str, Part] = {}
     stages = {CATALOGUE[place.effect].stage for place in component.effects}
+
+    def add(function: Callable[..., Any], text: str | None = None) -> None:
+        lines, first = inspect.getsourcelines(function)
+        origin = Path(inspect.getsourcefile(function) or "").name
+        parts[function.__name__] = Part(text or "".join(lines).rstrip(), origin, first)
 
     def include(function: Callable[..., Any]) -> None:
         if function.__name__ in stages:
@@ -74,11 +105,12 @@ def flat_source(component: Component) -> str:
                 effect = CATALOGUE[place.effect].at(place)
                 if effect.stage == function.__name__ and effect.kernel is not None:
                     include_names(effect.kernel)
-                    parts.setdefault(effect.kernel.__name__, inspect.getsource(effect.kernel).rstrip())
-            parts[function.__name__] = hook_source(function, component)
+                    if effect.kernel.__name__ not in parts:
+                        add(effect.kernel)
+            add(function, hook_source(function, component))
             return
         include_names(function)
-        parts[function.__name__] = inspect.getsource(function).rstrip()
+        add(function)
 
     def include_names(function: Callable[..., Any]) -> None:
         for name in called_names(function):
@@ -86,7 +118,7 @@ def flat_source(component: Component) -> str:
                 continue
             value = function.__globals__.get(name)
             if isinstance(value, int | float) and not isinstance(value, bool):
-                parts[name] = f"{name} = {value!r}"
+                parts[name] = Part(f"{name} = {value!r}", Path(inspect.getsourcefile(function) or "").name, 1)
             elif inspect.isfunction(value):
                 include(value)
             elif not (isinstance(value, ModuleType) and value.__name__ == "math") and name not in PERMITTED:
@@ -94,7 +126,7 @@ def flat_source(component: Component) -> str:
 
     for kernel in component.kernels.values():
         include(kernel)
-    return "\n\n\n".join(parts.values()) + "\n"
+    return tuple(parts.values())
 
 
 PERMITTED = frozenset({"range", "int", "float", "None", "Vector"})

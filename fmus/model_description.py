@@ -1,13 +1,15 @@
-"""modelDescription.xml (FMI 2.0 co-simulation) from a component's table."""
+"""modelDescription.xml of both versions of FMI (co-simulation) from a component's table."""
 
 import hashlib
 import math
 import os
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from trihedron.fmus.component import Component, Variable
+from trihedron.fmus.in_process import effect_count
 from trihedron.fmus.units import UNITS
 
 LOG_CATEGORIES = {
@@ -15,6 +17,18 @@ LOG_CATEGORIES = {
     "logStatusError": "why a call was refused",
     "logAll": "everything else",
 }
+
+QUANTITIES = {
+    "rad": "Angle",
+    "rad/s": "AngularVelocity",
+    "rad/s2": "AngularAcceleration",
+    "m/s2": "Acceleration",
+    "degC": "Temperature",
+    "Hz": "Frequency",
+    "s": "Time",
+    "g": "AccelerationInG",
+}
+"""What is measured in a unit."""
 
 TYPE_NAMES = {"real": "Real", "integer": "Integer", "boolean": "Boolean", "enumeration": "Enumeration"}
 
@@ -48,17 +62,54 @@ def add_units(root: Element, component: Component) -> None:
             SubElement(element, "DisplayUnit", name=display, factor=number(factor))
 
 
+def type_name(variable: Variable) -> str | None:
+    """Name of a variable's declared type; pure numbers, integers and booleans have none."""
+    if variable.type == "enumeration":
+        return variable.name
+    if variable.type != "real" or variable.unit not in QUANTITIES:
+        return None
+    shown = variable.display_unit or variable.unit
+    return f"{QUANTITIES[variable.unit]}_{shown.replace('/', '_per_')}"
+
+
+def declared_types(component: Component) -> dict[str, Variable]:
+    """The declared types, by name, each with a variable that has it."""
+    return {name: v for v in component.interface if (name := type_name(v)) is not None}
+
+
 def add_types(root: Element, component: Component) -> None:
-    """TypeDefinitions: one declared type for each enumeration."""
-    enumerations = [v for v in component.interface if v.type == "enumeration"]
-    if not enumerations:
+    """TypeDefinitions: quantities with their units, and enumerations."""
+    declared = declared_types(component)
+    if not declared:
         return
     types = SubElement(root, "TypeDefinitions")
-    for variable in enumerations:
-        simple = SubElement(types, "SimpleType", name=variable.name)
-        items = SubElement(simple, "Enumeration")
-        for value, item in enumerate(variable.items, start=1):
-            SubElement(items, "Item", name=item, value=str(value))
+    for name, variable in declared.items():
+        simple = SubElement(types, "SimpleType", name=name)
+        if variable.type == "enumeration":
+            items = SubElement(simple, "Enumeration")
+            for value, item in enumerate(variable.items, start=1):
+                SubElement(items, "Item", name=item, value=str(value))
+        else:
+            SubElement(simple, "Real", quantity_attributes(variable))
+
+
+def quantity_attributes(variable: Variable) -> dict[str, str]:
+    """Quantity, unit and display unit of a variable that has a declared type."""
+    attributes = {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
+    if variable.display_unit is not None:
+        attributes["displayUnit"] = variable.display_unit
+    return attributes
+
+
+def initially_known(component: Component) -> set[str]:
+    """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
+    of_effects = {v.name for v in component.variables[len(component.variables) - effect_count(component) :]}
+    read = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
+    return {
+        v.name
+        for v in component.interface
+        if v.causality in ("parameter", "input") and (v.name in read or ("effect" in read and v.name in of_effects))
+    }
 
 
 def scalar_element(variable: Variable, name: str, reference: int, start: float) -> Element:
@@ -76,8 +127,9 @@ def scalar_element(variable: Variable, name: str, reference: int, start: float) 
         attributes["initial"] = "exact"
     scalar = Element("ScalarVariable", attributes)
     typed = SubElement(scalar, TYPE_NAMES[variable.type])
-    if variable.type == "enumeration":
-        typed.set("declaredType", variable.name)
+    declared = type_name(variable)
+    if declared is not None:
+        typed.set("declaredType", declared)
     if variable.type == "real":
         if variable.unit != "1":
             typed.set("unit", variable.unit)
@@ -94,36 +146,43 @@ def scalar_element(variable: Variable, name: str, reference: int, start: float) 
     return scalar
 
 
-def model_description(component: Component, content: bytes) -> bytes:
-    """The model description; its GUID is the hash of itself and of what the FMU runs.
+def experiment(component: Component) -> dict[str, str]:
+    """Attributes of DefaultExperiment."""
+    return {
+        "startTime": "0.0",
+        "stopTime": number(component.stop_time),
+        "tolerance": "1e-9",
+        "stepSize": number(component.step_size),
+    }
 
-    Parameters
-    ----------
-    component : Component
-    content : bytes
-        what the FMU runs, so that FMUs that compute differently differ in their GUID
 
-    Returns
-    -------
-    bytes
-        XML in UTF-8; the generation date is there only when SOURCE_DATE_EPOCH gives one
-    """
+def root_attributes(component: Component) -> dict[str, str]:
+    """Attributes of the root element that both versions of FMI have, but for the identity."""
     from trihedron.fmus import version
 
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=component.name,
-        guid="",
-        description=component.description,
-        author="The Trihedron developers",
-        version=version(),
-        license="BSD-2-Clause",
-        generationTool=f"Trihedron {version()}",
-        variableNamingConvention="structured",
-        numberOfEventIndicators="0",
-    )
-    SubElement(
+    return {
+        "modelName": component.name,
+        "description": component.description,
+        "author": "The Trihedron developers",
+        "version": version(),
+        "license": "BSD-2-Clause",
+        "generationTool": f"Trihedron {version()}",
+        "variableNamingConvention": "structured",
+    }
+
+
+def add_categories(root: Element) -> None:
+    """LogCategories."""
+    categories = SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=description)
+
+
+def description_2(component: Component, sources: Sequence[str]) -> Element:
+    """The model description of FMI 2.0, without identity and date; `sources` are files under sources/."""
+    root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **root_attributes(component)})
+    root.set("numberOfEventIndicators", "0")
+    interface = SubElement(
         root,
         "CoSimulation",
         modelIdentifier=component.name,
@@ -133,19 +192,14 @@ def model_description(component: Component, content: bytes) -> bytes:
         canNotUseMemoryManagementFunctions="true",
         needsExecutionTool="false",
     )
+    if sources:
+        files = SubElement(interface, "SourceFiles")
+        for name in sources:
+            SubElement(files, "File", name=name)
     add_units(root, component)
     add_types(root, component)
-    categories = SubElement(root, "LogCategories")
-    for name, description in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=name, description=description)
-    SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0.0",
-        stopTime=number(component.stop_time),
-        tolerance="1e-9",
-        stepSize=number(component.step_size),
-    )
+    add_categories(root)
+    SubElement(root, "DefaultExperiment", experiment(component))
     variables = SubElement(root, "ModelVariables")
     time = SubElement(
         variables,
@@ -166,6 +220,8 @@ def model_description(component: Component, content: bytes) -> bytes:
     structure = SubElement(root, "ModelStructure")
     outputs = SubElement(structure, "Outputs")
     unknowns = SubElement(structure, "InitialUnknowns")
+    initial = initially_known(component)
+    at_start = " ".join(str(i) for v in component.interface if v.name in initial for i in index[v.name])
     for variable in component.interface:
         if variable.causality != "output":
             continue
@@ -174,9 +230,45 @@ def model_description(component: Component, content: bytes) -> bytes:
             unknown = SubElement(outputs, "Unknown", index=str(place), dependencies=" ".join(known))
             if known:
                 unknown.set("dependenciesKind", " ".join(["dependent"] * len(known)))
-            SubElement(unknowns, "Unknown", index=str(place))
-    digest = hashlib.sha256(ElementTree.tostring(root) + content).hexdigest()
-    root.set("guid", f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}")
+            SubElement(unknowns, "Unknown", index=str(place), dependencies=at_start)
+    return root
+
+
+def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+    """The model description of a version of FMI, without identity and date."""
+    from trihedron.fmus.model_description_3 import description_3
+
+    return description_3(component) if fmi == 3 else description_2(component, sources)
+
+
+def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> str:
+    """GUID or instantiation token: the hash of the model description and of what the FMU runs.
+
+    Parameters
+    ----------
+    component : Component
+    content : bytes
+        what the FMU runs, so that FMUs that compute differently differ in their identity
+    fmi : int
+        2 or 3
+    sources : sequence of str
+        files under sources/ that are compiled
+    """
+    digest = hashlib.sha256(ElementTree.tostring(described(component, fmi, sources)) + content).hexdigest()
+    return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
+
+
+def model_description(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> bytes:
+    """The model description; parameters as those of `identity`.
+
+    Returns
+    -------
+    bytes
+        XML in UTF-8; the generation date is there only when SOURCE_DATE_EPOCH gives one
+    """
+    root = described(component, fmi, sources)
+    token = identity(component, content, fmi=fmi, sources=sources)
+    root.set("guid" if fmi == 2 else "instantiationToken", token)
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     if epoch.isdigit():
         moment = datetime.fromtimestamp(math.floor(int(epoch)), UTC)

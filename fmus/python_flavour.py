@@ -12,10 +12,12 @@ from pathlib import Path
 from pythonfmu.builder import FmuBuilder
 
 from trihedron.fmus import instance
+from trihedron.fmus.archive import write_archive
 from trihedron.fmus.component import Component
 from trihedron.fmus.flat_source import flat_source
 from trihedron.fmus.in_process import effect_count, instance_rows
 from trihedron.fmus.model_description import model_description
+from trihedron.fmus.pages import accompanying_files
 
 SCRIPT = '''"""{name}: {description}
 
@@ -142,20 +144,13 @@ def build_python_fmu(component: Component, folder: Path) -> Path:
         finally:
             sys.path[:] = before
             sys.modules.pop(script.stem, None)
-        rewrite_archive(Path(built), path, model_description(component, source.encode()))
+        rewrite_archive(Path(built), path, component, model_description(component, source.encode()))
     return path
 
 
-def rewrite_archive(built: Path, path: Path, description: bytes) -> None:
-    """Copy an FMU in a fixed order with fixed dates, with our model description in place of the builder's."""
+def rewrite_archive(built: Path, path: Path, component: Component, description: bytes) -> None:
+    """Copy an FMU with our model description in place of the builder's, and what accompanies it."""
     with zipfile.ZipFile(built) as archive:
         members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     members["modelDescription.xml"] = description
-    beside = path.with_suffix(".fmu.part")
-    with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
-            entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = 0o644 << 16
-            archive.writestr(entry, members[name])
-    beside.replace(path)
+    write_archive(path, members | accompanying_files(component, 2))

@@ -2,31 +2,99 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from trihedron.errors import InputError, nearest
-from trihedron.fmus import build, component_names
+from trihedron.fmus import build, component_names, components
+from trihedron.fmus.native.compiler import BuildError, chosen_platforms
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.writing import whole_folder
 
+Flavour = Literal["python", "native"]
 
-def export_components(names: Sequence[str], out: Path) -> list[Path]:
-    """Write components as FMI 2.0 FMUs of the PythonFMU flavour into a folder.
 
-    Parameters
-    ----------
-    names : sequence of str
-        components; all of them when there are none
+def effect_places(titles: Sequence[str]) -> list[EffectPlace]:
+    """The places of effects, each written as "quadratic accelerometer-3" or "encoder-harmonic outer-axis order 2".
 
     Raises
     ------
     InputError
-        a name that no component has, or a folder that cannot be written
+        no such effect at such a place, or one that no component can have
+    """
+    known = {place.title: place for effect in CATALOGUE.values() if effect.component for place in effect.places}
+    for title in titles:
+        if title not in known:
+            raise InputError(f"--effect {title}: is not known; {nearest(title, list(known))}")
+    return [known[title] for title in dict.fromkeys(titles)]
+
+
+def export_components(
+    names: Sequence[str],
+    out: Path,
+    flavour: Flavour = "python",
+    fmi: int = 2,
+    platform: str | None = None,
+    effects: Sequence[str] = (),
+) -> list[Path]:
+    """Write components as FMUs into a folder; native ones with reference results beside them.
+
+    Parameters
+    ----------
+    names : sequence of str
+        components; all of them when there are none, or those that the effects extend
+    out : Path
+        the folder
+    flavour : str
+        "python": run by PythonFMU; "native": compiled
+    fmi : int
+        2 or 3
+    platform : str, optional
+        of the native flavour: "host" (the default), "all" or a name
+    effects : sequence of str
+        titles of effects that extend the components
+
+    Returns
+    -------
+    list of Path
+        the FMUs
+
+    Raises
+    ------
+    InputError
+        a name that no component has, an effect of a component that is not exported, a platform that nothing here
+        compiles for, or a folder that cannot be written
     """
     known = component_names()
     for name in names:
         if name not in known:
             raise InputError(f"component {name}: is not known; {nearest(name, known)}")
-    chosen = list(dict.fromkeys(names)) or list(known)
-    with whole_folder(out) as beside:
-        for name in chosen:
-            build(name, beside)
+    if flavour == "python" and fmi != 2:
+        raise InputError("--fmi 3: the Python flavour is FMI 2.0 only; add --flavour native")
+    if flavour == "python" and platform is not None:
+        raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
+    places = effect_places(effects)
+    extended = {str(CATALOGUE[place.effect].component) for place in places}
+    chosen = list(dict.fromkeys(names)) or [name for name in known if name in extended] or list(known)
+    for place in places:
+        if CATALOGUE[place.effect].component not in chosen:
+            raise InputError(f"--effect {place.title}: extends {CATALOGUE[place.effect].component}, not exported here")
+    try:
+        if flavour == "native":
+            chosen_platforms(platform or "host")
+        with whole_folder(out) as beside:
+            for name in chosen:
+                own = [place for place in places if CATALOGUE[place.effect].component == name]
+                build(name, beside, own, flavour=flavour, fmi=fmi, platform=platform or "host")
+                if flavour == "native":
+                    write_reference_results(name, own, beside, fmi)
+    except BuildError as error:
+        raise InputError(f"--flavour native: {error}") from error
     return [out / f"{name}.fmu" for name in chosen]
+
+
+def write_reference_results(name: str, effects: Sequence[EffectPlace], folder: Path, fmi: int) -> None:
+    """Write the reference results of a component beside its FMU."""
+    from trihedron.fmus.composition import extend
+    from trihedron.fmus.reference_results import write_reference
+
+    write_reference(extend(components()[name], effects), folder, fmi)

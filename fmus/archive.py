@@ -1,0 +1,25 @@
+"""FMU files: zip archives with the same bytes on every build."""
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
+    """Write an FMU in a fixed order with fixed dates, whole or not at all; modelDescription.xml stands first.
+
+    Parameters
+    ----------
+    path : Path
+        the file
+    members : mapping
+        name inside the archive to content
+    """
+    beside = path.with_suffix(".fmu.part")
+    with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
+            entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, members[name], compresslevel=9)
+    beside.replace(path)

@@ -1,0 +1,109 @@
+/* A component behind FMI: its memory, its table of variables, the order in which it may be called. */
+#ifndef COMPONENT_H
+#define COMPONENT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "model.h"
+
+#if defined(__GNUC__) && !defined(_WIN32)
+#pragma GCC visibility push(hidden)
+#endif
+
+enum { OK = 0, WARNING = 1, DISCARD = 2, ERROR = 3 };
+
+typedef enum { REAL, INTEGER, BOOLEAN, ENUMERATION } Type;
+typedef enum { PARAMETER, INPUT, OUTPUT } Causality;
+
+/* What a value reference stands for; reference 0 is the time, reference i is variables[i - 1]. */
+typedef struct {
+    const char *name;
+    Type type;
+    Causality causality;
+    int fixed;
+    size_t place; /* of its first element in the memory */
+    size_t size;  /* elements; 1 for a scalar */
+    double lower;
+    double upper;
+} Variable;
+
+/* Of model.c, made from the component's table and kernels. */
+extern const Variable variables[];
+extern const double start_values[];
+extern const char *const messages[];
+int64_t model_initialise(double *memory, double time, double step);
+int64_t model_step(double *memory, double time, double step);
+void model_respond(double *memory, double time, double step);
+
+enum { INSTANTIATED, INITIALISING, STEPPING, FAILED, TERMINATED, PHASES };
+#define IN(phase) (1u << (phase))
+#define ANY_PHASE (IN(PHASES) - 1u)
+#define INITIALISED (IN(INITIALISING) | IN(STEPPING) | IN(FAILED) | IN(TERMINATED))
+
+/* Everything that decides what comes next: one block of eight-byte words without gaps. */
+typedef struct {
+    double time;
+    double stop;
+    int64_t phase;
+    int64_t stale; /* outputs that follow the inputs at once wait for their kernel */
+    double memory[MEMORY_SIZE];
+} State;
+
+/* A state outside its instance, as it is handed out and as it is serialised. */
+typedef struct {
+    char mark[8];
+    uint64_t model;
+    uint64_t size;
+    uint64_t check;
+    State state;
+} Record;
+
+/* Whom an instance tells why it refuses. */
+typedef struct {
+    const char *name;
+    void *environment;
+    void (*logger)(void);
+    int logging;
+} Listener;
+
+typedef struct {
+    Listener listener;
+    char mark[8];
+    char *name;
+    State state;
+    double preview[MEMORY_SIZE];
+} Component;
+
+/* How the values of a call are laid out. */
+typedef enum { DOUBLES, INTS, INT64S, BOOLS } Layout;
+
+/* Of fmi2.c or fmi3.c: hand a finished text to the logger of the environment. */
+void emit(const Listener *listener, int status, const char *category, const char *text);
+
+int say(const Listener *listener, const char *format, ...);
+#define refuse(c, ...) say(&((Component *)(c))->listener, __VA_ARGS__)
+int may(Component *c, const char *call, unsigned phases);
+Component *create(const char *token, const Listener *listener);
+void destroy(Component *c);
+void reset(Component *c);
+int begin(Component *c, const char *call, double start, int has_stop, double stop);
+int finish_initialisation(Component *c, const char *call);
+int do_step(Component *c, const char *call, double time, double step);
+int set_values(Component *c, const char *call, Type type, Layout layout, const uint32_t *references, size_t count,
+               const void *values, size_t value_count);
+int get_values(Component *c, const char *call, Type type, Layout layout, const uint32_t *references, size_t count,
+               void *values, size_t value_count);
+int set_logging(Component *c, const char *call, int logging, size_t count, const char *const *categories);
+int save(Component *c, const char *call, void **record);
+int restore(Component *c, const char *call, const void *record);
+int discard(Component *c, const char *call, void **record);
+int serialised_size(Component *c, const char *call, const void *record, size_t *size);
+int serialise(Component *c, const char *call, const void *record, void *bytes, size_t size);
+int deserialise(Component *c, const char *call, const void *bytes, size_t size, void **record);
+
+#if defined(__GNUC__) && !defined(_WIN32)
+#pragma GCC visibility pop
+#endif
+
+#endif
