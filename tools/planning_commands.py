@@ -8,6 +8,9 @@ from cyclopts import Parameter
 from trihedron.errors import InputError
 from trihedron.options import Baseline, Bounds, JsonFile, Mounting, ReportFile
 from trihedron.outputs import distinct_files, ordinary_file
+from trihedron.position_commands import PositionOptions, plan_common
+
+NO_POSITIONS = PositionOptions()
 
 
 def plan(
@@ -38,12 +41,21 @@ def plan(
         Path | None,
         Parameter(help="Write the paper's figure, for one target, to this SVG file.", validator=ordinary_file),
     ] = None,
+    common: Annotated[PositionOptions, Parameter(name="*")] = NO_POSITIONS,
 ) -> None:
     """Find the table positions and weights that estimate each target best, with the proof that none are better.
 
+    Or one set of N positions for all targets; what sets of more positions gain; or what setting errors do to a plan.
+
     Example: trihedron plan --target X4 --continuum --picture X4.svg
+
+    Example: trihedron plan --positions 12 --reserve 0.1 --out plan12
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
+    settings = {"admissible": admissible, "bounds": bounds, "convention": convention, "baseline": baseline}
+    others = {"--target": target, "--grid": grid, "--continuum": continuum, "--report": report, "--picture": picture}
+    if plan_common(common, {**settings, "mounting": mounting}, others, json):
+        return
     if continuum and grid is not None:
         raise InputError("--grid and --continuum: give one of the two")
     if picture is not None and len(target) != 1:

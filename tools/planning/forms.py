@@ -43,6 +43,8 @@ class Sheet:
         c without its absolute values
     terms : (T, 3, 3) array
         the forms in absolute value, each times its weight; T ≤ `MOST_TERMS`
+    mounting : int
+        index into the mountings of the parametrisation
     """
 
     accelerometer: int
@@ -50,6 +52,7 @@ class Sheet:
     regressor: NDArray
     base: NDArray
     terms: NDArray
+    mounting: int = 0
 
 
 def basis(angle: ArrayLike) -> NDArray:
@@ -95,13 +98,30 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
     if len(p.mountings) != 1:
         names = ", ".join(p.mountings)
         raise InputError(f"--mounting: holds {len(p.mountings)} mountings ({names}); a plan is for one")
+    return sheets_of_mountings(p, bounds=bounds, rule=rule)
+
+
+def sheets_of_mountings(
+    p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper"
+) -> list[Sheet]:
+    """The sheets of every mounting, one mounting after the other; as `sheets`."""
     if rule not in RULES:
         raise InputError(f"--admissible {rule}: must be one of {', '.join(RULES)}")
     u, v = bounds
     if not (np.isfinite(bounds).all() and u >= 0.0 and v >= 0.0):
         raise InputError(f"--bounds {u:g} {v:g}: both must be finite and not negative")
-    matrix = p.matrices[0]
-    to_x = _x_from_targets() @ p.selection[0]
+    found = []
+    for mounting, matrix in enumerate(p.matrices):
+        found += _sheets_of(p, mounting, matrix, bounds, rule)
+    _check_not_empty(found, bounds)
+    return found
+
+
+def _sheets_of(
+    p: Parametrisation, mounting: int, matrix: NDArray, bounds: tuple[float, float], rule: str
+) -> list[Sheet]:
+    u, v = bounds
+    to_x = x_from_targets() @ p.selection[mounting]
     inputs = np.array([input_form(row) for row in matrix])
     found = []
     for index, row in enumerate(matrix):
@@ -119,12 +139,11 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
                 base[2, 2] = -v if rule == "tables" else 0.0
                 others = [v * inputs[c] for c in range(3) if c != index]
                 terms = np.array([term for term in (*(u * stand), *others) if term.any()]).reshape(-1, 3, 3)
-            found.append(Sheet(index, sign, regressor, base, terms))
-    _check_not_empty(found, bounds)
+            found.append(Sheet(index, sign, regressor, base, terms, mounting))
     return found
 
 
-def _x_from_targets() -> NDArray:
+def x_from_targets() -> NDArray:
     """X (18) of the paper as a function of the targets (18), as a matrix (18, 18)."""
     matrix = np.zeros((18, 18))
     for k in range(18):

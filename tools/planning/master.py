@@ -70,6 +70,12 @@ class Master:
             matrix[columns, rows],  # pyright: ignore[reportArgumentType]
         )
 
+    def close(self, columns: NDArray, *, closed: bool = True) -> None:
+        """Keep columns (n,) out of every plan, or let them in again."""
+        pairs = (2 * (self._size + np.asarray(columns))[:, None] + np.arange(2)).ravel().astype(np.int32)
+        upper = np.full(len(pairs), 0.0 if closed else highspy.kHighsInf)
+        self._highs.changeColsBounds(len(pairs), pairs, np.zeros(len(pairs)), upper)  # pyright: ignore
+
     def aim(self, target: NDArray) -> None:
         """Set the weights a (P,) of the target."""
         rows = np.arange(self._size, dtype=np.int32)

@@ -1,0 +1,127 @@
+"""In which order positions are measured: at random against drift, or on the shortest tour; and which ones twice."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.models.motion import move_duration
+
+EXACT = 10
+"""Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
+
+
+def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> NDArray:
+    """Angles (N, 2) [rad] as commands within one turn of each axis, cut where no position lies.
+
+    The cut is in the axis's widest keep-out, which no move then crosses, or else in the widest gap between positions.
+    The turn is the one about zero that leaves the commands as small as possible.
+    """
+    commands = np.mod(angle, 2.0 * np.pi)
+    for axis in (0, 1):
+        own = np.sort(commands[:, axis])
+        gaps = np.append(np.diff(own), own[0] + 2.0 * np.pi - own[-1])
+        widest = int(gaps.argmax())
+        cut = own[widest] + 0.5 * gaps[widest]
+        if keep_out[axis]:
+            low, high = max(keep_out[axis], key=lambda interval: interval[1] - interval[0])
+            cut = 0.5 * (low + high)
+        start = cut + 1e-12
+        turned = start + np.mod(commands[:, axis] - start, 2.0 * np.pi)
+        turned -= 2.0 * np.pi * np.round(0.5 * (turned.max() + turned.min()) / (2.0 * np.pi))
+        commands[:, axis] = turned
+    return commands
+
+
+def move_times(commands: NDArray, max_rate: float, max_acceleration: float, from_zero: bool = True) -> NDArray:
+    """Times [s] of all moves: (N + 1, N), the first row from (0, 0); both axes move at once."""
+    starts = np.vstack([np.zeros((1, 2)), commands]) if from_zero else commands
+    way = np.abs(starts[:, None] - commands[None]).max(axis=2)
+    return np.vectorize(lambda distance: move_duration(float(distance), max_rate, max_acceleration))(way)
+
+
+def tour_duration(times: NDArray, order: NDArray) -> float:
+    """Time [s] of the moves of a programme that begins at (0, 0)."""
+    before = np.concatenate([[0], order[:-1] + 1])
+    return float(times[before, order].sum())
+
+
+def shortest_tour(times: NDArray) -> NDArray:
+    """The order (N,) with the least time of all moves from (0, 0) on, not back."""
+    count = times.shape[1]
+    if count <= EXACT:
+        return _exact(times)
+    tours = [_exchanged(times, _nearest(times, first)) for first in range(count)]
+    return min(tours, key=lambda order: (round(tour_duration(times, order), 9), order.tolist()))
+
+
+def _exact(times: NDArray) -> NDArray:
+    """Held and Karp's recursion over sets of positions."""
+    count = times.shape[1]
+    best = np.full((1 << count, count), np.inf)
+    came = np.zeros((1 << count, count), dtype=int)
+    for last in range(count):
+        best[1 << last, last] = times[0, last]
+    for members in range(1, 1 << count):
+        inside = [k for k in range(count) if members >> k & 1]
+        for new in range(count):
+            if members >> new & 1:
+                continue
+            ways = best[members, inside] + times[np.array(inside) + 1, new]
+            k = int(ways.argmin())
+            if ways[k] < best[members | 1 << new, new]:
+                best[members | 1 << new, new] = ways[k]
+                came[members | 1 << new, new] = inside[k]
+    members, last = (1 << count) - 1, int(best[-1].argmin())
+    order = [last]
+    while members != 1 << last:
+        members, last = members ^ 1 << last, int(came[members, last])
+        order.append(last)
+    return np.array(order[::-1])
+
+
+def _nearest(times: NDArray, first: int) -> NDArray:
+    order, left = [first], set(range(times.shape[1])) - {first}
+    while left:
+        order.append(min(left, key=lambda k: (times[order[-1] + 1, k], k)))
+        left.remove(order[-1])
+    return np.array(order)
+
+
+def _exchanged(times: NDArray, order: NDArray) -> NDArray:
+    """Reverse parts of a tour, and move short parts, while that shortens it."""
+    best, count = tour_duration(times, order), len(order)
+    improved = True
+    while improved:
+        improved = False
+        for i in range(count):
+            for j in range(i + 1, count + 1):
+                reversed_part = np.concatenate([order[:i], order[i:j][::-1], order[j:]])
+                trials = [reversed_part]
+                if j - i <= 3:
+                    rest, part = np.concatenate([order[:i], order[j:]]), order[i:j]
+                    trials += [np.concatenate([rest[:k], part, rest[k:]]) for k in range(len(rest) + 1) if k != i]
+                for trial in trials:
+                    duration = tour_duration(times, trial)
+                    if duration < best - 1e-9:
+                        order, best, improved = trial, duration, True
+    return order
+
+
+def repeated(order: NDArray, count: int) -> NDArray:
+    """The order with `count` of its positions measured again, spread over it, half the programme after the first time.
+
+    Half a programme apart, the two readings of a position tell drift and repeatability as well as any can.
+    """
+    if not count:
+        return order
+    size = len(order)
+    chosen = np.unique(np.linspace(0, size - 1, count).round().astype(int))
+    after: dict[int, list[int]] = {}
+    for row in chosen:
+        after.setdefault((int(row) + size // 2) % size, []).append(int(order[row]))
+    programme: list[int] = []
+    for row, position in enumerate(order):
+        programme.append(int(position))
+        programme += after.get(row, [])
+    return np.array(programme)
