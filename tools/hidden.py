@@ -2,11 +2,13 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trihedron.errors import InputError
 from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
@@ -32,37 +34,68 @@ RECORD_DECIMALS = 9
 
 def raw_record_scenario(case: HiddenCase, seed: int) -> Scenario:
     """The scenario in which the bench, with its secret composed into the components, is measured."""
-    effects: dict[str, list[dict[str, Any]]] = {name: [] for name in case.truth}
-    if case.place is not None and (component := CATALOGUE[case.place.effect].component) is not None:
+    entries = []
+    if case.place is not None and CATALOGUE[case.place.effect].component is not None:
         answer = case.answer()
-        effects[component].append({**answer.pop("parameters"), **answer})
+        entries = [{**answer.pop("parameters"), **answer}]
+    table: dict[str, Any] = {**case.truth["TurntableMotion"], "encoder_fluctuation_bound": ENCODER_FLUCTUATION}
+    block: dict[str, Any] = {
+        **case.truth["AccelerometerBlock"],
+        "noise_bound": BLOCK_NOISE,
+        "held_fraction": 0.8,
+    }
+    return bench_scenario(table, block, entries, case.alpha, case.beta, seed)
+
+
+def bench_scenario(
+    table: Mapping[str, Any],
+    block: Mapping[str, Any],
+    effects: Sequence[Mapping[str, Any]],
+    alpha: NDArray,
+    beta: NDArray,
+    seed: int,
+    step_s: float = STEP_S,
+) -> Scenario:
+    """The scenario in which the table carries the block from position to position and dwells at each.
+
+    Parameters
+    ----------
+    table, block : mapping
+        parameters of the two components, but for the seed and where the table starts
+    effects : sequence of mapping
+        as in a scenario file
+    alpha, beta : (N,) array
+        commanded angles [rad]
+    seed : int
+        of the components' errors
+    step_s : float
+        communication step [s]
+    """
+    own = {
+        component: [dict(e) for e in effects if CATALOGUE[str(e["effect"])].component == component]
+        for component in ("TurntableMotion", "AccelerometerBlock")
+    }
     seconds = np.arange(0.0, LONGEST_RUN_S, 1.0)
     return Scenario.model_validate(
         {
             "schema": "trihedron.scenario/1",
             "title": "a measured record",
-            "run": {"step_s": STEP_S},
+            "run": {"step_s": step_s},
             "fmus": {
                 "table": {
                     "component": "TurntableMotion",
-                    "effects": effects["TurntableMotion"],
+                    "effects": own["TurntableMotion"],
                     "parameters": {
-                        **case.truth["TurntableMotion"],
-                        "encoder_fluctuation_bound": ENCODER_FLUCTUATION,
+                        **table,
                         # Every position has a move before it, whose sense the record can tell.
-                        "initial_angle": [float(case.alpha[0]) - START_APART, float(case.beta[0]) - START_APART],
+                        "initial_angle": [float(alpha[0]) - START_APART, float(beta[0]) - START_APART],
                         "seed": seed % 2**31,
                     },
                 },
                 "block": {
                     "component": "AccelerometerBlock",
-                    "effects": effects["AccelerometerBlock"],
-                    "parameters": {
-                        **case.truth["AccelerometerBlock"],
-                        "noise_bound": BLOCK_NOISE,
-                        "held_fraction": 0.8,
-                        "seed": seed % 2**31,
-                    },
+                    "effects": own["AccelerometerBlock"],
+                    "parameters": {**block, "seed": seed % 2**31},
                 },
             },
             "connections": [
@@ -72,10 +105,7 @@ def raw_record_scenario(case: HiddenCase, seed: int) -> Scenario:
             "stimuli": [
                 {
                     "to": "table.command",
-                    "table": {
-                        "alpha_deg": np.degrees(case.alpha).tolist(),
-                        "beta_deg": np.degrees(case.beta).tolist(),
-                    },
+                    "table": {"alpha_deg": np.degrees(alpha).tolist(), "beta_deg": np.degrees(beta).tolist()},
                     "dwell_s": DWELL_S,
                 },
                 {
@@ -115,7 +145,16 @@ def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionR
     PositionRecord
         what a laboratory would hand over
     """
-    run = simulate(raw_record_scenario(case, seed), progress=progress).table
+    record = record_of(raw_record_scenario(case, seed), progress=progress)
+    if case.place is not None and case.place.effect == "outlier":
+        row = int(case.place.where.removeprefix("position-")) - 1
+        record.specific_force[row, case.place.axes[0] - 1] += case.values[0] * 9.80665
+    return record
+
+
+def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
+    """Run a scenario of `bench_scenario` and average its rests; with `every` those too whose readings drift."""
+    run = simulate(scenario, progress=progress).table
     raw = RawRecord(
         time_s=run["time_s"].to_numpy(),
         alpha=np.radians(run["alpha_deg"].to_numpy()),
@@ -123,11 +162,8 @@ def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionR
         specific_force=np.stack([run[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1),
         temperature=run["temperature_degC"].to_numpy(),
     )
-    record = average_rests(raw, find_rests(raw))
-    if case.place is not None and case.place.effect == "outlier":
-        row = int(case.place.where.removeprefix("position-")) - 1
-        record.specific_force[row, case.place.axes[0] - 1] += case.values[0] * 9.80665
-    return record
+    rests = find_rests(raw)
+    return average_rests(raw, [replace(rest, refused=None) for rest in rests] if every else rests)
 
 
 def check_seed(seed: int) -> None:

@@ -1,0 +1,136 @@
+"""The command that hides effects: one record, or a whole suite of them, diagnosed and counted."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from trihedron.errors import InputError
+from trihedron.options import Baseline
+from trihedron.outputs import distinct_files, ordinary_file
+
+
+def hidden(
+    record: Annotated[
+        Path | None, Parameter(help="Where one position record is written (CSV).", validator=ordinary_file)
+    ] = None,
+    /,
+    *,
+    seed: int | None = None,
+    answer: Annotated[Path | None, Parameter(validator=ordinary_file)] = None,
+    effect: Annotated[
+        tuple[str, ...],
+        Parameter(name=("--effect", "--effects"), help="Draw from these effects only; may be repeated."),
+    ] = (),
+    clean: bool = False,
+    baseline: Baseline | None = None,
+    cases: Annotated[int | None, Parameter(allow_leading_hyphen=True)] = None,
+    suite: str | None = None,
+    mode: Literal["clean", "single", "between", "pairs"] | None = None,
+    positions: tuple[int, int] | None = None,
+    size: Annotated[tuple[float, float] | None, Parameter(allow_leading_hyphen=True)] = None,
+    noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
+    out: Path | None = None,
+    jobs: int = 1,
+) -> None:
+    """Make a "measured" record with one hidden effect, or with --cases a suite: many records, diagnosed and counted.
+
+    Example: trihedron hidden measured.csv --seed 7 --answer answer.json
+
+    Example: trihedron hidden --cases 100 --seed 1 --mode single --out suite
+
+    Example: trihedron hidden --suite quick-single
+
+    Parameters
+    ----------
+    seed
+        Decides truth, effect, size and noise; 0 by default.
+    answer
+        Of one record: where the secret is written; without it nobody will know.
+    clean
+        Hide nothing.
+    baseline
+        Of one record: whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
+    cases
+        So many records are drawn, measured and diagnosed; a case is the same whatever their number.
+    suite
+        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, or quick- before one of the
+        first four. It decides what is drawn, and, unless they are given, --cases and --seed.
+    mode
+        Of a suite: nothing hidden; one effect that every rival is surely excluded for (the default); one that is only
+        surely detected; two effects.
+    positions
+        Of a suite: fewest and most positions, 12 and 100 by default.
+    size
+        Of a suite: least and greatest size relative to that of sure detection, in place of those of the mode.
+    noise
+        Of a suite: uniform within σ, at ±σ everywhere, wandering within σ, or one after the other (the default).
+    out
+        Of a suite: folder for the results (JSON, CSV, page) and the records.
+    jobs
+        Of a suite: number of processes.
+    """
+    if clean and (effect or mode not in (None, "clean")):
+        raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
+    drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}
+    if cases is None and suite is None:
+        refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
+        if record is None:
+            raise InputError("hidden: give the file of one record, as measured.csv, or --cases for a suite")
+        one_record(record, seed or 0, answer, effect, clean=clean, baseline=baseline or "asymmetric")
+        return
+    only = {"the record": record, "--answer": answer, "--baseline": baseline}
+    refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
+    from trihedron.hidden_suite.cases import SuiteOptions
+    from trihedron.hidden_suite.suite import NamedSuite, named_suite, run_suite
+    from trihedron.hidden_suite.summary import suite_text, write_suite
+
+    if suite is not None:
+        refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
+        named = named_suite(suite)
+    else:
+        chosen = "clean" if clean else mode or "single"
+        named = NamedSuite(SuiteOptions(chosen, effect, positions or (12, 100), noise or "all", size), 100, 0)
+    done = run_suite(
+        named.options,
+        named.cases if cases is None else cases,
+        named.seed if seed is None else seed,
+        records=records_folder(out),
+        jobs=jobs,
+        progress=True,
+    )
+    print(suite_text(done))
+    for file in write_suite(done, out) if out is not None else ():
+        print(file)
+
+
+def refuse(given: Mapping[str, object], why: str) -> None:
+    """Refuse the first option that was given."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(f"{name}: {why}")
+
+
+def one_record(
+    record: Path, seed: int, answer: Path | None, effect: tuple[str, ...], *, clean: bool, baseline: Baseline
+) -> None:
+    """Write one record with a secret."""
+    distinct_files({"the record": record, "--answer": answer})
+    from trihedron.hidden import write_hidden_record
+
+    chosen = () if clean else effect or None
+    write_hidden_record(record, seed, answer, effects=chosen, symmetric=baseline == "symmetric", progress=True)
+    print(record)
+
+
+def records_folder(out: Path | None) -> Path | None:
+    """The folder for a suite's records, made; None where nothing is written."""
+    if out is None:
+        return None
+    folder = out / "records"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be made a folder ({error.strerror})") from error
+    return folder

@@ -1,0 +1,169 @@
+"""Benches of the suite: truth, mountings, positions in random order, and what the diagnosis could know at best."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.linearisation import Linearisation, linearise
+from trihedron.calibration.mountings import PRESETS
+from trihedron.calibration.parametrisation import Positions, parametrise
+from trihedron.calibration.procedure import fit_record
+from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
+from trihedron.diagnosis.classes import Classes, classes_of
+from trihedron.hidden import START_APART
+from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, STAND_BOUND, draw_truth, temperature_at
+from trihedron.models.bench import ELEMENTARY, elementary, elementary_reading
+from trihedron.models.effects import CATALOGUE
+from trihedron.records import PositionRecord
+
+GRAVITY = 9.80665
+SYMMETRIC_SHARE = 0.25
+"""Part of the benches whose scale factors do not depend on the sign, and are diagnosed so."""
+TWO_MOUNTINGS_SHARE = 0.25
+FEWEST_FOR_TWO = 24
+"""Positions from which there may be two mountings."""
+RATE = ACCELERATION = math.radians(60.0)
+"""Limits of the table's moves, as the component has them by default [rad/s], [rad/s²]."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A bench and its programme of positions.
+
+    Attributes
+    ----------
+    truth : dict
+        component -> variable -> value
+    symmetric : bool
+        the block's scale factors do not depend on the sign
+    mountings : tuple of str
+        presets, one or two
+    mounting_errors : tuple of tuple
+        rotation vector [rad] of each mounting
+    alpha, beta : (N,) array
+        commanded angles [rad]
+    mounting : (N,) array of int
+        which mounting each position is measured in
+    """
+
+    truth: dict[str, dict[str, Any]]
+    symmetric: bool
+    mountings: tuple[str, ...]
+    mounting_errors: tuple[tuple[float, ...], ...]
+    alpha: NDArray
+    beta: NDArray
+    mounting: NDArray
+
+    @property
+    def baseline(self) -> str:
+        """The model that the bench is diagnosed with."""
+        return "symmetric" if self.symmetric else "asymmetric"
+
+    @property
+    def matrices(self) -> dict[str, NDArray]:
+        """Q by name."""
+        return {name: PRESETS[name] for name in self.mountings}
+
+
+def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
+    """Draw a bench within the paper's bounds, its mountings, and positions of which there are so many to so many."""
+    symmetric = bool(rng.random() < SYMMETRIC_SHARE)
+    truth = draw_truth(rng, symmetric=symmetric)
+    count = int(rng.integers(positions[0], positions[1] + 1))
+    both = count >= FEWEST_FOR_TWO and rng.random() < TWO_MOUNTINGS_SHARE
+    others = [name for name in PRESETS if name != "identity"]
+    first = "identity" if rng.random() < 0.5 else others[rng.integers(len(others))]
+    names = (first,)
+    if both:
+        rest = [name for name in PRESETS if name != first]
+        names = (first, rest[rng.integers(len(rest))])
+    errors = tuple(tuple(rng.uniform(-STAND_BOUND, STAND_BOUND, 3).tolist()) for _ in names)
+    alpha, beta = draw_positions(rng, count)
+    mounting = (np.arange(count) >= count // 2).astype(int) if both else np.zeros(count, dtype=int)
+    return Bench(truth, symmetric, names, errors, alpha, beta, mounting)
+
+
+def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArray]:
+    """Commanded angles [rad] of so many different positions, in random order: a lattice, the axes, or anywhere."""
+    kind = rng.integers(3)
+    if kind == 0:
+        offset = rng.integers(5, 40, 2)
+        grid = [(a + offset[0], b + offset[1]) for a in range(0, 360, 45) for b in range(0, 360, 45)]
+    elif kind == 1:
+        offset = rng.integers(2, 13, 2)
+        grid = [(a + s * offset[0], b + t * offset[1]) for a in (0, 90, 180, 270) for b in (0, 90, 180, 270)
+                for s, t in ((1, 1), (-1, 1))]  # fmt: skip
+    else:
+        grid = []
+    chosen = {grid[k] for k in rng.permutation(len(grid))[: (2 * count) // 3].tolist()}
+    while len(chosen) < count:
+        chosen.add((round(float(rng.uniform(0, 360)), 1), round(float(rng.uniform(0, 360)), 1)))
+    angles = np.radians(np.remainder(np.array(sorted(chosen), dtype=float), 360.0))
+    angles = angles[rng.permutation(count)]
+    return angles[:, 0], angles[:, 1]
+
+
+def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tuple[float, ...]) -> NDArray:
+    """Elementary parameters (24,) of a bench, in one mounting."""
+    values: dict[str, float] = {}
+    for variables in truth.values():
+        for name, value in variables.items():
+            if isinstance(value, list):
+                values |= {f"{name}_{k}": float(v) for k, v in enumerate(value, start=1)}
+            else:
+                values[name] = float(value)
+    values |= {f"mounting_error_{k}": v for k, v in enumerate(mounting_error, start=1)}
+    return elementary(**{name: value for name, value in values.items() if name in ELEMENTARY})
+
+
+def faultless_record(bench: Bench) -> PositionRecord:
+    """What the bench would read without secret and without noise, in about the circumstances of its run."""
+    reading = np.zeros((len(bench.alpha), 3))
+    for k, name in enumerate(bench.mountings):
+        rows = bench.mounting == k
+        parameters = true_elementary(bench.truth, bench.mounting_errors[k])
+        reading[rows] = elementary_reading(parameters, bench.alpha[rows], bench.beta[rows], PRESETS[name])
+    ways = np.stack((np.diff(bench.alpha, prepend=bench.alpha[0] - START_APART),
+                     np.diff(bench.beta, prepend=bench.beta[0] - START_APART)), axis=1)  # fmt: skip
+    size = np.abs(ways)
+    long = RATE**2 / ACCELERATION
+    move = np.where(size > long, size / RATE + RATE / ACCELERATION, 2.0 * np.sqrt(size / ACCELERATION)).max(axis=1)
+    time = np.cumsum(move + DWELL_S)
+    senses = np.sign(ways)
+    for row in range(1, len(senses)):
+        senses[row] = np.where(senses[row] == 0.0, senses[row - 1], senses[row])
+    names = tuple(bench.mountings[k] for k in bench.mounting) if len(bench.mountings) > 1 else None
+    return PositionRecord(
+        position=np.arange(1, len(reading) + 1),
+        time_s=time,
+        alpha=bench.alpha,
+        beta=bench.beta,
+        specific_force=GRAVITY * reading,
+        temperature=temperature_at(time / 3600.0),
+        approach_alpha=senses[:, 0],
+        approach_beta=senses[:, 1],
+        mounting=names,
+    )
+
+
+def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
+    """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
+    record = faultless_record(bench)
+    here = fit_record(record, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
+    return here, circumstances_of(record)
+
+
+@lru_cache(maxsize=64)
+def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
+    """Effects that are linear, sorted into what these mountings can tell apart."""
+    p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
+    at = Positions(np.zeros(1), np.zeros(1), np.zeros(1, dtype=int))
+    here = linearise(p, at, np.zeros((1, 3)), np.zeros(len(p.symbols)), np.full(3, NOISE_BOUND))
+    baseline = "symmetric" if symmetric else "asymmetric"
+    linear = [e for e in CATALOGUE.values() if e.within != baseline and e.variants is None]
+    return classes_of(here, [place for effect in linear for place in effect.places])

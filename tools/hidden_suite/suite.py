@@ -1,0 +1,147 @@
+"""A suite run: cases drawn, measured, diagnosed, held against their secrets."""
+
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib import resources
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from trihedron.diagnosis import Diagnosis, diagnose
+from trihedron.errors import InputError, nearest
+from trihedron.hidden_cases import NOISE_BOUND
+from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
+from trihedron.hidden_suite.measurement import measure_case
+from trihedron.hidden_suite.outcomes import Outcome, outcome_of
+from trihedron.records import PositionRecord, write_position_record
+
+MOST_CASES = 100_000
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A suite and what came of it.
+
+    Attributes
+    ----------
+    options : SuiteOptions
+    seed : int
+    outcomes : tuple of Outcome
+        in the order of the cases
+    """
+
+    options: SuiteOptions
+    seed: int
+    outcomes: tuple[Outcome, ...]
+
+
+@dataclass(frozen=True)
+class NamedSuite:
+    """A suite of `scenarios/hidden/suites.toml`.
+
+    Attributes
+    ----------
+    options : SuiteOptions
+    cases, seed : int
+    """
+
+    options: SuiteOptions
+    cases: int
+    seed: int
+
+
+def named_suite(name: str) -> NamedSuite:
+    """The suite of that name; InputError where there is none."""
+    text = resources.files("trihedron.scenarios").joinpath("hidden", "suites.toml").read_text(encoding="utf-8")
+    suites = tomllib.loads(text)
+    if name not in suites:
+        raise InputError(f"--suite {name}: {nearest(name, tuple(suites))}")
+    entry = suites[name]
+    size = tuple(entry["size"]) if "size" in entry else None
+    options = SuiteOptions(
+        mode=entry["mode"], positions=tuple(entry["positions"]), noise=entry.get("noise", "all"), size=size
+    )
+    return NamedSuite(options, entry["cases"], entry["seed"])
+
+
+def run_suite(
+    options: SuiteOptions,
+    cases: int,
+    seed: int,
+    *,
+    records: Path | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> Suite:
+    """Draw, measure and diagnose cases; the diagnosis gets the record, σ and the mountings, and nothing else.
+
+    Parameters
+    ----------
+    options : SuiteOptions
+    cases : int
+        how many; case i is the same whatever their number
+    seed : int
+    records : Path, optional
+        existing folder in which every record is written too
+    jobs : int
+        processes
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Returns
+    -------
+    Suite
+
+    Raises
+    ------
+    InputError
+        numbers out of range, or benches that cannot hide what is asked for
+    """
+    if not 1 <= cases <= MOST_CASES:
+        raise InputError(f"--cases {cases}: must be a whole number from 1 to {MOST_CASES}")
+    if not 0 <= seed < 2**31:
+        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
+    if not 1 <= jobs <= 64:
+        raise InputError(f"--jobs {jobs}: must be a whole number from 1 to 64")
+    console = Console(stderr=True)
+    with mapping(jobs) as each:
+        found = each(partial(run_case, options, seed, records), range(cases))
+        shown = track(
+            found, "cases", total=cases, console=console, disable=not (progress and console.is_terminal), transient=True
+        )
+        return Suite(options, seed, tuple(shown))
+
+
+@contextmanager
+def mapping(jobs: int) -> Iterator[Callable[[Callable[[int], Outcome], Iterable[int]], Iterable[Outcome]]]:
+    """`map`, here or in so many processes; results come in order."""
+    if jobs == 1:
+        yield map
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            yield pool.map
+
+
+def run_case(options: SuiteOptions, seed: int, records: Path | None, index: int) -> Outcome:
+    """One case from the drawing to the outcome."""
+    case = draw_case(options, seed, index)
+    record = measure_case(case)
+    if records is not None:
+        write_position_record(record, records / f"case-{index:05d}.csv")
+    return outcome_of(case, diagnosed(case, record))
+
+
+def diagnosed(case: SuiteCase, record: PositionRecord, *, rerun: bool = False) -> Diagnosis:
+    """The diagnosis of a case's record; what is known beside it are σ, the mountings and the kind of block."""
+    return diagnose(
+        record,
+        noise_bound=NOISE_BOUND,
+        baseline=case.bench.baseline,
+        mounting=case.bench.matrices,
+        rerun=rerun,
+    )
