@@ -253,11 +253,11 @@ def input_jacobian(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounti
 
 
 def _complex_step(function, targets: ArrayLike, alpha: ArrayLike, *arguments) -> NDArray:
-    x = np.broadcast_to(np.asarray(targets, dtype=complex), (len(np.asarray(alpha)), len(TARGETS)))
+    x = np.asarray(targets, dtype=complex)
     step = 1e-30
     columns = []
     for k in range(len(TARGETS)):
         moved = x.copy()
-        moved[:, k] += 1j * step
+        moved[..., k] += 1j * step
         columns.append(function(moved, alpha, *arguments).imag / step)
     return np.stack(columns, axis=-1)

@@ -182,7 +182,7 @@ def integrate_increment(
     for k in range(count - 1):
         duration = times[k + 1] - times[k]
         fastest = fastest_rate(plan, 0, times[k]) + fastest_rate(plan, 1, times[k])
-        pieces = 1 + math.floor(duration * fastest / MAX_ANGLE_PER_QUADRATURE)
+        pieces = 1 + int(math.floor(duration * fastest / MAX_ANGLE_PER_QUADRATURE))
         piece = duration / pieces
         for j in range(pieces):
             middle = times[k] + (j + 0.5) * piece

@@ -32,6 +32,7 @@ EXTENDED = {
         EffectPlace("dead-zone", "accelerometer-1"),
         EffectPlace("quantisation", "accelerometer-3"),
     ],
+    "AccelerometerCompensation": [],
     "AttitudeComputer": [],
     "HarmonicMotion": [],
 }

@@ -1,5 +1,7 @@
 """What has not settled is dropped, what drifts is stated, what creeps is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,39 @@ def test_a_linear_trend_is_stated_with_its_size():
     assert np.abs(mean_errors(record, truth, 2e-4)).max() < 1e-7
     assert len(record.warnings) == 1
     assert "a linear trend in" in record.warnings[0]
+
+
+@pytest.mark.parametrize("drift", [3e-3, 3e-2])
+def test_a_drift_through_whole_rests_is_no_settling(drift):
+    raw, truth = Bench(white=5e-6, drift_per_hour=drift).run(PROGRAMME)
+    rests = find_rests(raw)
+    assert all(rest.refused is None and rest.kept_first - rest.first <= 2 for rest in rests)
+    assert all("drifts by" in text for rest in rests for text in rest.trends)
+    record = average_rests(raw, rests)
+    assert np.abs(mean_errors(record, truth, drift)).max() < 1.5e-6
+
+
+def test_a_transient_is_dropped_from_the_drift_that_follows_it():
+    raw, truth = Bench(white=5e-6, drift_per_hour=3e-3, transient=1e-3, time_constant=0.5).run(PROGRAMME)
+    rests = find_rests(raw)
+    assert all(rest.refused is None for rest in rests)
+    assert np.mean([15 < rest.kept_first - rest.first < 60 for rest in rests]) > 0.9
+    assert np.abs(mean_errors(average_rests(raw, rests), truth, 3e-3)).max() < 1.5e-6
+
+
+def test_a_trend_that_one_rest_has_alone_is_refused_by_name():
+    raw, truth = Bench(white=5e-6).run(PROGRAMME)
+    rest = find_rests(raw)[5]
+    force = raw.specific_force.copy()
+    rows = slice(rest.first, rest.last + 1)
+    force[rows, 1] += 9.80665 * 5e-5 * np.linspace(0, 1, rest.last + 1 - rest.first)
+    drifting = replace(raw, specific_force=force)
+    rests = find_rests(drifting)
+    assert [k for k, r in enumerate(rests) if r.refused is not None] == [5]
+    assert "f2 drifts linearly by 4.9e-05 g in 19.8 s" in str(rests[5].refused)
+    assert "f2 drifts linearly" in average_rests(drifting, rests).warnings[0]
+    kept = np.delete(truth, 5, axis=0)
+    assert np.abs(mean_errors(average_rests(drifting, rests), kept)).max() < 1.5e-6
 
 
 def test_without_noise_a_drift_keeps_mean_and_time_together():

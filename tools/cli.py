@@ -12,7 +12,19 @@ from trihedron import (
 )
 from trihedron.errors import InputError
 from trihedron.exit_status import exit_status
-from trihedron.options import Baseline, Bounds, Gravity, JsonFile, Mounting, NoiseBound, Record, ReportFile
+from trihedron.hidden_commands import hidden
+from trihedron.options import (
+    Baseline,
+    Bounds,
+    Gravity,
+    JsonFile,
+    Mounting,
+    NoiseBound,
+    Priors,
+    Record,
+    ReportFile,
+    SsvFile,
+)
 from trihedron.outputs import distinct_files, ordinary_file
 from trihedron.planning_commands import plan
 from trihedron.reproduce_commands import reproduce
@@ -61,21 +73,25 @@ def calibrate(
         tuple[str, ...],
         Parameter(allow_leading_hyphen=True, help="Another combination, as X4-X5; may be repeated."),
     ] = (),
+    prior: Priors = (),
     json: JsonFile = None,
+    ssv: SsvFile = None,
     report: ReportFile = None,
 ) -> None:
     """Solve the guaranteed linear programme: estimates, guaranteed errors, exact intervals, verdict.
 
     Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
     """
-    distinct_files({"the record": record, "--json": json, "--report": report})
+    distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
     from trihedron.calibration import calibrate as solve
-    from trihedron.records import read_position_record
+    from trihedron.calibration.parameter_file import write_parameter_set
+    from trihedron.records.reading import read_table_run
     from trihedron.summaries import calibration_summary
     from trihedron.writing import write_text
 
+    run = read_table_run(record)
     result = solve(
-        read_position_record(record),
+        run.record,
         noise_bound=noise_bound,
         gravity=gravity,
         convention=convention,
@@ -83,14 +99,17 @@ def calibrate(
         bounds=bounds,
         mounting=mounting,
         targets=target,
+        priors=prior,
     )
     if json is not None:
         write_text(json, result.json_text())
     if report is not None:
         from trihedron.report.results import calibration_page
 
-        write_text(report, calibration_page(result, record.name))
+        write_text(report, calibration_page(result, run))
     print(calibration_summary(result))
+    if ssv is not None:
+        write_parameter_set(result, ssv)
 
 
 @app.command
@@ -140,51 +159,23 @@ def diagnose(
 
 
 @app.command
-def hidden(
-    record: Annotated[Path, Parameter(help="Where the position record is written (CSV).", validator=ordinary_file)],
-    /,
-    *,
-    seed: int = 0,
-    answer: Annotated[Path | None, Parameter(validator=ordinary_file)] = None,
-    effect: Annotated[tuple[str, ...], Parameter(help="Draw from these effects only; may be repeated.")] = (),
-    clean: bool = False,
-    baseline: Baseline = "asymmetric",
-) -> None:
-    """Make a "measured" record with one hidden effect; what was hidden goes to a file of its own.
-
-    Example: trihedron hidden measured.csv --seed 7 --answer answer.json
-
-    Parameters
-    ----------
-    seed
-        Decides truth, effect, size and noise.
-    answer
-        Where the secret is written; without it nobody will know.
-    clean
-        Hide nothing.
-    baseline
-        Whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
-    """
-    distinct_files({"the record": record, "--answer": answer})
-    from trihedron.hidden import write_hidden_record
-
-    if clean and effect:
-        raise InputError("--clean and --effect: give one of the two")
-    chosen = () if clean else effect or None
-    write_hidden_record(record, seed, answer, effects=chosen, symmetric=baseline == "symmetric", progress=True)
-    print(record)
-
-
-@app.command
 def export(
     *components: str,
-    fmi: Annotated[Literal["2"], Parameter(help="FMI version.")] = "2",
-    flavour: Annotated[Literal["python"], Parameter(help="What the FMU runs: Python by PythonFMU.")] = "python",
+    fmi: Annotated[Literal["2", "3"], Parameter(help="FMI version; 3 needs --flavour native.")] = "2",
+    flavour: Annotated[
+        Literal["python", "native"], Parameter(help="What the FMU runs: Python by PythonFMU, or machine code.")
+    ] = "python",
+    platform: Annotated[
+        str | None, Parameter(help="Of the native flavour: host (the default), all, or a name as aarch64-linux.")
+    ] = None,
+    effect: Annotated[
+        tuple[str, ...], Parameter(help='Extend by an effect, as "quadratic accelerometer-3"; may be repeated.')
+    ] = (),
     out: Path = Path("fmus-exported"),
 ) -> None:
     """Write components as FMUs; all of them when none is named.
 
-    Example: trihedron export TurntableMotion AccelerometerBlock --out fmus
+    Example: trihedron export TurntableMotion AccelerometerBlock --flavour native --fmi 3 --out fmus
 
     Parameters
     ----------
@@ -195,7 +186,7 @@ def export(
     """
     from trihedron.exporting import export_components
 
-    for path in export_components(components, out):
+    for path in export_components(components, out, flavour, int(fmi), platform, effect):
         print(path)
 
 
@@ -242,6 +233,34 @@ def attitude(
     print("\n".join(result.summary()))
 
 
+@app.command
+def apply(
+    calibration: Annotated[Path, Parameter(help="The result of `trihedron calibrate --json`.")],
+    record: Annotated[Path, Parameter(help="Position, raw or strapdown record, CSV or Parquet.")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(help="Write the corrected record (CSV).", validator=ordinary_file)] = None,
+    noise_bound: Annotated[
+        float,
+        Parameter(allow_leading_hyphen=True, help="Bound of the readings' own errors, a fraction of g, for the bound."),
+    ] = 0.0,
+    latitude_deg: Annotated[float, Parameter(allow_leading_hyphen=True, help="For the error of the azimuth.")] = 55.75,
+) -> None:
+    """Correct the readings of a record by a calibration; print the equation and what it is worth for levelling.
+
+    Example: trihedron apply calibration.json positions.csv --out corrected.csv
+    """
+    distinct_files({"the calibration": calibration, "the record": record, "--out": out})
+    from trihedron.applying import application_summary, apply_calibration, write_corrected
+
+    result = apply_calibration(calibration, record, noise_bound=noise_bound)
+    text = application_summary(result, latitude_deg)
+    if out is not None:
+        write_corrected(result, out)
+    print(text)
+
+
+app.command(hidden)
 app.command(plan)
 app.command(reproduce)
 

@@ -30,3 +30,19 @@ ReportFile = Annotated[
     Path | None,
     Parameter(name="--report", help="Write a page with pictures to this HTML file.", validator=ordinary_file),
 ]
+SsvFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--ssv",
+        help="Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.",
+        validator=ordinary_file,
+    ),
+]
+Priors = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--prior",
+        allow_leading_hyphen=True,
+        help="What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.",
+    ),
+]

@@ -1,5 +1,7 @@
 """What commands print for people."""
 
+import re
+
 from trihedron.calibration import Calibration
 from trihedron.diagnosis import Cause, Diagnosis
 from trihedron.models.effects import CATALOGUE
@@ -30,15 +32,65 @@ def calibration_summary(result: Calibration) -> str:
         if row.estimate is None or row.guaranteed_error is None:
             lines.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
             continue
-        ends = ["" if end is None else f"{end:+.7f}" for end in (row.low, row.high)]
+        ends = ["" if end is None else f"{end:+z.7f}" for end in (row.low, row.high)]
         lines.append(
-            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+13.7f} {row.guaranteed_error:>11.1e} "
+            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {row.guaranteed_error:>11.1e} "
             f"{ends[0]:>13} {ends[1]:>13}  {row.unit}"
         )
+    lines += levelling_lines(result)
     lines += witness_lines(result)
+    lines += missing_lines(result)
     lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join(lines)
+
+
+PHYSICAL_WORDS = (
+    (r"scale-factor-error-plus-(\d)", r"scale factor of accelerometer \1 for positive input"),
+    (r"scale-factor-error-minus-(\d)", r"scale factor of accelerometer \1 for negative input"),
+    (r"scale-factor-asymmetry-(\d)", r"scale-factor asymmetry of accelerometer \1"),
+    (r"misalignment-(\d)(\d)", r"misalignment of accelerometer \1 towards axis \2"),
+    (r"mounting-error-(\d)", r"mounting error about axis \1"),
+    (r"bias-(\d)", r"bias of accelerometer \1"),
+    (r"outer-axis-tilt", "tilt of the outer axis"),
+    (r"outer-angle-offset", "zero of the outer angle"),
+    (r"axis-nonorthogonality", "non-orthogonality of the axes"),
+)
+"""A target's name, and what an engineer calls it."""
+
+
+def physical_words(name: str) -> str:
+    """A target's name in words: "bias-1" is "bias of accelerometer 1"; the name of a mounting stays behind it."""
+    for pattern, words in PHYSICAL_WORDS:
+        name = re.sub(pattern, words, name)
+    return name
+
+
+def missing_lines(result: Calibration) -> list[str]:
+    """What the measurements leave open, in words."""
+    if not result.missing:
+        return []
+    named = ", ".join(f"{physical_words(gap.name)} ({gap.symbol})" for gap in result.missing)
+    return [f"The readings do not determine: {named}. Measure the positions named, or say what is known by --prior."]
+
+
+def is_corrected(result: Calibration) -> bool:
+    """Whether the calibration gives a correction of readings with a bound."""
+    return result.verdict == "consistent" and all(e.low is not None for e in result.reading_errors)
+
+
+def levelling_lines(result: Calibration) -> list[str]:
+    """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
+    from trihedron.calibration.correction import ARCSEC, correction_of, face_readings, levelling
+
+    if not is_corrected(result):
+        return []
+    correction = correction_of(result.to_json(), "calibration")
+    before, after = levelling(correction, face_readings(correction)[1]).worst
+    return [
+        f"levelling with an axis vertical: as read wrong by up to {before / ARCSEC:.2f} arcsec, "
+        f"corrected by at most {after / ARCSEC:.2f} (guaranteed; `trihedron apply` corrects)"
+    ]
 
 
 def witness_lines(result: Calibration) -> list[str]:

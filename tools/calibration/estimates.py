@@ -1,6 +1,7 @@
 """Each target's value, guaranteed error and exact interval, and the verdict's radius, at the fit."""
 
-from dataclasses import replace
+from collections.abc import Iterable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from trihedron.calibration.programmes import RELATIVE_TOLERANCE, Polytope, cheby
 from trihedron.calibration.result import Estimate
 from trihedron.calibration.targets import Target
 
+T = TypeVar("T")
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds and show their progress."""
 
@@ -47,13 +49,38 @@ def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
     return radius, best, duals
 
 
-def estimate_targets(
-    here: Linearisation,
-    wanted: list[Target],
-    centre: NDArray | None,
-    slack: float,
-) -> list[Estimate]:
-    """Each target's estimate, guaranteed error and exact interval.
+def estimate_targets(here: Linearisation, wanted: list[Target], intervals: NDArray) -> list[Estimate]:
+    """Each target's estimate and guaranteed error, with its exact interval.
+
+    Parameters
+    ----------
+    here : Linearisation
+        at the fit
+    wanted : list of Target
+    intervals : (T, 2) array
+        of `exact_intervals`; NaN where there is none
+
+    Returns
+    -------
+    list of Estimate
+        with None for what the measurements do not determine
+    """
+    estimates = [Estimate(t.symbol, t.name, t.unit, None, None, None, None) for t in wanted]
+    if here.span.shape[1] == 0:
+        return estimates
+    reduced = Polytope(here.jacobian @ here.span, here.bound)
+    reduced.confine(-here.bound, here.bound)
+    for k in tracked(_determined_rows(here, [t.weights for t in wanted]), here, "guaranteed errors"):
+        t = wanted[k]
+        error, _, phi = reduced.maximise(here.span.T @ t.weights)
+        value = float(t.weights @ here.point + phi @ here.residual)
+        ends = (None if np.isnan(end) else float(end) for end in intervals[k])
+        estimates[k] = Estimate(t.symbol, t.name, t.unit, value, error, *ends)
+    return estimates
+
+
+def exact_intervals(here: Linearisation, weights: NDArray, centre: NDArray, slack: float) -> NDArray:
+    """The least and the greatest weights'X that the measurements leave possible.
 
     The ends are those of the linear programmes about the centre, moved outwards by what the remainder of the
     linearisation can do: the greatest that it is at any of the vertices, weighted by each programme's duals.
@@ -62,50 +89,65 @@ def estimate_targets(
     ----------
     here : Linearisation
         at the fit
-    wanted : list of Target
-    centre : (P,) array or None
-        the Chebyshev centre; None where the data falsify the model, then there are no intervals
+    weights : (K, P) array
+    centre : (P,) array
+        the Chebyshev centre
     slack : float
         what a reading may be wrong by beside its noise (its last digit), as a fraction of g
 
     Returns
     -------
-    list of Estimate
-        with None for what the measurements do not determine
+    (K, 2) array
+        NaN where the measurements do not determine it
     """
-    unknown = [Estimate(t.symbol, t.name, t.unit, None, None, None, None) for t in wanted]
+    intervals = np.full((len(weights), 2), np.nan)
     if here.span.shape[1] == 0:
-        return unknown
-    known = [k for k, target in enumerate(wanted) if is_determined(here, target.weights)]
-    reduced = Polytope(here.jacobian @ here.span, here.bound)
-    reduced.confine(-here.bound, here.bound)
-    console = Console(stderr=True)
-    quiet = not console.is_terminal or len(here.bound) < MANY_MEASUREMENTS
-    estimates = unknown
-    for k in track(known, "guaranteed errors", console=console, disable=quiet, transient=True):
-        t = wanted[k]
-        error, _, phi = reduced.maximise(here.span.T @ t.weights)
-        value = float(t.weights @ here.point + phi @ here.residual)
-        estimates[k] = Estimate(t.symbol, t.name, t.unit, value, error, None, None)
-    if centre is None:
-        return estimates
-    residual = here.residual_at(centre)
-    room = np.maximum(here.bound + slack, np.abs(residual)) * (1.0 + RELATIVE_TOLERANCE)
-    reduced.confine(residual - room, residual + room)
+        return intervals
+    feasible, residual = feasible_set(here, centre, slack)
     tops = {}
     remainder = np.zeros(len(residual))
-    for k in track(known, "exact intervals", console=console, disable=quiet, transient=True):
-        for sense in (-1.0, 1.0):
-            value, step, phi = reduced.maximise(here.span.T @ (sense * wanted[k].weights))
+    known = _determined_rows(here, weights)
+    for k in tracked(known, here, "exact intervals"):
+        for side, sense in enumerate((-1.0, 1.0)):
+            value, step, phi = feasible.maximise(here.span.T @ (sense * weights[k]))
             step = here.span @ step
             left = residual - here.residual_at(centre + step) - here.jacobian @ step
             remainder = np.maximum(remainder, np.abs(left))
-            tops[k, sense] = value, np.abs(phi)
+            used = np.flatnonzero(phi)
+            tops[k, side] = value, used, np.abs(phi[used])
     for k in known:
-        middle = float(wanted[k].weights @ centre)
-        low, high = (middle + sense * (tops[k, sense][0] + tops[k, sense][1] @ remainder) for sense in (-1.0, 1.0))
-        estimates[k] = replace(estimates[k], low=float(low), high=float(high))
-    return estimates
+        middle = float(weights[k] @ centre)
+        for side, sense in enumerate((-1.0, 1.0)):
+            value, used, phi = tops[k, side]
+            intervals[k, side] = middle + sense * (value + phi @ remainder[used])
+    return intervals
+
+
+def feasible_set(here: Linearisation, centre: NDArray, slack: float) -> tuple[Polytope, NDArray]:
+    """The steps from the centre, in coordinates of `span`, that keep every residual within its bound.
+
+    Returns
+    -------
+    polytope : Polytope
+    residual : (M,) array
+        exact, at the centre
+    """
+    residual = here.residual_at(centre)
+    room = np.maximum(here.bound + slack, np.abs(residual)) * (1.0 + RELATIVE_TOLERANCE)
+    polytope = Polytope(here.jacobian @ here.span, here.bound)
+    polytope.confine(residual - room, residual + room)
+    return polytope, residual
+
+
+def _determined_rows(here: Linearisation, weights: Iterable[NDArray]) -> list[int]:
+    return [k for k, row in enumerate(weights) if is_determined(here, row)]
+
+
+def tracked(rows: list[T], here: Linearisation, what: str) -> Iterable[T]:
+    """The rows, with a bar of progress where there are many measurements and somebody looks."""
+    console = Console(stderr=True)
+    quiet = not console.is_terminal or len(here.bound) < MANY_MEASUREMENTS
+    return track(rows, what, console=console, disable=quiet, transient=True)
 
 
 def is_determined(here: Linearisation, weights: NDArray) -> bool:

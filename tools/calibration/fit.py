@@ -31,6 +31,7 @@ def fit(
     reading: NDArray,
     noise_bound: float,
     bounds: tuple[float, float],
+    extent: NDArray,
 ) -> Linearisation:
     """Fit the exact model by least squares, relinearising to convergence, and linearise at the fit.
 
@@ -48,6 +49,8 @@ def fit(
         σ, as a fraction of g
     bounds : (float, float)
         u^max and v^0max of (1.7)
+    extent : (P,) array
+        how large each parameter may be where the measurements leave it open
 
     Raises
     ------
@@ -81,7 +84,7 @@ def fit(
             break
         bound = widened
     if here.deficient:
-        here = replace(here, bound=here.bound + undetermined_remainder(here, open_moves(here, bounds)))
+        here = replace(here, bound=here.bound + undetermined_remainder(here, open_moves(here, extent)))
     return here
 
 

@@ -6,14 +6,13 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation
 
 
-def open_moves(here: Linearisation, bounds: tuple[float, float]) -> NDArray:
+def open_moves(here: Linearisation, extent: NDArray) -> NDArray:
     """Moves (P - rank, P) along the directions that the measurements leave open, as far as truth may be.
 
-    Truth is within the bounds of (1.7), the biases like v; the fit is where it is.
+    Truth is within `extent` (P,): the bounds of (1.7), the biases like v, or priors. The fit is where it is.
     """
     rank = here.span.shape[1]
     directions = np.linalg.svd(here.span, full_matrices=True)[0][:, rank:].T
-    extent = np.array([bounds[0] if symbol in ("X1", "X2", "X3") else bounds[1] for symbol in here.symbols])
     return directions * (np.abs(directions) @ extent + np.abs(directions @ here.point))[:, None]
 
 

@@ -10,6 +10,8 @@ from trihedron.calibration.parametrisation import direction_jacobian
 from trihedron.models.regressors import sign_margin
 
 MAX_ROUNDS = 30
+ENOUGH = 6000
+"""So many measurements, spread over the record, are weighed: more would tell little more and take long."""
 
 
 def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
@@ -61,8 +63,14 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
 
 def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], float]:
     """How far a linear function of the parameters may be from its estimate when readings are within `bound`."""
-    jacobian = here.jacobian / bound[:, None]
+    every = len(bound) // ENOUGH + 1
+    # three readings for each position: a stride of a multiple of three would leave accelerometers out
+    every += every % 3 == 0
+    jacobian = here.jacobian[::every] / bound[::every, None]
     span = determined(jacobian * bound.min(), float(bound.min()))
+    if every > 1 and span.shape[1] < here.span.shape[1]:
+        jacobian = here.jacobian / bound[:, None]
+        span = determined(jacobian * bound.min(), float(bound.min()))
     weights = span @ np.linalg.pinv(jacobian @ span)
     excess = 1.0 + min(3.0, float(np.abs(here.residual / bound).max()))
 

@@ -6,14 +6,17 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.estimates import chebyshev_centre, estimate_targets
+from trihedron.calibration.duplicates import contradiction
+from trihedron.calibration.estimates import chebyshev_centre, estimate_targets, exact_intervals
 from trihedron.calibration.fit import fit
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.mountings import checked_rotation, mounting_names, read_mounting, select
 from trihedron.calibration.next_positions import next_positions, repeats
 from trihedron.calibration.parametrisation import Positions, parametrise
+from trihedron.calibration.priors import asked_priors, parameter_limits, with_priors
 from trihedron.calibration.programmes import RELATIVE_TOLERANCE, SolverError
-from trihedron.calibration.result import Calibration
+from trihedron.calibration.reading_errors import error_weights, reading_errors
+from trihedron.calibration.result import Calibration, FeasibleSet, Provenance
 from trihedron.calibration.targets import asked_targets, convention_targets
 from trihedron.errors import InputError
 from trihedron.records import PositionRecord
@@ -36,6 +39,7 @@ def calibrate(
     bounds: tuple[float, float] = STANDARD_BOUNDS,
     mounting: Mapping[str, ArrayLike] | str = "identity",
     targets: Sequence[str] = (),
+    priors: Sequence[str] = (),
 ) -> Calibration:
     """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
 
@@ -57,6 +61,8 @@ def calibrate(
         a preset, the path of a TOML file, or Q by name
     targets : sequence of str
         linear combinations of X1..X18 that are asked for beside those of the convention
+    priors : sequence of str
+        what is known beforehand, "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7); constraints like readings
 
     Returns
     -------
@@ -78,8 +84,18 @@ def calibrate(
     _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
     noise = _noise_bound(record, noise_bound)
     sigma = noise.value
-    here = fit_record(record, noise_bound=sigma, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting)
+    here = fit_record(
+        record,
+        noise_bound=sigma,
+        gravity=gravity,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        priors=priors,
+    )
     p = here.parametrisation
+    known_before = asked_priors(priors, p, bounds)
+    bounded = with_priors(here, known_before)
     wanted = convention_targets(p, convention)
     known = {target.symbol for target in wanted}
     for target in asked_targets(targets, p):
@@ -87,10 +103,15 @@ def calibrate(
             known.add(target.symbol)
             wanted.append(target)
     resolution = record.resolution / gravity
+    slack = reading_uncertainty(resolution)
+    weights = np.vstack([*(target.weights for target in wanted), error_weights(p)])
+    intervals = np.full((len(weights), 2), np.nan)
     try:
-        radius, centre, duals = chebyshev_centre(here)
+        radius, centre, duals = chebyshev_centre(bounded)
         contradicted = radius > radius_limit(sigma, resolution)
-        estimates = estimate_targets(here, wanted, None if contradicted else centre, reading_uncertainty(resolution))
+        if not contradicted:
+            intervals = exact_intervals(bounded, weights, centre, slack)
+        estimates = estimate_targets(bounded, wanted, intervals)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
     missing = tuple(estimate for estimate in estimates if estimate.estimate is None)
@@ -100,7 +121,7 @@ def calibrate(
     verdict = "insufficient" if missing or unbounded else "falsified" if falsified else "consistent"
     witness: tuple[tuple[int, int], ...] = ()
     if falsified:
-        proof = np.abs(duals) * here.bound > 1e-9
+        proof = (np.abs(duals) * bounded.bound > 1e-9)[: len(here.bound)]
         witness = tuple(
             (int(record.position[i]), int(axis))
             for i, axis in zip(here.position[proof], here.accelerometer[proof], strict=True)
@@ -108,6 +129,11 @@ def calibrate(
     mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
     if unbounded:
         mend += repeats(here)
+    repeated = []
+    if here.deficient and noise.complete:
+        # what the readings leave open hides it from the radius
+        found = contradiction(here, record.position, 2.0 * (sigma + slack) * (1.0 + RELATIVE_TOLERANCE))
+        repeated = [] if found is None else [found]
     return Calibration(
         verdict,
         sigma,
@@ -122,8 +148,12 @@ def calibrate(
         tuple(estimates),
         missing,
         tuple(mend),
-        (*record.warnings, *_remarks(here, falsified and bool(missing), unbounded)),
+        (*record.warnings, *_remarks(here, falsified and bool(missing), unbounded), *repeated),
         here,
+        tuple((prior.text.rpartition("=")[0], prior.limit) for prior in known_before),
+        reading_errors(intervals[len(wanted) :]),
+        Provenance(record.path.name, record.sha256, (float(bounds[0]), float(bounds[1]))),
+        None if contradicted else FeasibleSet(bounded, centre, slack),
     )
 
 
@@ -145,6 +175,7 @@ def fit_record(
     baseline: str = "asymmetric",
     bounds: tuple[float, float] = STANDARD_BOUNDS,
     mounting: Mapping[str, ArrayLike] | str = "identity",
+    priors: Sequence[str] = (),
 ) -> Linearisation:
     """The exact model fitted to a record and linearised at the fit; arguments and errors as for `calibrate`."""
     _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
@@ -158,9 +189,10 @@ def fit_record(
     names = list(matrices)
     index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
-    parametrisation = parametrise(matrices, symmetric=baseline == "symmetric")
+    p = parametrise(matrices, symmetric=baseline == "symmetric")
+    extent = parameter_limits(p.symbols, bounds, asked_priors(priors, p, bounds))
     try:
-        return fit(parametrisation, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds)
+        return fit(p, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds, extent)
     except InputError as error:
         raise InputError(f"{record.path}: {error}") from error
 

@@ -105,7 +105,7 @@ def first_rows(matrix: NDArray) -> NDArray:
     """Rows (indices) to begin with: all when they are few, else the n that determine the columns best."""
     if len(matrix) <= MANY_ROWS:
         return np.arange(len(matrix))
-    pivots = qr(matrix.T, mode="r", pivoting=True)[1]
+    *_, pivots = qr(matrix.T, mode="r", pivoting=True)
     return np.sort(np.asarray(pivots)[: matrix.shape[1]])
 
 

@@ -6,14 +6,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.mountings import checked_rotation
+from trihedron.calibration.reading_errors import ReadingError
+from trihedron.calibration.values import SCHEMA, block_parameters, checked_calibration, number, target_estimates
 from trihedron.errors import InputError
-from trihedron.models.bench import SYMMETRIC_PAIRS
+from trihedron.fmus import version
 
-SCHEMA = "trihedron.calibration/1"
+UNITS_OF_RESULT = {
+    "noise_bound": "g",
+    "gravity_mps2": "m/s2",
+    "radius": "1",
+    "parameters": "of estimate, guaranteed_error, low, high: as each says",
+    "reading_errors": "g",
+}
+"""Units of the numbers of the published object; g is its own `gravity_mps2`."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,24 @@ class Estimate:
     guaranteed_error: float | None
     low: float | None
     high: float | None
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a calibration was made from: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
+
+    record: str
+    sha256: str
+    bounds: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FeasibleSet:
+    """What `trihedron.calibration.estimates.feasible_set` needs: everything that the readings leave possible."""
+
+    linearised: Linearisation
+    centre: NDArray
+    slack: float
 
 
 @dataclass(frozen=True)
@@ -69,6 +96,13 @@ class Calibration:
     warnings : tuple of str
     linearised : Linearisation
         the fit, for the diagnosis
+    priors : tuple of (expression, limit)
+        what was taken to be known beforehand
+    reading_errors : tuple of ReadingError
+        what the readings may be off by at the corners of the input
+    provenance : Provenance or None
+    feasible : FeasibleSet or None
+        None where the measurements contradict the model
     """
 
     verdict: str
@@ -86,6 +120,10 @@ class Calibration:
     next_positions: tuple[dict[str, float | str], ...]
     warnings: tuple[str, ...]
     linearised: Linearisation
+    priors: tuple[tuple[str, float], ...] = ()
+    reading_errors: tuple[ReadingError, ...] = ()
+    provenance: Provenance | None = None
+    feasible: FeasibleSet | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The object of schema trihedron.calibration/1, of plain lists, strings and numbers."""
@@ -104,7 +142,20 @@ class Calibration:
             "radius": self.radius,
             "witness": [{"position": position, "accelerometer": axis} for position, axis in self.witness],
             "parameters": [dict(vars(estimate)) for estimate in self.parameters],
+            "units": UNITS_OF_RESULT,
+            "priors": [{"expression": expression, "limit": limit} for expression, limit in self.priors],
+            "reading_errors": [
+                {"accelerometer": e.accelerometer, "input": list(e.input), "low": e.low, "high": e.high}
+                for e in self.reading_errors
+            ],
         }
+        if self.provenance is not None:
+            content["provenance"] = {
+                "trihedron": version(),
+                "record": self.provenance.record,
+                "record_sha256": self.provenance.sha256,
+                "bounds": list(self.provenance.bounds),
+            }
         if self.verdict == "insufficient":
             content["missing"] = [{"symbol": gap.symbol, "name": gap.name} for gap in self.missing]
             content["next_positions"] = [dict(position) for position in self.next_positions]
@@ -136,42 +187,18 @@ def bench_parameters(calibration: Mapping[str, Any]) -> dict[str, dict[str, floa
     InputError
         for another schema, a result that is not consistent, or several mountings
     """
-    if not isinstance(calibration, Mapping) or calibration.get("schema") != SCHEMA:
-        found = calibration.get("schema") if isinstance(calibration, Mapping) else None
-        raise InputError(f"parameters_from: the schema is {found!r}; a calibration has '{SCHEMA}'")
-    if calibration.get("verdict") != "consistent":
-        raise InputError(
-            f"parameters_from: the calibration's verdict is {calibration.get('verdict')!r}; "
-            "only a consistent one gives parameters"
-        )
-    mountings = calibration.get("mountings")
+    where = "parameters_from"
+    content = checked_calibration(calibration, where)
+    mountings = content.get("mountings")
     if not isinstance(mountings, Mapping) or len(mountings) != 1:
-        raise InputError("parameters_from: the calibration must have exactly one mounting to give parameters")
+        raise InputError(f"{where}: the calibration must have exactly one mounting to give parameters")
     (name, matrix), *_ = mountings.items()
-    mounting = checked_rotation(matrix, f"parameters_from: mounting '{name}'")
+    mounting = checked_rotation(matrix, f"{where}: mounting '{name}'")
     try:
-        gravity = _number(calibration["gravity_mps2"], "gravity_mps2")
-        value = {
-            str(entry["symbol"]): _number(entry["estimate"], str(entry["symbol"]))
-            for entry in calibration["parameters"]
-            if entry["estimate"] is not None
-        }
-        if calibration.get("convention") == "A2":
-            value |= {
-                "X6+X8": 2 * value["(X6+X8)/2"],
-                "X7+X12": 2 * value["(X7+X12)/2"],
-                "X11+X13": 2 * value["(X11+X13)/2"],
-                "X8": value["(X8-X6)/2"] + value["(X6+X8)/2"],
-                "-X12": value["(X7-X12)/2"] - value["(X7+X12)/2"],
-                "X13": value["(X13-X11)/2"] + value["(X11+X13)/2"],
-            }
-        if calibration.get("baseline") == "symmetric":
-            value |= {minus: value[plus] for plus, minus in SYMMETRIC_PAIRS}
-        return component_parameters(value, mounting, gravity)
+        gravity = number(content["gravity_mps2"], f"{where}: gravity_mps2")
+        return component_parameters(target_estimates(content, where), mounting, gravity)
     except KeyError as error:
-        raise InputError(f"parameters_from: the calibration lacks {error.args[0]!r}") from error
-    except TypeError as error:
-        raise InputError("parameters_from: the calibration's parameters are not as its schema says") from error
+        raise InputError(f"{where}: the calibration lacks {error.args[0]!r}") from error
 
 
 def component_parameters(
@@ -205,22 +232,6 @@ def component_parameters(
             "mounting": np.asarray(mounting, dtype=float).ravel().tolist(),
             "mounting_error": [targets["X13"], targets["-X12"], targets["X8"]],
         },
-        "AccelerometerBlock": {
-            "gravity": gravity,
-            "scale_error_plus": [targets["X4"], targets["X9"], targets["X14"]],
-            "scale_error_minus": [targets["X5"], targets["X10"], targets["X15"]],
-            "gamma_21": targets["X6+X8"],
-            "gamma_31": targets["X7+X12"],
-            "gamma_32": targets["X11+X13"],
-            "gamma_12": 0.0,
-            "gamma_13": 0.0,
-            "gamma_23": 0.0,
-            "bias": [targets["X16"], targets["X17"], targets["X18"]],
-        },
+        "AccelerometerBlock": block_parameters(targets, gravity),
+        "AccelerometerCompensation": block_parameters(targets, gravity),
     }
-
-
-def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
-        raise InputError(f"parameters_from: {what} is {value!r}, not a number")
-    return float(value)

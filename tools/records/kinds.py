@@ -7,6 +7,14 @@ from typing import Any
 import numpy as np
 
 
+@dataclass(frozen=True)
+class DwellNoise:
+    """Allan deviation of the three accelerometers [m/s²] at the averaging time of a rest [s]."""
+
+    dwell_s: float
+    deviation: tuple[float, float, float]
+
+
 def _no_rows() -> np.ndarray:
     return np.zeros(0, dtype=np.int64)
 
@@ -57,6 +65,10 @@ class PositionRecord:
         what a person should be told
     scatter : ndarray, shape (N, 3), or None
         for a record made from rests: standard error of each mean, from the scatter within its rest [m/s²]
+    dwell_noise : DwellNoise or None
+        for a record made from rests, where they are long enough to tell
+    sha256 : str
+        of the file's bytes, in hexadecimal; empty when the record has no file
     """
 
     position: np.ndarray
@@ -73,6 +85,8 @@ class PositionRecord:
     path: Path = Path("record")
     warnings: tuple[str, ...] = ()
     scatter: np.ndarray | None = None
+    dwell_noise: DwellNoise | None = None
+    sha256: str = ""
 
     def __post_init__(self) -> None:
         columns = ("position", "alpha", "beta", "temperature", "approach_alpha", "approach_beta", "time_s")
@@ -108,7 +122,7 @@ class RawRecord:
         readings of the three accelerometers, block frame [m/s²]
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings, resolution
+    path, row, warnings, resolution, sha256
         as in PositionRecord
     """
 
@@ -121,6 +135,7 @@ class RawRecord:
     row: np.ndarray = field(default_factory=_no_rows)
     warnings: tuple[str, ...] = ()
     resolution: float = 0.0
+    sha256: str = ""
 
     def __post_init__(self) -> None:
         _shaped(self, {"time_s": (), "alpha": (), "beta": (), "temperature": (), "specific_force": (3,)})
@@ -147,7 +162,7 @@ class StrapdownRecord:
         true attitude, unit quaternion, scalar first, body to reference; a row of NaN where it is not known
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings
+    path, row, warnings, sha256
         as in PositionRecord
     """
 
@@ -160,6 +175,7 @@ class StrapdownRecord:
     path: Path = Path("record")
     row: np.ndarray = field(default_factory=_no_rows)
     warnings: tuple[str, ...] = ()
+    sha256: str = ""
 
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):

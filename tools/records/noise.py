@@ -110,11 +110,16 @@ def _from_repeats(record: PositionRecord) -> NoiseBound | None:
 def _from_scatter(record: PositionRecord) -> NoiseBound | None:
     if record.scatter is None:
         return None
+    unseen = "an error that holds over a rest does not show: repeat positions, or give --noise-bound"
+    if record.dwell_noise is not None:
+        pooled = max(record.dwell_noise.deviation) / STANDARD_GRAVITY
+        basis = (
+            f"scatter within {len(record)} rests: {SCATTER_FACTOR:.0f} times the Allan deviation at their dwell of "
+            f"{record.dwell_noise.dwell_s:.3g} s, {pooled:.2g} g; {unseen}"
+        )
+        return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
     pooled = float(np.sqrt(np.max(np.mean(record.scatter**2, axis=0)))) / STANDARD_GRAVITY
-    basis = (
-        f"scatter within {len(record)} rests: {SCATTER_FACTOR:.0f} standard errors of a mean; "
-        "an error that holds over a rest does not show: repeat positions, or give --noise-bound"
-    )
+    basis = f"scatter within {len(record)} rests: {SCATTER_FACTOR:.0f} standard errors of a mean; {unseen}"
     return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
 
 

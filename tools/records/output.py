@@ -8,8 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from trihedron.errors import InputError
-from trihedron.records.columns import ANGLES, APPROACH, FORCE, MOUNTING, TEMPERATURE
-from trihedron.records.kinds import PositionRecord, RawRecord
+from trihedron.records.columns import (
+    ANGLES,
+    APPROACH,
+    FORCE,
+    INCREMENT,
+    MOUNTING,
+    QUATERNION,
+    RATE,
+    TEMPERATURE,
+)
+from trihedron.records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from trihedron.writing import whole_file
 
 
@@ -44,6 +53,23 @@ def write_position_record(record: PositionRecord, path: Path, decimals: int | No
 def write_raw_record(record: RawRecord, path: Path, decimals: int | None = None) -> None:
     """Write a raw record as CSV; parameters and errors as in `write_position_record`."""
     _write(path, _table_columns(path, record, decimals))
+
+
+def write_strapdown_record(record: StrapdownRecord, path: Path, decimals: int | None = None) -> None:
+    """Write a strapdown record as CSV; an attitude that is not known is an empty field; as `write_position_record`."""
+    numbers = {"time_s": record.time_s}
+    for names, values in ((RATE, record.rate), (INCREMENT, record.increment), (FORCE, record.specific_force)):
+        if values is not None:
+            numbers |= {name: values[:, axis] for axis, name in enumerate(names)}
+    if record.temperature is not None:
+        numbers[TEMPERATURE] = record.temperature
+    columns: dict[str, Sequence[str]] = dict(_number_texts(path, numbers, decimals))
+    if record.attitude is not None:
+        known = np.atleast_1d(np.isfinite(record.attitude).all(axis=1))
+        for axis, name in enumerate(QUATERNION):
+            texts = _texts(record.attitude[:, axis], decimals)
+            columns[name] = [text if there else "" for text, there in zip(texts, known.tolist(), strict=True)]
+    _write(path, columns)
 
 
 def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
@@ -81,6 +107,10 @@ def _table_columns(path: Path, record: PositionRecord | RawRecord, decimals: int
     numbers |= {name: record.specific_force[:, axis] for axis, name in enumerate(FORCE)}
     if record.temperature is not None:
         numbers[TEMPERATURE] = record.temperature
+    return _number_texts(path, numbers, decimals)
+
+
+def _number_texts(path: Path, numbers: Mapping[str, np.ndarray], decimals: int | None) -> dict[str, list[str]]:
     for name, values in numbers.items():
         if not np.isfinite(values).all():
             raise InputError(f"{path}: not written: {name} holds a number that is not finite")

@@ -1,7 +1,8 @@
 """Records from files: recognised by their columns, checked, in SI and radians."""
 
+import hashlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from trihedron.records.columns import (
 from trihedron.records.csv_table import read_csv
 from trihedron.records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from trihedron.records.parquet_table import MAGIC, read_parquet
-from trihedron.records.rests import average_rests, find_rests
+from trihedron.records.rests import Rest, average_rests, find_rests
 
 
 def read_record(path: Path) -> PositionRecord | RawRecord | StrapdownRecord:
@@ -48,8 +49,22 @@ def read_record(path: Path) -> PositionRecord | RawRecord | StrapdownRecord:
     return _read(Path(path), KINDS)
 
 
+@dataclass(frozen=True)
+class TableRun:
+    """A position record with what it was made from: a raw record and its rests, or nothing."""
+
+    record: PositionRecord
+    raw: RawRecord | None = None
+    rests: tuple[Rest, ...] = ()
+
+
 def read_position_record(path: Path) -> PositionRecord:
-    """Read a position record; a raw record is taken too, its rests are found and averaged.
+    """Read a position record; a raw record is taken too; arguments and errors as `read_table_run`."""
+    return read_table_run(path).record
+
+
+def read_table_run(path: Path) -> TableRun:
+    """Read a position record, or a raw record, of which the rests are found and averaged.
 
     Raises
     ------
@@ -61,8 +76,9 @@ def read_position_record(path: Path) -> PositionRecord:
         what = "is a strapdown record; a position record or a raw record (alpha_deg, beta_deg) is needed"
         raise refusal(record.path, None, None, what)
     if isinstance(record, RawRecord):
-        return average_rests(record, find_rests(record))
-    return record
+        rests = find_rests(record)
+        return TableRun(average_rests(record, rests), record, tuple(rests))
+    return TableRun(record)
 
 
 def _read(path: Path, kinds: Sequence[Kind]) -> PositionRecord | RawRecord | StrapdownRecord:
@@ -74,7 +90,7 @@ def _read(path: Path, kinds: Sequence[Kind]) -> PositionRecord | RawRecord | Str
     else:
         columns = read_csv(path, data, lambda names, row: recognise(path, names, row, kinds))
     warnings = extra_warning(path, columns.layout) + checked(columns)
-    return replace(_record(columns), warnings=warnings)
+    return replace(_record(columns), warnings=warnings, sha256=hashlib.sha256(data).hexdigest())
 
 
 def _contents(path: Path) -> bytes:

@@ -2,14 +2,24 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trihedron.errors import InputError
 from trihedron.fmus.units import STANDARD_GRAVITY
+from trihedron.records.allan import dwell_noise
 from trihedron.records.kinds import PositionRecord, RawRecord
-from trihedron.records.settling import Trend, mean_of, scatter_of_mean, settled_from, still_settling, trend_of
+from trihedron.records.settling import (
+    BLOCKS,
+    Trend,
+    mean_of,
+    scatter_about_line,
+    scatter_of_mean,
+    settled_from,
+    still_settling,
+    trend_of,
+)
 from trihedron.records.stops import WINDOW, find_stops, quiet_tolerance, without_turns
 
 SHORTEST = 0.25
@@ -20,6 +30,12 @@ ROUNDING = 1e-12 * STANDARD_GRAVITY
 
 UNSETTLED = 1.0 / 3.0
 """A rest of which less than this part of what was dropped is left may still be settling."""
+
+UNUSUAL = 5.0
+"""A drift so many times faster than the median rest's is that rest's own."""
+
+FEWEST_COMPARED = 4
+"""Fewer rests do not say what is usual."""
 
 UNSEEN_ANGLE = math.radians(0.1 / 3600)
 """Changes of an angle that make no difference to a reading [rad]."""
@@ -60,8 +76,8 @@ def find_rests(raw: RawRecord) -> list[Rest]:
 
     Both encoder readings must keep their level within the record's own quiet scatter, for at least 8 rows and
     a quarter of the median rest. The unsettled start is dropped by a test of the readings themselves. Linear
-    trends of angles and readings are tested; one of an angle beyond the quiet scatter refuses the rest, the
-    others are stated.
+    trends of angles and readings are tested: one of an angle beyond the quiet scatter refuses the rest, and so does
+    one of a reading that is beyond the rest's scatter and unlike the record's other rests; the others are stated.
 
     Parameters
     ----------
@@ -90,7 +106,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
         else:
             why = f"lasts {lasts:.3g} s, no more than a quarter of the median rest of {median:.3g} s"
             rests.append(Rest(first, last, first, last, refused=why))
-    return rests
+    return _without_unusual_drifts(raw, rests)
 
 
 def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
@@ -137,8 +153,10 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         resolution=raw.resolution,
         row=np.array([raw.row[rows.start] for rows in kept]),
         path=raw.path,
+        sha256=raw.sha256,
         warnings=raw.warnings + _said(raw, rests),
         scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in kept]),
+        dwell_noise=dwell_noise(raw, kept),
     )
 
 
@@ -156,7 +174,7 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
             return Rest(first, last, start, end, refused=f"the {_turning(axis, trend)} {half_lasts}")
 
     values = np.concatenate([raw.specific_force[start : end + 1], angles[start : end + 1]], axis=1)
-    dropped = settled_from(values, np.concatenate([reading_floor, angle_floor]))
+    dropped = _dropped(raw.time_s[start : end + 1], values, np.concatenate([reading_floor, angle_floor]))
     start += dropped
     count = end - start + 1
     if count < WINDOW - 2:
@@ -175,6 +193,45 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
         if trend.significant
     ]
     return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in said))
+
+
+def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
+    """Refuse rests in which a reading drifts as it does in none of the others, and by more than it scatters."""
+    used = [k for k, rest in enumerate(rests) if rest.refused is None]
+    if len(used) < FEWEST_COMPARED:
+        return rests
+    floor = np.full(3, max(2.0 * raw.resolution, ROUNDING))
+    trends, rates = {}, []
+    for k in used:
+        rows = slice(rests[k].kept_first, rests[k].kept_last + 1)
+        trends[k] = trend_of(raw.time_s[rows], raw.specific_force[rows], floor)
+        lasts = raw.time_s[rows.stop - 1] - raw.time_s[rows.start]
+        rates.append([abs(trend.change) / lasts for trend in trends[k]])
+    usual = np.median(rates, axis=0)
+    for k, rate in zip(used, rates, strict=True):
+        rows = slice(rests[k].kept_first, rests[k].kept_last + 1)
+        for axis, trend in enumerate(trends[k]):
+            unlike = trend.significant and rate[axis] > UNUSUAL * usual[axis]
+            if unlike and abs(trend.change) > scatter_about_line(raw.time_s[rows], raw.specific_force[rows, axis]):
+                why = f"f{axis + 1} drifts linearly by {trend.change / STANDARD_GRAVITY:.2g} g in {_lasts(raw, rows)}"
+                often = f", {rate[axis] / usual[axis]:.2g} times the median" if usual[axis] > 0.0 else ""
+                rests[k] = replace(rests[k], refused=f"{why}{often}: a trend, which other rests do not have")
+                break
+    return rests
+
+
+def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
+    """How many rows have not settled: beside a linear drift where there is one, else against a level.
+
+    A drift is one when it does not bend and outlasts what was dropped before it; else it is taken for the tail of
+    what settles.
+    """
+    start = settled_from(values, floor, drifts=True)
+    while len(values) - start >= WINDOW and UNSETTLED * (len(values) - start) >= start:
+        if not still_settling(time[start:], values[start:], floor):
+            return start
+        start += max(1, len(values) // BLOCKS)
+    return settled_from(values, floor)
 
 
 def _turning(axis: int, trend: Trend) -> str:

@@ -27,7 +27,7 @@ class Trend:
     significant: bool
 
 
-def settled_from(values: np.ndarray, floor: np.ndarray) -> int:
+def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False) -> int:
     """First row of a rest from which its readings and angles have settled.
 
     The rest is cut into blocks. A block of the first half that differs from the second half's mean by more than
@@ -40,6 +40,9 @@ def settled_from(values: np.ndarray, floor: np.ndarray) -> int:
         one column for each accelerometer and axis
     floor : ndarray, shape (m,)
         differences that are never taken for one: what rounding does
+    drifts : bool
+        whether the second half's linear trend, where it has one, is continued through the first: a drift through
+        the whole rest is no settling
 
     Returns
     -------
@@ -48,7 +51,7 @@ def settled_from(values: np.ndarray, floor: np.ndarray) -> int:
     """
     start = 0
     while len(values) - start >= FEWEST:
-        dropped = _unsettled(values[start:], floor)
+        dropped = _unsettled(values[start:], floor, drifts)
         if not dropped:
             break
         start += dropped
@@ -67,7 +70,7 @@ def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> b
     return bool(np.any(np.abs(weight[2]) > np.maximum(_student(freedom, FALSE_ALARM) * error, floor)))
 
 
-def _unsettled(values: np.ndarray, floor: np.ndarray) -> int:
+def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     """How many rows at the start have not settled by one test; at most half of them."""
     size = max(1, len(values) // BLOCKS)
     # counted from the end, so that rows that fill no block are at the start
@@ -76,17 +79,57 @@ def _unsettled(values: np.ndarray, floor: np.ndarray) -> int:
     means = _block_means(values[offset:], count)
     half = count // 2
     first, second = means[:half], means[half:]
-    scatter = np.std(second - second[0], axis=0, ddof=1)
-    difference = first - mean_of(second)
+    line = _second_half(np.arange(half, count), second, floor, drifts)
+    distance = np.arange(half) - line.centre
+    difference = first - (line.mean + distance[:, None] * line.slope)
     # from each block on to the middle, the mean of the first half
     left = np.arange(half, 0, -1)
     onwards = np.cumsum(difference[::-1], axis=0)[::-1] / left[:, None]
-    widest = _student(len(second) - 1, TOO_MUCH_DROPPED)
-    one = np.maximum(widest * math.sqrt(1.0 + 1.0 / len(second)) * scatter, floor)
-    many = np.maximum(np.outer(widest * np.sqrt(1.0 / left + 1.0 / len(second)), scatter), floor)
+    mean_distance = np.cumsum(distance[::-1])[::-1] / left
+    # a block beside a line that is wrongly called different costs more than a few rows
+    chance = FALSE_ALARM if drifts else TOO_MUCH_DROPPED
+    widest = np.array([_student(freedom, chance) for freedom in line.freedom])
+    of_one = 1.0 + 1.0 / len(second) + distance[:, None] ** 2 * line.leverage
+    of_many = 1.0 / left[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * line.leverage
+    one = np.maximum(widest * np.sqrt(of_one) * line.scatter, floor)
+    many = np.maximum(widest * np.sqrt(of_many) * line.scatter, floor)
     different = np.any((np.abs(difference) > one) | (np.abs(onwards) > many), axis=1)
     last = np.flatnonzero(different)
     return offset + (int(last[-1]) + 1) * size if last.size else 0
+
+
+@dataclass(frozen=True)
+class _Line:
+    """The second half of a rest, which the first is compared with: a level, or a line where it has a trend."""
+
+    centre: float
+    mean: np.ndarray
+    slope: np.ndarray
+    scatter: np.ndarray
+    freedom: np.ndarray
+    leverage: np.ndarray
+
+
+def _second_half(place: np.ndarray, means: np.ndarray, floor: np.ndarray, drifts: bool) -> _Line:
+    """Level, trend where it is significant, and scatter about both, of block means (n, m)."""
+    count = len(means)
+    mean = mean_of(means)
+    centre = float(place.mean())
+    centred = place - centre
+    square = float(centred @ centred)
+    slope = centred @ (means - mean) / square
+    about = np.sqrt(np.sum((means - mean - np.outer(centred, slope)) ** 2, axis=0) / max(count - 2, 1))
+    change = np.abs(slope) * (count - 1)
+    limit = _student(count - 2, FALSE_ALARM) * about / math.sqrt(square)
+    trend = (drifts and count > 3) & (np.abs(slope) > limit) & (change > floor)
+    return _Line(
+        centre,
+        mean,
+        np.where(trend, slope, 0.0),
+        np.where(trend, about, np.std(means - means[0], axis=0, ddof=1)),
+        np.where(trend, count - 2, count - 1),
+        np.where(trend, 1.0 / square, 0.0),
+    )
 
 
 def mean_of(values: np.ndarray) -> np.ndarray:
@@ -136,6 +179,13 @@ def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> list[Tr
         beyond = abs(change) > max(_student(count - 2, FALSE_ALARM) * float(error[k]) * duration, float(floor[k]))
         result.append(Trend(change, bool(beyond)))
     return result
+
+
+def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:
+    """Largest less smallest distance of values (n,) from their least-squares line."""
+    centred = time - mean_of(time)
+    slope = float(centred @ (values - mean_of(values))) / float(centred @ centred)
+    return float(np.ptp(values - slope * centred))
 
 
 def _student(freedom: int, chance: float) -> float:

@@ -13,11 +13,13 @@ from trihedron.calibration import Calibration
 from trihedron.diagnosis import Diagnosis
 from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.models.effects import CATALOGUE
+from trihedron.records.reading import TableRun
 from trihedron.report.calibration_pictures import residuals, target_intervals
+from trihedron.report.calibration_sections import joint_set_sections, levelling_sections, rest_sections
 from trihedron.report.diagnosis_pictures import candidates, held_out
 from trihedron.report.page import Section, Table, Tone, render_page
 from trihedron.report.time_pictures import attitude_error, bench_tour
-from trihedron.summaries import VERDICTS, position_text
+from trihedron.summaries import VERDICTS, missing_lines, position_text
 
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 
@@ -53,6 +55,7 @@ def calibration_section(
             VERDICTS[result.verdict].capitalize() + ".",
             f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
             f"({result.noise_bound_basis}); least possible largest residual {result.radius:.3f} σ.",
+            *missing_lines(result),
         ],
         target_intervals(result.parameters, result.noise_bound, truth),
         "Each target's exact interval and a-priori guaranteed error, in units of σ.",
@@ -175,12 +178,17 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     )
 
 
-def calibration_page(result: Calibration, name: str) -> str:
+def calibration_page(result: Calibration, run: TableRun) -> str:
     """The page of `trihedron calibrate`."""
     return render_page(
-        f"Calibration of {name}",
+        f"Calibration of {run.record.path.name}",
         VERDICTS[result.verdict].capitalize() + ".",
-        [calibration_section(result)],
+        [
+            calibration_section(result),
+            *levelling_sections(result),
+            *joint_set_sections(result),
+            *rest_sections(run),
+        ],
         tone=TONES.get(result.verdict, "attention"),
         provenance=provenance(result),
     )

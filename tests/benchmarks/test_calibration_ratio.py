@@ -1,0 +1,33 @@
+"""How long a calibration takes: estimates, guaranteed errors, all intervals, of 100 positions."""
+
+import time
+
+import numpy as np
+import pytest
+
+from simulated_bench import misses, random_bench, simulated
+from trihedron.calibration import calibrate
+from trihedron.models.bench import target_values
+
+SIGMA = 1e-5
+
+
+@pytest.mark.benchmark_ratio
+def test_a_hundred_positions_under_a_second(capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(100)
+    bench = random_bench(rng)
+    alpha, beta = rng.uniform(0, 2 * np.pi, (2, 100))
+    record = simulated(bench, alpha, beta, rng.uniform(-SIGMA, SIGMA, (100, 3)))
+    seconds, busy = [], []
+    for _ in range(3):
+        began, busy_before = time.perf_counter(), time.process_time()
+        result = calibrate(record, noise_bound=SIGMA)
+        seconds.append(time.perf_counter() - began)
+        busy.append(time.process_time() - busy_before)
+    with capsys.disabled():
+        print(
+            f"\n100 positions, fit, 18 guaranteed errors, 57 intervals: {min(seconds):.2f} s "
+            f"({min(busy):.2f} s of processor)"
+        )
+    assert misses(result, target_values(bench, np.eye(3))) == []
+    assert min(busy) < 1.0

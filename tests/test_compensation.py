@@ -1,0 +1,90 @@
+"""AccelerometerCompensation undoes AccelerometerBlock: at every sign, at zero, and says where no inverse is certain."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trihedron.fmus import components
+from trihedron.fmus.accelerometer_compensation import CALIBRATED
+from trihedron.fmus.in_process import instantiate, references
+
+BLOCK, INVERSE = components()["AccelerometerBlock"], components()["AccelerometerCompensation"]
+GRAVITY = 9.80665
+SMALL = st.floats(-0.05, 0.05)
+FORCE = st.one_of(st.floats(-30.0, 30.0), st.sampled_from([0.0, -0.0, 1e-300, -1e-300, 1e-12, -1e-12]))
+
+
+def both(parameters: dict[str, float]):
+    """The block and its inverse with the same parameters, initialised."""
+    models = []
+    for component in (BLOCK, INVERSE):
+        model, numbers = instantiate(component), references(component)
+        for name, value in parameters.items():
+            model.set(numbers[name], value)
+        assert model.initialise(0.0) == 0
+        models.append((model, numbers))
+    return models
+
+
+def there_and_back(parameters: dict[str, float], force) -> tuple[np.ndarray, np.ndarray]:
+    """The block's readings of a force, and what its inverse makes of them [m/s²]."""
+    (block, of_block), (inverse, of_inverse) = both(parameters)
+    for p in (1, 2, 3):
+        block.set(of_block[f"specific_force[{p}]"], force[p - 1])
+    reading = [block.get(of_block[f"reading[{p}]"]) for p in (1, 2, 3)]
+    for p in (1, 2, 3):
+        inverse.set(of_inverse[f"reading[{p}]"], reading[p - 1])
+    return np.array(reading), np.array([inverse.get(of_inverse[f"specific_force[{p}]"]) for p in (1, 2, 3)])
+
+
+def names() -> list[str]:
+    return [e for v in INVERSE.interface if v.causality == "parameter" and v.name != "gravity" for e in v.elements]
+
+
+def test_it_has_the_parameters_of_the_calibrated_block():
+    ours = {v.name: v for v in INVERSE.interface if v.causality == "parameter"}
+    assert tuple(ours) == CALIBRATED
+    assert ours == {v.name: v for v in BLOCK.interface if v.name in CALIBRATED}
+
+
+@given(st.lists(SMALL, min_size=15, max_size=15), st.tuples(FORCE, FORCE, FORCE))
+def test_the_inverse_of_the_block_for_every_force(values, force):
+    _, recovered = there_and_back(dict(zip(names(), values, strict=True)), force)
+    # the bias is added to the reading and taken off again: its rounding is what is left
+    np.testing.assert_allclose(recovered, force, rtol=0, atol=4e-15 * (GRAVITY + np.abs(force).max()))
+
+
+def test_signs_that_the_readings_do_not_show():
+    """Biases and crossed axes turn the signs of readings about; the inverse finds those of the inputs."""
+    parameters = {"bias[1]": 0.02, "gamma_21": 0.3, "gamma_23": -0.3, "scale_error_plus[2]": 0.1}
+    parameters |= {"scale_error_minus[2]": -0.1, "scale_error_plus[1]": 0.2, "scale_error_minus[1]": -0.2}
+    for force in ((-0.01, 0.05, -9.8), (9.0, -1.0, 3.0), (-9.0, 1.0, 3.0), (-0.1, -0.1, -0.1)):
+        reading, recovered = there_and_back(parameters, force)
+        np.testing.assert_allclose(recovered, force, rtol=0, atol=1e-13)
+    assert (np.sign(reading) == np.sign(force)).tolist() == [False, True, True]
+
+
+def test_the_scale_factor_of_each_sign_counts():
+    for sign, scale in ((1.0, 0.01), (-1.0, -0.02)):
+        parameters = {"scale_error_plus[3]": 0.01, "scale_error_minus[3]": -0.02}
+        reading, recovered = there_and_back(parameters, (0.0, 0.0, sign * GRAVITY))
+        assert reading[2] == pytest.approx(sign * GRAVITY * (1 + scale), rel=1e-15)
+        assert recovered[2] == pytest.approx(sign * GRAVITY, rel=1e-15)
+
+
+def test_errors_without_a_certain_inverse_are_refused():
+    model, numbers = instantiate(INVERSE), references(INVERSE)
+    model.set(numbers["gamma_31"], 0.5)
+    model.set(numbers["gamma_32"], -0.5)
+    assert "too large for one inverse" in INVERSE.messages[model.initialise(0.0) - 1]
+    model.set(numbers["gamma_32"], 0.4)
+    assert model.initialise(0.0) == 0
+    assert model.do_step(0.0, 0.1) == 0
+    model.set(numbers["scale_error_minus[3]"], -0.2)
+    assert "too large for one inverse" in INVERSE.messages[model.do_step(0.1, 0.1) - 1]
+    model.set(numbers["scale_error_minus[3]"], 0.0)
+    model.set(numbers["reading[1]"], math.nan)
+    assert "not finite" in INVERSE.messages[model.do_step(0.2, 0.1) - 1]

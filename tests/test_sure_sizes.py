@@ -1,0 +1,156 @@
+"""The two sizes with a theory: at them every noise within σ is seen through, and below them some noise is not."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulated_bench import random_bench, record
+from trihedron.calibration.linearisation import Linearisation
+from trihedron.calibration.procedure import fit_record
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.circumstances import circumstances_of
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.diagnosis.sizes import level_change, level_margins, spread_directions, sure_sizes
+from trihedron.models.bench import elementary_reading
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.models.effects.outlier import place_of
+
+SIGMA = 1e-5
+RNG = np.random.default_rng(11)
+ANGLES = np.radians(RNG.uniform(0.0, 360.0, (60, 2)))
+BENCH = random_bench(RNG)
+CUBIC = EffectPlace("cubic", "accelerometer-1")
+ODD = EffectPlace("odd-quadratic", "accelerometer-1")
+QUADRATIC = EffectPlace("quadratic", "accelerometer-2")
+ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
+WOBBLE = EffectPlace("axis-wobble", "inner-axis", 2)
+SAG = EffectPlace("sag", "inner-axis")
+
+
+@pytest.fixture(scope="module")
+def known():
+    """The model at a true bench with 60 positions anywhere, and the rows' circumstances."""
+    alpha, beta = ANGLES.T
+    measured = record(elementary_reading(BENCH, alpha, beta, np.eye(3)), alpha, beta)
+    return fit_record(measured, noise_bound=SIGMA), circumstances_of(measured)
+
+
+def change(known, place: EffectPlace, direction=None) -> np.ndarray:
+    here, circumstances = known
+    columns = signature_columns([place], rows_at(here, here.point, here.positions, circumstances))
+    return columns @ (np.ones(1) if direction is None else direction)
+
+
+def radius(here: Linearisation, readings: np.ndarray, extra=None) -> float:
+    columns = here.jacobian if extra is None else np.hstack((here.jacobian, extra))
+    return chebyshev_radius(columns, readings, here.bound)[0]
+
+
+@pytest.mark.parametrize("place", [QUADRATIC, CUBIC], ids=lambda place: place.title)
+def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(known, place):
+    here, _ = known
+    size = sure_sizes(*known, place, []).detected
+    d = change(known, place)
+    for _ in range(40):
+        noise = SIGMA * RNG.choice([-1.0, 1.0], size=len(d))
+        assert radius(here, 1.01 * size * d + noise) > 1.0
+    # Without noise half the size is still at the edge; the worst noise undoes as much as the model may.
+    assert radius(here, 0.5 * size * d) == pytest.approx(1.0, abs=1e-6)
+    step = chebyshev_radius(here.jacobian, d, here.bound)[1]
+    worst = -SIGMA * (d - here.jacobian @ step) / np.abs(d - here.jacobian @ step).max()
+    assert radius(here, 0.99 * size * d + worst) <= 1.0
+
+
+def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(known):
+    here, _ = known
+    rivals = [ODD, ENCODER, QUADRATIC, WOBBLE, SAG]
+    sizes = sure_sizes(*known, CUBIC, rivals)
+    assert sizes.rival == ODD.title
+    d = change(known, CUBIC)
+    columns = [change_columns(known, rival) for rival in rivals]
+    for _ in range(20):
+        noise = SIGMA * RNG.choice([-1.0, 1.0], size=len(d))
+        assert all(radius(here, 1.01 * sizes.excluded * d + noise, extra) > 1.0 for extra in columns)
+    step = chebyshev_radius(np.hstack((here.jacobian, columns[0])), d, here.bound)[1]
+    left = d - np.hstack((here.jacobian, columns[0])) @ step
+    assert radius(here, 0.99 * sizes.excluded * d - SIGMA * left / np.abs(left).max(), columns[0]) <= 1.0
+
+
+def change_columns(known, place: EffectPlace) -> np.ndarray:
+    here, circumstances = known
+    return signature_columns([place], rows_at(here, here.point, here.positions, circumstances))
+
+
+def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(known):
+    """The published facts: 6.6 times for the cubic term at 100 positions; most effects are told apart at once."""
+    sizes = sure_sizes(*known, CUBIC, [ODD, ENCODER, SAG])
+    assert 4.0 < sizes.excluded / sizes.detected < 40.0
+    sizes = sure_sizes(*known, ENCODER, [ODD, CUBIC, QUADRATIC])
+    assert sizes.excluded / sizes.detected < 2.0
+
+
+def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known):
+    here, _ = known
+    rivals = [place for name in ("cross-product", "cross-square", "cubic", "sag") for place in CATALOGUE[name].places]
+    sizes = sure_sizes(*known, QUADRATIC, rivals)
+    d = change(known, QUADRATIC)
+    with_rivals = [radius(here, d, change_columns(known, rival)) for rival in rivals]
+    with_outliers = [radius(here, d, np.eye(len(d), 1, -k)) for k in range(len(d))]
+    least = min(with_rivals + with_outliers)
+    assert sizes.excluded == pytest.approx(2.0 / least, rel=1.1e-3)
+    assert sizes.detected == pytest.approx(2.0 / radius(here, d), rel=1e-9)
+
+
+def test_over_all_phases_the_worst_is_taken(known):
+    own = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2)]
+    worst = sure_sizes(*known, ENCODER, [SAG, ODD])
+    assert worst.detected == max(s.detected for s in own)
+    assert worst.excluded == max(s.excluded for s in own)
+    phases = RNG.uniform(0.0, math.pi, 12)
+    some = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=np.array([math.cos(t), math.sin(t)])) for t in phases]
+    assert max(s.detected for s in some) < 1.02 * worst.detected
+
+
+def test_a_bound_that_an_open_sign_widens_makes_the_sizes_larger(known):
+    here, circumstances = known
+    wide = here.bound.copy()
+    wide[1::3] *= 3.0
+    place = QUADRATIC
+    assert sure_sizes(replace(here, bound=wide), circumstances, place, []).detected == pytest.approx(
+        3.0 * sure_sizes(here, circumstances, place, []).detected, rel=1e-3
+    )
+
+
+def test_what_the_model_holds_already_has_no_size(known):
+    sizes = sure_sizes(*known, EffectPlace("scale-asymmetry", "accelerometer-1"), [CUBIC])
+    assert (sizes.detected, sizes.excluded) == (math.inf, math.inf)
+    wobble = sure_sizes(*known, EffectPlace("axis-wobble", "outer-axis", 1), [CUBIC])
+    assert wobble.detected > 1e-2 or wobble.detected == math.inf
+
+
+def test_an_outlier_is_not_its_own_rival_but_other_readings_are(known):
+    sizes = sure_sizes(*known, place_of(5, 2), [])
+    assert SIGMA < sizes.detected < math.inf
+    assert sizes.excluded < math.inf
+    assert sizes.rival != place_of(5, 2).title
+
+
+def test_beside_another_effect_sizes_are_larger(known):
+    alone = sure_sizes(*known, CUBIC, [SAG])
+    beside = sure_sizes(*known, CUBIC, [SAG], beside=[ODD])
+    assert beside.detected > 3.0 * alone.detected
+
+
+def test_levels_are_scanned_with_the_effects_own_kernel(known):
+    here, circumstances = known
+    rows = rows_at(here, here.point, here.positions, circumstances)
+    place = EffectPlace("saturation", "accelerometer-3")
+    top = float(np.abs(rows.prediction[:, 2]).max())
+    clipped = level_change(place, 0.9, rows)
+    assert np.array_equal(clipped[:, :2], np.zeros((len(clipped), 2)))
+    assert np.abs(rows.prediction + clipped)[:, 2].max() == pytest.approx(0.9, abs=1e-12)
+    margins = level_margins(here, circumstances, place, [0.9, top * (1.0 + 1e-6)], [CUBIC])
+    assert margins[0].detected < 1.0
+    assert margins[1].detected == math.inf

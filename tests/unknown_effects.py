@@ -1,0 +1,179 @@
+"""Ten effects that the catalogue lacks, on records of the suite's benches, and how near its best sets of three come."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.procedure import fit_record
+from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis import diagnose
+from trihedron.diagnosis.circumstances import circumstances_of
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.hidden_cases import NOISE_BOUND
+from trihedron.hidden_suite.benches import GRAVITY, classes_with
+from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
+from trihedron.hidden_suite.measurement import measure_case
+from trihedron.models.effects import Rows
+from trihedron.records import PositionRecord
+
+LEAST_RADIUS = 1.5
+"""What the catalogue's best set of three leaves, at least, in units of σ."""
+BEAM = 40
+"""So many singles and pairs, the best ones, are grown."""
+EXACT = 12
+"""So many triples, the best ones by least squares, are judged exactly."""
+
+
+def on(p: int, values: NDArray) -> NDArray:
+    """Values (N,) on one accelerometer (N, 3)."""
+    return values[:, None] * (np.arange(3) == p)
+
+
+def wrapped(angle: NDArray) -> NDArray:
+    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
+
+
+def product(p: int, rows: Rows) -> NDArray:
+    return on(p, rows.n.prod(axis=1))
+
+
+def fifth_power(p: int, rows: Rows) -> NDArray:
+    return on(p, rows.n[:, p] ** 5)
+
+
+def square_times_other(p: int, rows: Rows) -> NDArray:
+    return on(p, rows.n[:, p] ** 2 * rows.n[:, (p + 1) % 3])
+
+
+def bump(p: int, rows: Rows) -> NDArray:
+    return on(p, np.exp(-((wrapped(rows.alpha - 1.1) / np.radians(12.0)) ** 2)))
+
+
+def resonance(p: int, rows: Rows) -> NDArray:
+    away, width = wrapped(rows.alpha - 2.3), np.radians(20.0)
+    return on(p, away * width / (away**2 + width**2))
+
+
+def step_in_time(p: int, rows: Rows) -> NDArray:
+    return on(p, np.sign(rows.hours - 0.55 * rows.hours[-1]))
+
+
+def slow_oscillation(p: int, rows: Rows) -> NDArray:
+    return on(p, np.sin(2.0 * np.pi * 2.7 * rows.hours / rows.hours[-1]))
+
+
+def ninth_harmonic(p: int, rows: Rows) -> NDArray:
+    return rows.by_alpha * np.sin(9.0 * rows.alpha + 0.4)[:, None]
+
+
+def of_both_angles(p: int, rows: Rows) -> NDArray:
+    return on(p, np.cos(2.0 * rows.alpha + 0.3) * np.sin(3.0 * rows.beta))
+
+
+def every_other_row(p: int, rows: Rows) -> NDArray:
+    return on(p, np.where(np.arange(len(rows.hours)) % 2 == 0, 1.0, -1.0))
+
+
+UNKNOWN: tuple[Callable[[int, Rows], NDArray], ...] = (
+    product,
+    fifth_power,
+    square_times_other,
+    bump,
+    resonance,
+    step_in_time,
+    slow_oscillation,
+    ninth_harmonic,
+    of_both_angles,
+    every_other_row,
+)
+"""Accelerometer, rows -> change of the readings (N, 3) [g] for an amplitude of one."""
+
+
+@dataclass(frozen=True)
+class UnknownCase:
+    """A record with an effect that the catalogue lacks."""
+
+    case: SuiteCase
+    record: PositionRecord
+    name: str
+    nearest: float
+
+
+def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCase:
+    """An unknown effect so large that the catalogue's best set of three leaves 1.5 σ or more, but not many times that.
+
+    A search of the test's own says so, and the diagnosis itself, asked with 1.5 σ for the noise bound: were the two to
+    disagree, one of them would have missed a set.
+    """
+    rng = np.random.default_rng([seed, index])
+    effect = UNKNOWN[index % len(UNKNOWN)]
+    for attempt in range(20):
+        case = draw_case(SuiteOptions("clean", positions=positions), seed, 1000 * index + attempt)
+        clean = measure_case(case)
+        p = int(rng.integers(3))
+        bench = case.bench
+        here = fit_record(clean, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
+        rows = rows_at(here, here.point, here.positions, circumstances_of(clean))
+        change = effect(p, rows)
+        far = nearest_triple(case, clean, change)
+        if far < 1e-3:
+            continue
+        amplitude = rng.uniform(1.8, 4.0) * NOISE_BOUND / far
+        for _ in range(6):
+            record = replace(clean, specific_force=clean.specific_force + GRAVITY * amplitude * change)
+            radius = nearest_triple(case, record) / NOISE_BOUND
+            if amplitude < 1e-2 and radius >= LEAST_RADIUS and is_beyond_three(case, record):
+                return UnknownCase(case, record, effect.__name__, radius)
+            amplitude *= 1.25
+    raise AssertionError(f"{effect.__name__}: no bench shows it")
+
+
+def is_beyond_three(case: SuiteCase, record: PositionRecord) -> bool:
+    """Whether no set of three keeps every residual within 1.5 σ."""
+    bench = case.bench
+    bound = LEAST_RADIUS * NOISE_BOUND
+    wide = diagnose(record, noise_bound=bound, baseline=bench.baseline, mounting=bench.matrices, rerun=False)
+    return wide.verdict == "unexplained"
+
+
+def nearest_triple(case: SuiteCase, record: PositionRecord, change: NDArray | None = None) -> float:
+    """The least distance [g] of a record's residual, or of a change, from the model with three effects, as found.
+
+    A beam search of its own: singles, pairs and triples, outliers among them, are grown by least squares, the best
+    triples judged by the Chebyshev programme. What it finds is no more than the best; the best may be better.
+    """
+    bench = case.bench
+    here = fit_record(record, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
+    rows = rows_at(here, here.point, here.positions, circumstances_of(record))
+    residual = here.residual if change is None else change.ravel()
+    effects = [signature_columns([p], rows) for p in classes_with(bench.mountings, symmetric=bench.symmetric).places]
+    columns = effects + [np.eye(len(residual), 1, -k) for k in range(len(residual))]
+    q = np.linalg.qr(here.jacobian / np.abs(here.jacobian).max(axis=0))[0]
+    beam: list[tuple[int, ...]] = [()]
+    for size in range(3):
+        grown = {}
+        for chosen in beam:
+            with_chosen = np.hstack([q, *(columns[i] for i in chosen)])
+            basis = np.linalg.svd(with_chosen / np.linalg.norm(with_chosen, axis=0), full_matrices=False)[0]
+            left = residual - basis @ (basis.T @ residual)
+            free = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-9)
+            taken = [taken_by(c - basis @ (basis.T @ c), left) for c in effects] + list(left**2 / free)
+            for i, off in enumerate(taken):
+                many = sum(k >= len(effects) for k in (*chosen, i)) > 2
+                if i not in chosen and not many:
+                    grown[tuple(sorted((*chosen, i)))] = left @ left - off
+        beam = sorted(grown, key=lambda key: grown[key])[: BEAM if size < 2 else EXACT]
+    bound = np.full(len(residual), 1.0)
+    return min(
+        chebyshev_radius(np.hstack([here.jacobian, *(columns[i] for i in chosen)]), residual, bound)[0]
+        for chosen in beam
+    )
+
+
+def taken_by(columns: NDArray, left: NDArray) -> float:
+    """What columns take off a sum of squares."""
+    u, values, _ = np.linalg.svd(columns, full_matrices=False)
+    kept = u[:, values > 1e-6 * max(float(values.max(initial=0.0)), 1e-3)]
+    return float(np.sum((kept.T @ left) ** 2))

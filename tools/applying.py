@@ -1,0 +1,121 @@
+"""A calibration applied to a record: readings corrected, and what that is worth for levelling."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from trihedron.calibration.correction import (
+    ARCSEC,
+    Correction,
+    Levelling,
+    corrected,
+    equation_lines,
+    levelling,
+    read_correction,
+)
+from trihedron.errors import InputError
+from trihedron.records import (
+    PositionRecord,
+    RawRecord,
+    StrapdownRecord,
+    read_record,
+    write_position_record,
+    write_raw_record,
+    write_strapdown_record,
+)
+from trihedron.records.rests import average_rests, find_rests
+
+
+@dataclass(frozen=True)
+class Application:
+    """A corrected record.
+
+    Attributes
+    ----------
+    correction : Correction
+    record : PositionRecord, RawRecord or StrapdownRecord
+        with corrected specific force
+    at : str
+        where the vertical was looked at: "positions", "rests" or "rows"
+    levelling : Levelling
+        at each of these
+    """
+
+    correction: Correction
+    record: PositionRecord | RawRecord | StrapdownRecord
+    at: str
+    levelling: Levelling
+
+
+def apply_calibration(calibration: Path, record: Path, *, noise_bound: float = 0.0) -> Application:
+    """Correct the readings of a record by a calibration's file.
+
+    Parameters
+    ----------
+    calibration : Path
+        of `trihedron calibrate --json`
+    record : Path
+        position, raw or strapdown record
+    noise_bound : float
+        bound of the averaged readings' own errors [g], for what remains after the correction
+
+    Raises
+    ------
+    InputError
+        for a calibration that is not consistent, or a record that cannot be used
+    """
+    if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
+        raise InputError(f"--noise-bound {noise_bound:g}: must be a fraction of g from 0 to 0.01, as 1e-5")
+    correction = read_correction(calibration)
+    measured = read_record(record)
+    at, still = "positions" if isinstance(measured, PositionRecord) else "rows", measured
+    if isinstance(measured, RawRecord):
+        rests = find_rests(measured)
+        if any(rest.refused is None for rest in rests):
+            at, still = "rests", average_rests(measured, rests)
+    better = corrected(correction, measured.specific_force)
+    if not np.isfinite(better).all():
+        raise InputError(f"{record}: the corrected readings are not finite")
+    gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
+    return Application(correction, replace(measured, specific_force=better), at, gained)
+
+
+def write_corrected(result: Application, path: Path) -> None:
+    """Write the corrected record as CSV, whole or not at all."""
+    record = result.record
+    if isinstance(record, PositionRecord):
+        write_position_record(record, path)
+    elif isinstance(record, RawRecord):
+        write_raw_record(record, path)
+    else:
+        write_strapdown_record(record, path)
+
+
+def application_summary(result: Application, latitude_deg: float) -> str:
+    """The equation with its numbers, and what the correction is worth for an alignment.
+
+    Raises
+    ------
+    InputError
+        for a latitude at which there is no azimuth to find
+    """
+    if not abs(latitude_deg) <= 89.0:
+        raise InputError(f"--latitude-deg {latitude_deg:g}: must be from -89 to 89; there is no azimuth at a pole")
+    gained = result.levelling
+    worst = int(np.argmax(gained.before))
+    before, after = gained.worst
+    azimuth = abs(math.tan(math.radians(latitude_deg)))
+    lines = equation_lines(result.correction)
+    lines += [
+        f"{len(gained.before)} {result.at}; largest error of the vertical, in arcseconds:",
+        f"  as read {before / ARCSEC:.2f} ({result.at.removesuffix('s')} {worst + 1}), "
+        f"corrected at most {after / ARCSEC:.2f}, guaranteed",
+        f"  its part in the azimuth of a gyrocompass at latitude {latitude_deg:g}°: "
+        f"as read up to {azimuth * before / ARCSEC:.2f}, corrected at most {azimuth * after / ARCSEC:.2f}",
+    ]
+    if result.at == "rows":
+        lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
+    lines += [f"warning: {warning}" for warning in result.record.warnings]
+    return "\n".join(lines)

@@ -1,0 +1,226 @@
+"""Readings corrected by a calibration, and how well: the inverse of the calibrated block with its guaranteed bound."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.reading_errors import corners
+from trihedron.calibration.values import calibrated_block, checked_calibration
+from trihedron.errors import InputError
+
+ARCSEC = math.radians(1 / 3600)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The inverse of a calibrated block, Γ lower triangular, in units of `gravity`.
+
+    Attributes
+    ----------
+    gravity : float
+        the calibration's g [m/s²]
+    plus, minus : (3,) array
+        1 + Γ⁺ and 1 + Γ⁻ of each accelerometer
+    gamma : (3, 3) array
+        Γ below the diagonal, 0 elsewhere
+    bias : (3,) array
+        [g]
+    low, high : (3, 3, 3, 3) array
+        what accelerometer p reads beyond its input at the input (i, j, k) − 1, at least and at most [g]
+    """
+
+    gravity: float
+    plus: NDArray
+    minus: NDArray
+    gamma: NDArray
+    bias: NDArray
+    low: NDArray
+    high: NDArray
+
+
+def read_correction(path: Path) -> Correction:
+    """The correction of a calibration's file.
+
+    Raises
+    ------
+    InputError
+        for a file that is no consistent calibration
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not JSON text; the file of `trihedron calibrate --json` is needed") from error
+    return correction_of(content, str(path))
+
+
+def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
+    """The correction of a calibration's object; `where` is what messages begin with."""
+    block: Any = calibrated_block(calibration, where)
+    gamma = np.zeros((3, 3))
+    for row, column in ((2, 1), (3, 1), (3, 2)):
+        gamma[row - 1, column - 1] = block[f"gamma_{row}{column}"]
+    plus, minus = 1.0 + np.array(block["scale_error_plus"]), 1.0 + np.array(block["scale_error_minus"])
+    if not (min(plus.min(), minus.min()) > 0.0 and block["gravity"] > 0.0):
+        raise InputError(f"{where}: a scale factor or the gravity is not positive; the block has no inverse")
+    low, high = _reading_errors(checked_calibration(calibration, where), where)
+    return Correction(float(block["gravity"]), plus, minus, gamma, np.array(block["bias"]), low, high)
+
+
+def _reading_errors(calibration: Mapping[str, Any], where: str) -> tuple[NDArray, NDArray]:
+    ends = np.full((2, 3, 3, 3, 3), np.nan)
+    try:
+        for entry in calibration["reading_errors"]:
+            place = (int(entry["accelerometer"]) - 1, *(int(x) + 1 for x in entry["input"]))
+            ends[(slice(None), *place)] = float(entry["low"]), float(entry["high"])
+        known = [ends[(slice(None), p - 1, *(x + 1 for x in n))] for p, n in corners()]
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f"{where}: its reading_errors are not as the schema says; calibrate again") from error
+    if not np.isfinite(known).all():
+        raise InputError(f"{where}: its reading_errors are not complete; calibrate again")
+    return ends[0], ends[1]
+
+
+def corrected(correction: Correction, specific_force: NDArray) -> NDArray:
+    """Specific force (N, 3) [m/s²] from readings (N, 3) [m/s²], by forward substitution.
+
+    An accelerometer's input has the sign of its reading less bias and cross terms, since its scale factors are
+    positive: that chooses Γ⁺ (above zero) or Γ⁻.
+    """
+    right = specific_force / correction.gravity - correction.bias
+    n = np.zeros_like(right)
+    for p in range(3):
+        own = right[:, p] - n[:, :p] @ correction.gamma[p, :p]
+        n[:, p] = own / np.where(own > 0.0, correction.plus[p], correction.minus[p])
+    return correction.gravity * n
+
+
+def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
+    """What the block reads beyond its input at inputs (N, 3) [g]: at least and at most (N, 3) [g].
+
+    The greatest error over all parameters that the calibration leaves possible is convex in the input as long as its
+    signs stay, so that its values at the corners of a simplex around the input bound it.
+    """
+    count = len(n)
+    lows, highs = np.zeros((count, 3)), np.zeros((count, 3))
+    rows = np.arange(count)
+    for p in range(3):
+        own = np.where(np.arange(3) <= p, n, 0.0)
+        order = np.argsort(-np.abs(own), axis=1, kind="stable")
+        size = np.take_along_axis(np.abs(own), order, axis=1)
+        sign = np.where(own > 0.0, 1, np.where(own < 0.0, -1, 0))
+        first = 1.0 - size[:, 0]
+        low, high = correction.low[p], correction.high[p]
+        # beyond the unit cube the input's weight of zero is negative: its other end counts
+        lows[:, p] = first * np.where(first >= 0.0, low[1, 1, 1], high[1, 1, 1])
+        highs[:, p] = first * np.where(first >= 0.0, high[1, 1, 1], low[1, 1, 1])
+        corner = np.ones((count, 3), dtype=int)
+        for k in range(p + 1):
+            corner[rows, order[:, k]] += sign[rows, order[:, k]]
+            weight = size[:, k] - (size[:, k + 1] if k < p else 0.0)
+            # a corner beyond this accelerometer's own inputs has no weight
+            at = tuple(corner.T)
+            lows[:, p] += np.where(weight > 0.0, weight * low[at], 0.0)
+            highs[:, p] += np.where(weight > 0.0, weight * high[at], 0.0)
+    return lows, highs
+
+
+def remaining_error(correction: Correction, n: NDArray, noise_bound: float = 0.0) -> tuple[NDArray, NDArray]:
+    """How far true inputs may be from corrected ones n (N, 3) [g]: least and greatest difference, true less corrected.
+
+    Parameters
+    ----------
+    correction : Correction
+    n : (N, 3) array
+        corrected readings over g
+    noise_bound : float
+        bound of the readings' own errors [g]; 0 leaves what the calibration alone is responsible for
+    """
+    lows, highs = error_bounds(correction, n)
+    n = np.asarray(n)
+    reading = n @ correction.gamma.T + n * np.where(n > 0.0, correction.plus, correction.minus) + correction.bias
+    least, most = reading - highs - n - noise_bound, reading - lows - n + noise_bound
+    # the errors belong to the true input, which is not quite the corrected one
+    steep = _steepness(correction)
+    further = steep / (1.0 - steep) * np.maximum(np.abs(least), np.abs(most)).max(axis=1, keepdims=True)
+    return least - further, most + further
+
+
+def _steepness(correction: Correction) -> float:
+    """The most that a reading's error changes by, over the greatest change of an input."""
+    worst = 0.0
+    for p in range(3):
+        table = [
+            end[(p, *(slice(None) if c <= p else 1 for c in range(3)))] for end in (correction.low, correction.high)
+        ]
+        worst = max(worst, *(sum(np.abs(np.diff(t, axis=c)).max() for c in range(p + 1)) for t in table))
+    return min(float(worst), 0.5)
+
+
+@dataclass(frozen=True)
+class Levelling:
+    """Error of the vertical that readings at rest give, in each row [rad].
+
+    Attributes
+    ----------
+    before : (N,) array
+        angle between the readings as they are and as corrected
+    after : (N,) array
+        guaranteed: the corrected readings are not further from the truth
+    """
+
+    before: NDArray
+    after: NDArray
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """The greatest `before`, and the greatest `after`."""
+        return float(self.before.max()), float(self.after.max())
+
+
+def levelling(correction: Correction, reading: NDArray, noise_bound: float = 0.0) -> Levelling:
+    """The error of levelling by readings (N, 3) [g] of a block at rest, before and after the correction."""
+    reading = np.asarray(reading, dtype=float)
+    n = corrected(correction, reading * correction.gravity) / correction.gravity
+    size = np.linalg.norm(n, axis=1)
+    before = np.arctan2(np.linalg.norm(np.cross(reading, n), axis=1), np.einsum("ij,ij->i", reading, n))
+    least, most = remaining_error(correction, n, noise_bound)
+    vertical = n / size[:, None]
+    after = np.zeros(len(n))
+    for side in product((0, 1), repeat=3):
+        error = np.where(np.array(side) > 0, most, least)
+        across = error - vertical * np.einsum("ij,ij->i", vertical, error)[:, None]
+        along = size + np.einsum("ij,ij->i", vertical, error)
+        after = np.maximum(after, np.arctan2(np.linalg.norm(across, axis=1), along))
+    return Levelling(before, after)
+
+
+def face_readings(correction: Correction) -> tuple[list[str], NDArray]:
+    """Readings (6, 3) [g] of the calibrated block with each of its axes up and down, and the attitudes' names."""
+    names = [f"axis {axis} {way}" for axis in (1, 2, 3) for way in ("up", "down")]
+    n = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    scale = np.where(n > 0.0, correction.plus, correction.minus)
+    return names, n * scale + n @ correction.gamma.T + correction.bias
+
+
+def equation_lines(correction: Correction) -> list[str]:
+    """The correction as equations with their numbers, readings f to inputs n."""
+    lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
+    for p in range(3):
+        terms = [f"f{p + 1}/g", _term(-correction.bias[p], "")]
+        terms += [_term(-correction.gamma[p, c], f" n{c + 1}") for c in range(p)]
+        plus, minus = (f"{scale[p]:.12g}" for scale in (correction.plus, correction.minus))
+        lines.append(f"n{p + 1} = ({' '.join(terms)}) / ({plus} where n{p + 1} > 0, {minus} elsewhere)")
+    return lines
+
+
+def _term(value: float, of: str) -> str:
+    return f"{'-' if value < 0.0 else '+'} {abs(value):.12g}{of}"

@@ -1,0 +1,105 @@
+"""Values of a calibration's file, checked: what components, parameter sets and corrections are made from."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from trihedron.errors import InputError
+from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
+
+SCHEMA = "trihedron.calibration/1"
+BLOCK_TARGETS = tuple(t for t in TARGETS if t not in ("X1", "X2", "X3", "X8", "-X12", "X13"))
+"""The targets of case (A1) that belong to the block itself; the others are the bench's and the mounting's."""
+
+
+def checked_calibration(calibration: Any, where: str) -> Mapping[str, Any]:
+    """The calibration, when it is a consistent one.
+
+    Parameters
+    ----------
+    calibration : object
+        what was read
+    where : str
+        what messages begin with
+
+    Raises
+    ------
+    InputError
+        for another schema, or a verdict that is not consistent
+    """
+    if not isinstance(calibration, Mapping) or calibration.get("schema") != SCHEMA:
+        found = calibration.get("schema") if isinstance(calibration, Mapping) else None
+        raise InputError(f"{where}: the schema is {found!r}; a calibration has '{SCHEMA}'")
+    verdict = calibration.get("verdict")
+    if verdict != "consistent":
+        raise InputError(f"{where}: the calibration's verdict is {verdict!r}; only a consistent one gives parameters")
+    return calibration
+
+
+def target_estimates(calibration: Mapping[str, Any], where: str) -> dict[str, float]:
+    """Estimates by the symbols of case (A1), whatever the calibration's convention and baseline.
+
+    Raises
+    ------
+    InputError
+        when an entry is not as its schema says
+    KeyError
+        for a combination that is needed and missing
+    """
+    try:
+        value = {
+            str(entry["symbol"]): number(entry["estimate"], f"{where}: {entry['symbol']}")
+            for entry in calibration["parameters"]
+            if entry["estimate"] is not None
+        }
+    except TypeError as error:
+        raise InputError(f"{where}: the calibration's parameters are not as its schema says") from error
+    if calibration.get("convention") == "A2":
+        value |= {whole: 2 * value[f"({whole})/2"] for whole in ("X6+X8", "X7+X12", "X11+X13")}
+        if "(X8-X6)/2" in value:
+            value |= {
+                "X8": value["(X8-X6)/2"] + value["(X6+X8)/2"],
+                "-X12": value["(X7-X12)/2"] - value["(X7+X12)/2"],
+                "X13": value["(X13-X11)/2"] + value["(X11+X13)/2"],
+            }
+    if calibration.get("baseline") == "symmetric":
+        value |= {minus: value[plus] for plus, minus in SYMMETRIC_PAIRS}
+    return value
+
+
+def block_parameters(targets: Mapping[str, float], gravity: float) -> dict[str, float | list[float]]:
+    """Parameters of the block, and of its compensation, for values of the `BLOCK_TARGETS`; variable -> value."""
+    return {
+        "gravity": gravity,
+        "scale_error_plus": [targets["X4"], targets["X9"], targets["X14"]],
+        "scale_error_minus": [targets["X5"], targets["X10"], targets["X15"]],
+        "gamma_21": targets["X6+X8"],
+        "gamma_31": targets["X7+X12"],
+        "gamma_32": targets["X11+X13"],
+        "gamma_12": 0.0,
+        "gamma_13": 0.0,
+        "gamma_23": 0.0,
+        "bias": [targets["X16"], targets["X17"], targets["X18"]],
+    }
+
+
+def calibrated_block(calibration: Any, where: str) -> dict[str, float | list[float]]:
+    """`block_parameters` of a calibration's object; mountings do not matter.
+
+    Raises
+    ------
+    InputError
+        for what is no consistent calibration
+    """
+    content = checked_calibration(calibration, where)
+    try:
+        gravity = number(content["gravity_mps2"], f"{where}: gravity_mps2")
+        return block_parameters(target_estimates(content, where), gravity)
+    except KeyError as error:
+        raise InputError(f"{where}: the calibration lacks {error.args[0]!r}") from error
+
+
+def number(value: Any, what: str) -> float:
+    """The value, when it is a number of a possible size."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
+        raise InputError(f"{what} is {value!r}, not a number")
+    return float(value)

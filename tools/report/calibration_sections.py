@@ -1,0 +1,85 @@
+"""Sections of the page of `trihedron calibrate` beside the targets: what is possible jointly, what it bought, rests."""
+
+import numpy as np
+
+from trihedron.calibration import Calibration
+from trihedron.calibration.correction import ARCSEC, correction_of, equation_lines, face_readings, levelling
+from trihedron.calibration.joint_set import joint_sets
+from trihedron.records.reading import TableRun
+from trihedron.report.joint_set_pictures import joint_set
+from trihedron.report.page import Section, Table
+from trihedron.report.rest_pictures import refused_rests
+from trihedron.summaries import is_corrected
+
+
+def joint_set_sections(result: Calibration) -> list[Section]:
+    """Pairwise projections of the set of all parameters that the readings leave possible."""
+    if result.feasible is None:
+        return []
+    p = result.linearised.parametrisation
+    estimates = dict(zip(p.symbols, result.linearised.point.tolist(), strict=True))
+    estimates |= {e.symbol: e.estimate for e in result.parameters if e.estimate is not None}
+    return [
+        Section(
+            f"Possible together: {group}",
+            [
+                "Errors hang together: where a set is narrow and aslant, a combination is known better than each "
+                "target by itself. The sets are exact, of the model linearised at the fit."
+            ],
+            joint_set(pairs, estimates, result.noise_bound),
+            "Each pair of targets about its estimates, in units of σ; an estimate may lie outside, the truth does not.",
+        )
+        for group, pairs in joint_sets(result.feasible).items()
+    ]
+
+
+def levelling_sections(result: Calibration) -> list[Section]:
+    """The correction as equations, and the error of the vertical before and after it, attitude by attitude."""
+    if not is_corrected(result):
+        return []
+    correction = correction_of(result.to_json(), "calibration")
+    names, reading = face_readings(correction)
+    gained = levelling(correction, reading)
+    rows = [
+        [name, before / ARCSEC, after / ARCSEC]
+        for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
+    ]
+    return [
+        Section(
+            "What it bought",
+            [
+                "An inertial system that aligns itself by these accelerometers takes their readings for the vertical. "
+                "The errors below are those of the block at rest; the readings' own errors come on top.",
+                "The correction: " + "; ".join(equation_lines(correction)) + ".",
+            ],
+            table=Table(
+                ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"],
+                rows,
+            ),
+        )
+    ]
+
+
+def rest_sections(run: TableRun) -> list[Section]:
+    """The rests of a raw record that were left out, each with its picture and its reason."""
+    if run.raw is None:
+        return []
+    refused = [rest for rest in run.rests if rest.refused is not None]
+    if not refused:
+        return []
+    kept = len(run.rests) - len(refused)
+    pictures = refused_rests(run.raw, run.rests)
+    duration = [float(np.ptp(run.raw.time_s[rest.first : rest.last + 1])) for rest in refused]
+    rows = [
+        [int(run.raw.row[rest.first]), int(run.raw.row[rest.last]), lasts, rest.refused]
+        for rest, lasts in zip(refused, duration, strict=True)
+    ]
+    first = Section(
+        "Rests that were left out",
+        [f"{len(run.rests)} rests were found, {kept} are used, {len(refused)} are not."],
+        pictures[0],
+        "Angles and readings, less their medians, during the rests that were refused.",
+        Table(["first row", "last row", "lasts [s]", "why"], rows),
+    )
+    more = [Section("Rests that were left out, continued", svg=picture) for picture in pictures[1:]]
+    return [first, *more]

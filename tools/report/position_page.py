@@ -1,0 +1,65 @@
+"""The page that an operator takes to the table."""
+
+from trihedron import __version__
+from trihedron.planning.common_plan import CommonPlan
+from trihedron.report.page import Section, Table, render_page
+from trihedron.report.position_pictures import positions_picture
+
+
+def operator_page(plan: CommonPlan, dwell_s: float) -> str:
+    """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
+    several = len(plan.mountings) > 1
+    header = ["no.", "α [deg]", "β [deg]", *(["mounting"] if several else []), "dwell [s]", "remark", "done"]
+    rows = []
+    for number, row in enumerate(plan.programme, start=1):
+        one = plan.position(int(row))
+        first = list(plan.programme).index(row) + 1
+        remark = f"again no. {first}" if first < number else ""
+        mounting = [one["mounting"]] if several else []
+        angles = [f"{one['alpha_deg']:.6g}", f"{one['beta_deg']:.6g}"]
+        rows.append([number, *angles, *mounting, f"{dwell_s:g}", remark, "☐"])
+    degrees = [plan.position(row) for row in range(len(plan.commands))]
+    minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
+    reserve = plan.request.reserve_deg
+    sections = [
+        Section(
+            "Programme",
+            [
+                "Bring the table to each position in this order, wait for the dwell, then go on. "
+                "Both axes may move at once. Angles are commands to the axes, within one turn.",
+                f"Set to {reserve:g}° or better; write the encoder readings down as they are."
+                if reserve
+                else "Write the encoder readings down as they are: what counts is where the table stands.",
+            ],
+            table=Table(header, rows),
+        ),
+        Section(
+            "Positions",
+            svg=positions_picture(
+                [one["alpha_deg"] for one in degrees], [one["beta_deg"] for one in degrees], plan.programme.tolist()
+            ),
+            caption="Left: the angles, joined in the order of measurement. Right: the vertical in the inner frame.",
+        ),
+        Section(
+            "What it gives",
+            ["Guaranteed errors in units of σ, the bound of one averaged reading's error."],
+            table=Table(
+                ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
+                [
+                    [t.symbol, t.name, f"{r * b:.5f}", f"{b:.5f}", f"{r:.5f}"]
+                    for t, b, r in zip(plan.task.targets, plan.task.best, plan.found.ratio, strict=True)
+                ],
+            ),
+        ),
+    ]
+    verdict = (
+        f"{len(plan.programme)} measurements at {len(plan.commands)} positions, about {minutes:.0f} minutes; "
+        f"no target costs more than {plan.found.worst:.4f} times its optimum"
+    )
+    provenance = {
+        "trihedron": __version__,
+        "admissible": f"{plan.task.rule}, u = {plan.task.bounds[0]:g}, v = {plan.task.bounds[1]:g}",
+        "mountings": ", ".join(plan.mountings),
+        "order": f"{plan.request.order}, seed {plan.request.seed}",
+    }
+    return render_page("Positions to measure", verdict, sections, provenance=provenance)
