@@ -110,7 +110,7 @@ def cause_of(
     found = smallest_explanations(here, circumstances, classes.places, bent, limit, resolution, progress=progress)
     tried = tuple(single_radii(here, circumstances, classes.places))
     if not found.fits:
-        structure = tuple(residual_structure(here, circumstances.hours))
+        structure = tuple(residual_structure(here, circumstances))
         return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
     groups = equivalence_groups(classes, found.fits)
     findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)

@@ -28,6 +28,8 @@ COARSE, FINE = 16, 1
 """Least size of the groups of positions without and with weight in the present answer that are tried together."""
 NOISE = 0.3
 RATIO_STEPS = 24
+NEAREST = 0.1
+"""Least part of what is open between bound and set that is aimed at."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class HittingSet:
             least, answer = self.least_count(ratio)
             if least > count:
                 return True
-            if most <= 0 or failures >= 2 * len(self._task.targets):
+            if most <= 0 or failures >= len(self._task.targets):
                 return False
             found = self._cut(turn % len(self._task.targets), ratio, answer)
             failures = failures + 1 if found is None else 0
@@ -217,7 +219,7 @@ def bound_positions(hitting: HittingSet, count: int, reached: float, cuts: int) 
     known = hitting.bound(count, reached).ratio
     share = 0.5
     before = len(hitting)
-    while (left := cuts - (len(hitting) - before)) > 0 and share > 0.02:
+    while (left := cuts - (len(hitting) - before)) > 0 and share > NEAREST:
         aim = known + share * (reached - known)
         if hitting.prove(count, aim, left):
             known = max(aim, known)

@@ -61,6 +61,11 @@ def costs(task: Task, places: Places) -> Costs:
         master.add(given.regressor)
     for k, target in enumerate(task.targets):
         master.aim(target.weights)
-        weights[k], duals[k], _ = master.solve()
+        weights[k], duals[k], possible = master.solve()
         value[k] = duals[k] @ target.weights
+        if possible:
+            used = np.flatnonzero(weights[k])
+            columns = given.regressor[used].T
+            # The solver's tolerance, taken out.
+            weights[k, used] += np.linalg.lstsq(columns, target.weights - columns @ weights[k, used], rcond=1e-12)[0]
     return Costs(places, given, weights, duals, value / task.best)
