@@ -66,10 +66,22 @@ class Instance:
         """Value of a scalar by its value reference (0 is the time)."""
         if reference == 0:
             return self.time
+        if self.phase == "instantiated" and self.rules[reference - 1][1] == "output":
+            return self.preview(reference)
         if self.stale:
             self.respond()
         values, i = self.cells[reference - 1]
         return values[i]
+
+    def preview(self, reference: int) -> float:
+        """What an output would be if the initialisation ended now; ValueError when it cannot."""
+        kept = self.get_state()
+        try:
+            if self.initialise(self.time):
+                raise ValueError("the parameters are not ones to begin with: there are no outputs yet")
+            return float(self.get(reference))
+        finally:
+            self.set_state(kept)
 
     def set(self, reference: int, value: float) -> None:
         """Set a parameter or an input; ValueError says why it is refused."""

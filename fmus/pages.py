@@ -95,9 +95,12 @@ def terminals(component: Component) -> bytes:
 
 
 def licence() -> str:
-    """Text of Trihedron's licence."""
-    text = metadata.distribution("trihedron").read_text("licenses/LICENSE")
-    return text or "BSD-2-Clause, the Trihedron developers\n"
+    """Text of Trihedron's licence: from the checkout, else from what was installed."""
+    here = Path(__file__).resolve().parents[1] / "LICENSE"
+    if here.is_file():
+        return here.read_text(encoding="utf-8")
+    texts = [found.read_text("licenses/LICENSE") for found in metadata.distributions(name="trihedron")]
+    return next((text for text in texts if text), "BSD-2-Clause, The Trihedron developers\n")
 
 
 def header_licence(header: str) -> str:

@@ -49,7 +49,7 @@ class {name}(Fmi2Slave):
         self.start_time = 0.0
 
     def setup_experiment(self, start_time, stop_time=None, tolerance=None):
-        self.start_time = start_time
+        self.start_time = self.model.time = start_time
 
     def exit_initialization_mode(self):
         self.check(self.model.initialise(self.start_time))

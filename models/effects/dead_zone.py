@@ -49,6 +49,10 @@ def _variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, 
         inside = bool(size[chosen].max() < LARGEST_WIDTH)
         return inside and bool(size[chosen].max() < np.delete(size, chosen).min(initial=np.inf))
 
+    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
+        size = np.abs(others.n[:, p])
+        return at_readings(others.n.shape, np.flatnonzero((size > limits[0] - sigma) & (size < limits[1] + sigma)), p)
+
     return Variant(
         offset=np.where(lost, -rows.own, 0.0),
         columns=np.zeros((*rows.n.shape, 0)),
@@ -60,6 +64,7 @@ def _variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, 
         lost=lost,
         fixed=np.zeros_like(lost),
         stands=stands,
+        undecided=undecided,
     )
 
 

@@ -46,6 +46,12 @@ def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma
     def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
         return True
 
+    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
+        steps = others.prediction[:, p] / step
+        from_edge = step * np.abs(steps - np.floor(steps) - 0.5)
+        # The bench was fitted to readings that rounding had moved, by some part of a step.
+        return at_readings(others.n.shape, np.flatnonzero(from_edge < 2.0 * sigma + 0.25 * step), p)
+
     return [
         Variant(
             offset=np.zeros_like(rows.n),
@@ -58,6 +64,7 @@ def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma
             lost=np.zeros_like(rounded),
             fixed=np.zeros_like(rounded),
             stands=stands,
+            undecided=undecided,
         )
     ]
 

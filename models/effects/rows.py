@@ -99,6 +99,9 @@ class Variant:
     stands : callable
         rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
         would change these readings there, and no others
+    undecided : callable
+        other rows, σ [g] -> (N, 3) of bool: readings of which the limits of the parameters leave open what the effect
+        does to them
     """
 
     offset: NDArray[np.float64]
@@ -111,6 +114,7 @@ class Variant:
     lost: NDArray[np.bool_]
     fixed: NDArray[np.bool_]
     stands: Callable[[Rows, NDArray[np.float64]], bool]
+    undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
 
 
 def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:

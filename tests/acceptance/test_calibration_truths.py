@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulated_bench import ALPHA, BETA, misses, random_bench, simulated
+from simulated_bench import ALPHA, BETA, guaranteed, interval, random_bench, simulated
 from trihedron.calibration import calibrate, fit_record
 from trihedron.calibration.programmes import Polytope
 from trihedron.models.bench import target_values
@@ -22,7 +22,7 @@ def adversarial(bench: np.ndarray, k: int, sense: float) -> np.ndarray:
 
 @pytest.mark.acceptance
 def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFixture[str]) -> None:
-    missed, biased = [], 0.0
+    missed, biased, beyond = [], 0.0, -np.inf
     for seed in range(500):
         rng = np.random.default_rng(10_000 + seed)
         bench = random_bench(rng)
@@ -35,8 +35,20 @@ def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFix
             ("adversarial", adversarial(bench, seed % 18, 1.0 if seed % 36 < 18 else -1.0)),
         ):
             result = calibrate(simulated(bench, ALPHA, BETA, noise), noise_bound=SIGMA)
-            missed += [(seed, kind, symbol) for symbol in misses(result, truth)]
+            assert result.verdict == "consistent"
+            for e, x in zip(result.parameters, truth, strict=True):
+                low, high = interval(e)
+                assert e.estimate is not None
+                excess = abs(e.estimate - x) - guaranteed(e)
+                beyond = max(beyond, excess)
+                # the guaranteed error is of the linear programme; adversarial noise attains it, and what is then
+                # beyond it is the curvature of the model over that very distance
+                if not low <= x <= high or excess > guaranteed(e) ** 2:
+                    missed.append((seed, kind, e.symbol))
     with capsys.disabled():
-        print(f"\n1500 records: {len(missed)} intervals missed; without noise wrong by {biased / SIGMA:.1e} σ at most")
+        print(
+            f"\n1500 records: {len(missed)} of 27000 intervals missed; estimates beyond the guaranteed error by "
+            f"{beyond / SIGMA:.1e} σ at most; without noise wrong by {biased / SIGMA:.1e} σ at most"
+        )
     assert missed == []
     assert biased <= 1e-9 * SIGMA

@@ -11,7 +11,7 @@ from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions
 from trihedron.calibration.result import component_parameters
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import true_angles
+from trihedron.diagnosis.disturbance import added_bound, disturbed, rows_at, true_angles
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_nearest
 from trihedron.fmus import build
 from trihedron.models.bench import TARGETS
@@ -21,6 +21,7 @@ from trihedron.scenario import Scenario
 
 HELD_OUT_EVERY = 4
 """One position in so many is held out."""
+FEWEST_SCORED = 3
 MAX_LEVERAGE = 1.0
 """A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
 FAST = 1e3
@@ -105,7 +106,7 @@ def held_out_rows(here: Linearisation, fit: ExtendedFit) -> tuple[NDArray, NDArr
         scored = np.linalg.norm(weights, axis=2) <= MAX_LEVERAGE
         if best is None or scored.sum() > best[1].sum():
             best = (out, scored)
-    if best is None or best[1].sum() < 3:
+    if best is None or best[1].sum() < FEWEST_SCORED:
         return None
     return best
 
@@ -146,7 +147,19 @@ def measure_gain(
             return None
         simulated = simulate_rows(here, trained, circumstances, out, gravity)
         errors.append(here.reading[out] - simulated)
-    return Gain(out, scored, errors[0], errors[1])
+        scored = scored & ~undecided(here, circumstances, trained)[out]
+    return Gain(out, scored, errors[0], errors[1]) if scored.sum() >= FEWEST_SCORED else None
+
+
+def undecided(here: Linearisation, circumstances: Circumstances, fit: ExtendedFit) -> NDArray:
+    """Readings (N, 3) of bool of which a fit leaves open what its effects do to them: no simulation can tell."""
+    at = disturbed(here, fit.point, fit.places, fit.coefficients, fit.blocks, circumstances)
+    rows = rows_at(here, fit.point, at, circumstances)
+    found = added_bound(fit.places, rows).reshape(-1, 3) > 0.0
+    for variant in fit.variants:
+        if variant is not None:
+            found |= variant.undecided(rows, float(here.bound.min()))
+    return found
 
 
 def simulate_rows(
