@@ -106,9 +106,39 @@ def position_text(position: dict) -> str:
     text = f"alpha {position['alpha_deg']:g}°, beta {position['beta_deg']:g}°"
     if "mounting" in position:
         text += f", mounting {position['mounting']}"
+    if "approach_alpha" in position:
+        text += f", approached {sense_text(position['approach_alpha'])} in alpha, "
+        text += f"{sense_text(position['approach_beta'])} in beta"
     if position.get("separates"):
         text += f" (separates {', '.join(position['separates'])})"
     return text
+
+
+def sense_text(sense: int) -> str:
+    """The sense of a move in words."""
+    return "forwards" if sense > 0 else "backwards"
+
+
+def judgement_lines(result: Diagnosis) -> list[str]:
+    """What readings that were left out say, and a mounting that would help."""
+    lines = []
+    if result.judgement is not None:
+        for name, part in (("positions", result.judgement.folds), ("parts in time", result.judgement.blocks)):
+            if part is not None:
+                said = part.to_json()
+                lines.append(
+                    f"left-out {name} ({said['scored']} readings): rms {said['rms_before']:.2e} -> "
+                    f"{said['rms_after']:.2e} g, max {said['max_before']:.2e} -> {said['max_after']:.2e} g"
+                )
+        if result.judgement.shuffles:
+            lines.append(f"as good when shuffled: {result.judgement.as_good} of {result.judgement.shuffles}")
+        lines += [f"warning: {warning}" for warning in result.judgement.warnings]
+    if result.mounting is not None:
+        lines.append(
+            f"a second mounting ({result.mounting.mounting}) tells apart {' and '.join(result.mounting.separates)}: "
+            f"correlation {result.mounting.correlation_before:.2f} -> {result.mounting.correlation_after:.2f}"
+        )
+    return lines
 
 
 def cause_lines(cause: Cause) -> list[str]:
@@ -149,10 +179,13 @@ def diagnosis_summary(result: Diagnosis) -> str:
         lines.append("gain on held-out positions: not possible with these effects and positions")
     if result.gain is not None and not result.gain.improves:
         lines.append("warning: the extension does not improve the positions that were held out")
+    lines += judgement_lines(result)
+    if not result.complete:
+        lines.append("warning: the search was cut off: more sets of effects would make the model consistent")
     for entry in result.residual_structure[:5]:
         lines.append(
-            f"residual of accelerometer {entry['accelerometer']}: {100 * float(entry['explained']):.0f} % "
-            f"could depend on {entry['on']}"
+            f"residual of accelerometer {entry['accelerometer']}: {100 * entry['explained']:.0f} % of it is predicted "
+            f"by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
         )
     lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
     lines += [f"warning: {warning}" for warning in nominal.warnings]
