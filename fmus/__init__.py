@@ -17,10 +17,12 @@ def components() -> dict[str, "Component"]:
     from trihedron.fmus.accelerometer_compensation import ACCELEROMETER_COMPENSATION
     from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
     from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
+    from trihedron.fmus.position_programme import POSITION_PROGRAMME
     from trihedron.fmus.turntable_motion import TURNTABLE_MOTION
 
     every = (
         TURNTABLE_MOTION,
+        POSITION_PROGRAMME,
         HARMONIC_MOTION,
         ACCELEROMETER_BLOCK,
         ACCELEROMETER_COMPENSATION,

@@ -13,10 +13,12 @@ from simulated_bench import random_bench, simulated
 from table_runs import ARCSEC, PROGRAMME, Bench
 from trihedron import cli
 from trihedron.calibration import calibrate
+from trihedron.orchestrator import simulate
 from trihedron.records import read_record, write_position_record, write_raw_record
 from trihedron.records.reading import read_table_run
 from trihedron.records.rests import find_rests
 from trihedron.report.results import calibration_page
+from trihedron.scenario import Scenario
 
 SIGMA = 1e-5
 
@@ -114,3 +116,31 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
         assert text in page
     assert page.count("<svg ") == 1 + 4 + 1
     assert "24 rests were found, 22 are used, 2 are not." in page
+
+
+def test_block_and_compensation_with_one_calibration_undo_each_other_as_fmus(folder):
+    run_file = calibrate(read_table_run(folder / "p.csv").record, noise_bound=SIGMA).json_text()
+    Path("c.json").write_text(run_file, encoding="utf-8")
+    calibrated = {"parameters_from": "c.json"}
+    scenario = {
+        "run": {"stop_s": 12.0, "step_s": 0.1},
+        "base_folder": folder,
+        "fmus": {
+            "table": {"component": "TurntableMotion"},
+            "block": {"component": "AccelerometerBlock", **calibrated},
+            "inverse": {"component": "AccelerometerCompensation", **calibrated},
+        },
+        "connections": [
+            {"from": "table.specific_force", "to": "block.specific_force"},
+            {"from": "block.reading", "to": "inverse.reading"},
+        ],
+        "stimuli": [{"to": "table.command", "constant": [2.5, -4.0]}],
+    }
+    table = simulate(Scenario.model_validate(scenario)).table
+    reading, force, recovered = (
+        np.stack([table[f"{name}[{p}]_mps2"].to_numpy() for p in (1, 2, 3)], axis=1)
+        for name in ("block.reading", "table.specific_force", "inverse.specific_force")
+    )
+    assert np.ptp(force, axis=0).min() > 1.0
+    assert np.abs(reading - force).max() > 0.01
+    np.testing.assert_allclose(recovered, force, rtol=0, atol=1e-14)

@@ -35,6 +35,7 @@ EXTENDED = {
     "AccelerometerCompensation": [],
     "AttitudeComputer": [],
     "HarmonicMotion": [],
+    "PositionProgramme": [],
 }
 NAMES = sorted(EXTENDED)
 
@@ -68,9 +69,13 @@ def draw_parameters(component: Component, rng: random.Random) -> dict[str, float
             elif v.type == "enumeration":
                 values[element] = float(rng.randint(1, len(v.items)))
             elif v.type == "integer":
-                values[element] = float(rng.randint(0, 10**9))
+                values[element] = float(rng.randint(int(v.minimum or 0), min(10**9, int(v.maximum or 10**9))))
             elif v.name in ("max_rate", "max_acceleration"):
                 values[element] = rng.uniform(0.2, 3.0)
+            elif v.name == "dwell_time":
+                values[element] = rng.uniform(0.01, 0.5)
+            elif v.name == "period":
+                values[element] = rng.choice([0.0, 0.02])
             elif v.name in ("held_fraction", "noise_bound"):
                 values[element] = rng.uniform(0.0, 0.1)
             elif v.name == "encoder_fluctuation_bound":

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from native_checks import CHECKS
 from native_driver import Library
 from native_model import as_json, entries, open_fmu, unpack
-from native_sequences import CHECKS, Subject
+from native_sequences import Subject
 from test_components import all_kinds, title
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
@@ -45,7 +46,7 @@ def watched(component: Component, fmi: int, folder: Path, flags: list[str]) -> t
     return binary, described
 
 
-PROGRAM = Path(__file__).with_name("native_sequences.py")
+PROGRAM = Path(__file__).with_name("native_checks.py")
 
 
 @pytest.mark.acceptance

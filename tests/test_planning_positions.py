@@ -231,7 +231,7 @@ def test_the_bias_of_the_plan_at_other_angles() -> None:
 def test_twelve_positions_from_nothing() -> None:
     """Without the stored set: at or below 1.031, and within 3 % of what is proven on the pool."""
     task = tables_task()
-    found = search(task, 12, seed=0, starts=80)
+    found = search(task, 12, seed=1, starts=60)
     assert found is not None
     assert found.best.worst <= 1.031
     bound = bound_positions(HittingSet(task, pool_of(task, found.best.places)), 12, found.best.worst, 60)

@@ -17,8 +17,8 @@ from trihedron.fmus.native.platforms import Platform
 from trihedron.fmus.pages import accompanying_files
 
 COMPILED = {
-    2: ("model.c", "component.c", "state.c", "fmi2.c"),
-    3: ("model.c", "component.c", "state.c", "fmi3.c", "fmi3_refused.c"),
+    2: ("model.c", "component.c", "values.c", "state.c", "fmi2.c"),
+    3: ("model.c", "component.c", "values.c", "state.c", "fmi3.c", "fmi3_refused.c"),
 }
 """Source files of each version of FMI that are compiled."""
 

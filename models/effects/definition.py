@@ -116,8 +116,8 @@ class Effect:
         of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act. Its
         signature and coefficients raise TypeError
     untold : callable or None
-        of a linear effect that depends on what a record may not tell: place, rows -> (N, 3): the largest size of the
-        effect [g] where it is not told. The signature vanishes there
+        of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): its
+        largest size per unit of the coefficient where it is not told. The signature vanishes there
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places
     """

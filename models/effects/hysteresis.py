@@ -21,12 +21,9 @@ def hysteresis(context: Vector, n: Vector, p: int, width: float, added: Vector) 
     added[p] = added[p] - 0.5 * width * context[SENSE_INPUT + p]
 
 
-LARGEST_WIDTH = 1e-2
-
-
 def untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Half of the largest width (N, 3) where the sense of the last change of the input is not told."""
-    return accelerometer_column(place, np.where(rows.sense_told[:, place.index], 0.0, 0.5 * LARGEST_WIDTH))[..., 0]
+    """Half of the width (N, 3), per unit of it, where the sense of the last change of the input is not told."""
+    return accelerometer_column(place, np.where(rows.sense_told[:, place.index], 0.0, 0.5))[..., 0]
 
 
 EFFECT = Effect(
@@ -34,7 +31,7 @@ EFFECT = Effect(
     places=on_accelerometers("hysteresis"),
     parameters=(
         EffectParameter(
-            "width", "g", "difference of readings after falling and after rising input", LARGEST_WIDTH, smallest=0.0
+            "width", "g", "difference of readings after falling and after rising input", 1e-2, smallest=0.0
         ),
     ),
     component="AccelerometerBlock",

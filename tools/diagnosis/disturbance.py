@@ -1,6 +1,6 @@
 """The table disturbed by effects, and what signatures see of the bench there."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -137,13 +137,25 @@ def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: C
     )
 
 
-def added_bound(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
-    """By how much (3 N,) the bounds grow where the circumstances of linear effects are not told."""
+def added_bound(
+    places: Sequence[EffectPlace], rows: Rows, largest: Mapping[EffectPlace, float] | None = None
+) -> NDArray:
+    """By how much (3 N,) the bounds grow where the circumstances of linear effects are not told.
+
+    Parameters
+    ----------
+    places : sequence of EffectPlace
+        linear effects
+    rows : Rows
+    largest : mapping, optional
+        the largest coefficient of such effects; by default the largest that the catalogue calls possible
+    """
     added = np.zeros(rows.n.shape)
     for place in places:
-        function = CATALOGUE[place.effect].at(place).untold
-        if function is not None:
-            added += function(place, rows)
+        effect = CATALOGUE[place.effect].at(place)
+        if effect.untold is not None:
+            coefficient = (largest or {}).get(place, effect.parameters[0].largest)
+            added += coefficient * effect.untold(place, rows)
     return added.ravel()
 
 

@@ -126,7 +126,7 @@ def extended_model(
 ) -> tuple[NDArray, NDArray]:
     """Predicted readings (3 N,) over g with linear effects, and their derivatives (3 N, P + K) there."""
     blocks = coefficient_blocks(places, [None] * len(places))
-    model = _model(here, point, places, coefficients, blocks, circumstances, {}, 0.0)
+    model = _model(here, point, places, coefficients, blocks, circumstances, {}, 0.0, {})
     if model is None:
         raise ValueError("linear effects act in one way only")
     return model.reading, model.jacobian
@@ -141,6 +141,7 @@ def _model(
     circumstances: Circumstances,
     ways: Mapping[EffectPlace, int],
     resolution: float,
+    largest: Mapping[EffectPlace, float],
 ) -> _Model | None:
     linear = [(place, coefficients[block]) for place, block in zip(places, blocks, strict=True) if place not in ways]
     own = np.concatenate([c for _, c in linear]) if linear else np.zeros(0)
@@ -155,7 +156,7 @@ def _model(
             reading = reading + columns[place] @ part
     slopes = reading_jacobian(here.parametrisation, point, at, here.sign)
     rows = replace(rows, prediction=reading.reshape(-1, 3))
-    bound = here.bound + added_bound(named, rows)
+    bound = here.bound + added_bound(named, rows, largest)
     chosen: dict[EffectPlace, Variant] = {}
     fixed = np.zeros(rows.n.shape, dtype=bool)
     for place, way in ways.items():
@@ -192,6 +193,7 @@ def fit_ways(
     places: Sequence[EffectPlace],
     ways: Mapping[EffectPlace, int],
     resolution: float,
+    largest: Mapping[EffectPlace, float] | None = None,
 ) -> ExtendedFit | None:
     """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
 
@@ -207,6 +209,8 @@ def fit_ways(
         of each effect that is not linear, which of its variants
     resolution : float
         half a last digit of the readings, as a fraction of g; what is not linear needs it
+    largest : mapping, optional
+        largest coefficients of effects whose circumstances the record does not tell everywhere
 
     Returns
     -------
@@ -224,7 +228,7 @@ def fit_ways(
         if variant is not None:
             coefficients[block] = 0.5 * (variant.low + variant.high)
     for iteration in range(MAX_ITERATIONS + 1):
-        model = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution)
+        model = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution, largest or {})
         if model is None:
             return None
         step = least_squares_step(model.jacobian, reading - model.reading, model.bound)
@@ -238,7 +242,7 @@ def fit_ways(
     for _ in range(MAX_MOVES):
         # Noise may be at its very bound: then the second order of the step to the centre must not count either.
         point, coefficients = point + centre[: len(point)], coefficients + centre[len(point) :]
-        there = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution)
+        there = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution, largest or {})
         if there is None:
             return None
         model, residual = there, reading - there.reading

@@ -14,6 +14,7 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
+from trihedron.diagnosis.intervals import parameter_intervals
 from trihedron.diagnosis.lawson import Problem
 from trihedron.diagnosis.possible import within_possible
 from trihedron.diagnosis.sets import MAX_SET, EffectSet, sets_of_size
@@ -181,9 +182,19 @@ def best_fit(
         chosen = {r.place: way for r, way in zip(bent, ways, strict=True) if r.ways}
         fit = fit_ways(here, circumstances, places, chosen, resolution)
         fit = within_possible(fit, limit) if fit is not None and fit.radius <= limit else None
+        if fit is not None and (largest := largest_untold(fit)):
+            fit = fit_ways(here, circumstances, places, chosen, resolution, largest)
+            fit = within_possible(fit, limit) if fit is not None and fit.radius <= limit else None
         if fit is not None and (not best or fit.radius < best[0].radius):
             best = [fit]
     return best
+
+
+def largest_untold(fit: ExtendedFit) -> dict[EffectPlace, float]:
+    """The largest coefficients that a record allows of effects whose circumstances it does not tell everywhere."""
+    places = [place for place in fit.places if CATALOGUE[place.effect].at(place).untold is not None]
+    intervals = dict(zip(fit.places, parameter_intervals(fit, 0.0), strict=True)) if places else {}
+    return {place: max(abs(intervals[place][0][0]), abs(intervals[place][0][1])) for place in places}
 
 
 def single_radii(
@@ -195,5 +206,10 @@ def single_radii(
     for place in places:
         jacobian = np.hstack((here.jacobian, signature_columns([place], rows)))
         bound = here.bound + added_bound([place], rows)
-        tried.append((place.title, chebyshev_radius(jacobian, here.residual, bound)[0]))
+        radius, step, _ = chebyshev_radius(jacobian, here.residual, bound)
+        if np.any(bound > here.bound):
+            # Where the record does not tell, the effect is no larger than it is elsewhere.
+            bound = here.bound + added_bound([place], rows, {place: abs(float(step[-1]))})
+            radius = chebyshev_radius(jacobian, here.residual, bound)[0]
+        tried.append((place.title, radius))
     return sorted(tried, key=lambda entry: (round(entry[1], 9), entry[0]))

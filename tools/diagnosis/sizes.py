@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.outlier import place_of
 from trihedron.models.restricted import CONTEXT_SIZE, INPUT
@@ -84,13 +84,26 @@ def sure_sizes(
     """
     rows = rows_at(here, here.point, here.positions, circumstances)
     columns = signature_columns([place], rows)
-    nominal = np.hstack((here.jacobian, signature_columns(beside, rows)))
-    others = [(rival.title, signature_columns([rival], rows)) for rival in rivals]
+    # Readings on which the effect acts in a way that the record does not tell prove nothing.
+    nominal = np.hstack(
+        (here.jacobian, untold_columns([place], rows), *(freed_columns(other, rows) for other in beside))
+    )
+    others = [(rival.title, freed_columns(rival, rows)) for rival in rivals]
     own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
     directions = spread_directions(columns.shape[1]) if direction is None else [direction]
     found = [sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
     worst = max(found, key=lambda sizes: sizes.excluded)
     return SureSizes(max(sizes.detected for sizes in found), worst.excluded, worst.rival)
+
+
+def untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
+    """One column (3 N, U) for each reading on which an effect acts in a way that the record does not tell."""
+    return np.eye(3 * len(rows.hours))[:, added_bound(places, rows) > 0.0]
+
+
+def freed_columns(place: EffectPlace, rows: Rows) -> NDArray:
+    """Signature of an effect, and a column for each reading that it leaves free."""
+    return np.hstack((signature_columns([place], rows), untold_columns([place], rows)))
 
 
 def sizes_of_change(
@@ -245,6 +258,6 @@ def level_margins(
     surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
     """
     rows = rows_at(here, here.point, here.positions, circumstances)
-    others = [(rival.title, signature_columns([rival], rows)) for rival in rivals]
+    others = [(rival.title, freed_columns(rival, rows)) for rival in rivals]
     changes = [level_change(place, level, rows).ravel() for level in levels]
     return [sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]

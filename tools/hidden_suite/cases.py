@@ -20,6 +20,8 @@ MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
+MOST_ABOVE = 30.0
+"""So many times the size of sure detection is the most where nothing else limits it."""
 TRIES = 10
 """Effects that are drawn for one bench before another one is drawn."""
 MOST_BENCHES = 60
@@ -235,7 +237,8 @@ def draw_single(rng: np.random.Generator, known: Known) -> tuple[Hidden] | None:
     elif known.options.mode == "single":
         size = ABOVE * sizes.excluded
     else:
-        size = rng.uniform(sizes.detected, min(sizes.excluded, max(largest_size(place, direction), sizes.detected)))
+        top = min(sizes.excluded, MOST_ABOVE * sizes.detected, largest_size(place, direction))
+        size = rng.uniform(sizes.detected, max(top, sizes.detected)) if np.isfinite(sizes.detected) else np.inf
     return made(place, direction, size, sizes)
 
 

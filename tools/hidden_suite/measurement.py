@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.mountings import PRESETS
-from trihedron.hidden import BLOCK_NOISE, ENCODER_FLUCTUATION, STEP_S, bench_scenario, record_of
+from trihedron.hidden import BLOCK_NOISE, ENCODER_FLUCTUATION, RECORD_DECIMALS, STEP_S, bench_scenario, record_of
 from trihedron.hidden_cases import NOISE_BOUND
 from trihedron.hidden_suite.benches import GRAVITY, Bench
 from trihedron.hidden_suite.cases import SuiteCase
@@ -27,7 +27,8 @@ def measure_case(case: SuiteCase) -> PositionRecord:
 
     Slews, dwells and temperature are simulated with the physical components, effects composed in. With two mountings
     the whole programme is run in each, and each gives the positions that are its own: the clock goes on. Uniform errors
-    are the components' own; errors at ±σ, and those that wander, are added to the averaged readings.
+    are the components' own; errors at ±σ, and those that wander, are added to the averaged readings. The record has
+    nine decimals.
     """
     bench = case.bench
     entries = [entry_of(hidden.place, hidden.values) for hidden in case.hidden if component_of(hidden.place)]
@@ -45,7 +46,8 @@ def measure_case(case: SuiteCase) -> PositionRecord:
     for hidden in case.hidden:
         if hidden.place.effect == "outlier":
             error[int(hidden.place.where.removeprefix("position-")) - 1, hidden.place.axes[0] - 1] += hidden.values[0]
-    return dataclasses.replace(record, specific_force=record.specific_force + GRAVITY * error)
+    written = np.round(record.specific_force + GRAVITY * error, RECORD_DECIMALS)
+    return dataclasses.replace(record, specific_force=written, resolution=0.5 * 10.0**-RECORD_DECIMALS)
 
 
 def component_of(place: EffectPlace) -> str | None:
@@ -88,13 +90,14 @@ def joined(bench: Bench, records: Sequence[PositionRecord]) -> PositionRecord:
     first = records[0]
     if len(records) == 1:
         return first
-    second, own = records[1], bench.mounting == 1
+    rows = np.arange(len(bench.mounting))
 
-    def chosen(a: NDArray | None, b: NDArray | None) -> NDArray | None:
-        return None if a is None or b is None else np.where(own if a.ndim == 1 else own[:, None], b, a)
+    def own(name: str) -> NDArray | None:
+        columns = [getattr(record, name) for record in records]
+        return None if any(column is None for column in columns) else np.stack(columns)[bench.mounting, rows]
 
     names = ("time_s", "alpha", "beta", "specific_force", "temperature", "approach_alpha", "approach_beta", "scatter")
-    columns: dict[str, Any] = {name: chosen(getattr(first, name), getattr(second, name)) for name in names}
+    columns: dict[str, Any] = {name: own(name) for name in names}
     return dataclasses.replace(first, mounting=tuple(bench.mountings[k] for k in bench.mounting), **columns)
 
 

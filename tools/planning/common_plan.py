@@ -20,7 +20,8 @@ from trihedron.planning.request import Request, requested_task, stored_positions
 from trihedron.planning.rounding import rounded
 from trihedron.planning.waiting import shown_status
 
-MOST_POSITIONS = 60
+FEWEST, MOST_POSITIONS = 5, 60
+"""Fewest of a symmetric block, with fifteen parameters."""
 TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
 """Limits [rad/s], [rad/s²] of both axes by which tours are timed."""
 
@@ -153,16 +154,18 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     InputError
         for options that cannot be used, and for so few positions that no set was found
     """
-    task = requested_task(request, progress=progress)
-    fewest = -(-task.regressor.shape[1] // 3)
-    if not fewest <= count <= MOST_POSITIONS:
-        raise InputError(
-            f"--positions {count}: must be between {fewest}, three readings of each for {task.regressor.shape[1]} "
-            f"parameters, and {MOST_POSITIONS}"
-        )
+    if not FEWEST <= count <= MOST_POSITIONS:
+        raise InputError(f"--positions {count}: must be between {FEWEST} and {MOST_POSITIONS}")
     if not 0 <= request.repeat <= count:
         raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
     effects = named_effects(request.detect)
+    task = requested_task(request, progress=progress)
+    fewest = -(-task.regressor.shape[1] // 3)
+    if count < fewest:
+        raise InputError(
+            f"--positions {count}: must be at least {fewest}, three readings of each for {task.regressor.shape[1]} "
+            "parameters"
+        )
     given = starting_positions(task, count) if stored else []
     result = search(
         task,

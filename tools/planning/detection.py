@@ -86,13 +86,14 @@ def _rows(task: Task, places: Places) -> Rows:
 
 def _columns(task: Task, effect: EffectPlace, places: Places, given: Readings) -> NDArray:
     """What the unit effect adds to the readings that count (M, K)."""
-    refusal = (
-        f"--detect {effect.title!r}: shows in time, temperature, moves or one reading, not by the choice of positions"
-    )
     entry = CATALOGUE[effect.effect].at(effect)
-    if entry.variants is not None or effect.where.startswith("position-"):
-        raise InputError(refusal)
-    columns = entry.signature(effect, _rows(task, places)).reshape(len(places), 3, -1)
+    columns = np.zeros((len(places), 3, 1))
+    if entry.variants is None:
+        columns = entry.signature(effect, _rows(task, places)).reshape(len(places), 3, -1)
+    if not columns.any():
+        raise InputError(
+            f"--detect {effect.title!r}: is not linear, or shows in time, temperature or moves, not by positions alone"
+        )
     return columns[given.position, task.accelerometer[given.sheet]]
 
 

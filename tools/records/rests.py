@@ -31,7 +31,7 @@ ROUNDING = 1e-12 * STANDARD_GRAVITY
 UNSETTLED = 1.0 / 3.0
 """A rest of which less than this part of what was dropped is left may still be settling."""
 
-UNUSUAL = 5.0
+UNUSUAL = 8.0
 """A drift so many times faster than the median rest's is that rest's own."""
 
 FEWEST_COMPARED = 4

@@ -81,12 +81,19 @@ typedef enum { DOUBLES, INTS, INT64S, BOOLS } Layout;
 /* Of fmi2.c or fmi3.c: hand a finished text to the logger of the environment. */
 void emit(const Listener *listener, int status, const char *category, const char *text);
 
+/* NaN and infinity fail it. */
+static inline int finite_number(double x)
+{
+    return x - x == 0.0;
+}
+
 int say(const Listener *listener, const char *format, ...);
 #define refuse(c, ...) say(&((Component *)(c))->listener, __VA_ARGS__)
 int may(Component *c, const char *call, unsigned phases);
 Component *create(const char *token, const Listener *listener);
 void destroy(Component *c);
 void reset(Component *c);
+void respond(Component *c);
 int begin(Component *c, const char *call, double start, int has_stop, double stop);
 int finish_initialisation(Component *c, const char *call);
 int do_step(Component *c, const char *call, double time, double step);

@@ -1,0 +1,142 @@
+"""The search with the exact model: sets of three, what is not linear beside what is, noise at its very bound."""
+
+import numpy as np
+import pytest
+
+from trihedron.calibration import calibrate
+from trihedron.diagnosis.circumstances import circumstances_of
+from trihedron.diagnosis.disturbance import is_linear
+from trihedron.diagnosis.extended_fit import fit_extended
+from trihedron.diagnosis.possible import is_possible, within_possible
+from trihedron.diagnosis.search import catalogue_places
+from trihedron.diagnosis.sizes import SureSizes
+from trihedron.diagnosis.starting_point import starting_point
+from trihedron.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
+from trihedron.hidden_suite.benches import Bench, draw_bench
+from trihedron.hidden_suite.cases import Hidden, SuiteCase
+from trihedron.hidden_suite.measurement import measure_case
+from trihedron.hidden_suite.suite import diagnosed
+from trihedron.models.effects import EffectPlace
+from trihedron.models.effects.outlier import place_of
+
+Effects = dict[EffectPlace, tuple[float, ...]]
+CUBIC_1 = EffectPlace("cubic", "accelerometer-1")
+WOBBLE = EffectPlace("axis-wobble", "outer-axis", 2)
+DRIFT_2 = EffectPlace("bias-drift", "accelerometer-2")
+SAG = EffectPlace("sag", "inner-axis")
+TWICE = EffectPlace("axis-wobble", "inner-axis", 2)
+
+
+def case_with(effects: Effects, seed: int, *, positions: int = 60, noise: str = "edge") -> SuiteCase:
+    """A drawn bench with these effects."""
+    bench = draw_bench(np.random.default_rng(seed), (positions, positions))
+    nothing = SureSizes(1.0, 1.0, None)
+    return SuiteCase(seed, 0, bench, tuple(Hidden(place, v, 1.0, nothing) for place, v in effects.items()), noise)
+
+
+def standard_bench(seed: int) -> Bench:
+    """Forty positions in the identity mounting."""
+    truth = draw_truth(np.random.default_rng(seed), symmetric=False)
+    alpha, beta = bench_positions()
+    case = HiddenCase(truth, None, (), alpha, beta)
+    order = np.random.default_rng(seed).permutation(len(alpha))
+    mounting = np.zeros(len(alpha), dtype=int)
+    return Bench(case.truth, False, ("identity",), ((0.0, 0.0, 0.0),), alpha[order], beta[order], mounting)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_three_effects_are_named_together_though_every_error_is_at_its_bound(seed):
+    effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
+    case = case_with(effects, seed)
+    result = diagnosed(case, measure_case(case))
+    assert result.verdict == "explained"
+    assert {cause.place for cause in result.causes} == set(effects)
+
+
+@pytest.mark.parametrize("effects", [{SAG: (3e-3, 0.4)}, {TWICE: (2e-3, 1.0, 3e-3, -2.0)}], ids=["sag", "wobble"])
+def test_large_turns_of_the_table_are_exact_at_the_bound_of_the_noise(effects):
+    """The second order of 3e-3 rad is half a σ: with a signature alone the right name would be refused."""
+    case = case_with(effects, 5)
+    result = diagnosed(case, measure_case(case))
+    assert result.verdict == "explained"
+    assert {cause.place for cause in result.causes} == set(effects)
+    assert result.findings[0].fit.radius <= 1.0 + 1e-8
+
+
+@pytest.mark.parametrize(
+    ("bent", "values"),
+    [
+        (EffectPlace("saturation", "accelerometer-3"), (0.93,)),
+        (EffectPlace("quantisation", "accelerometer-2"), (2e-4,)),
+        (EffectPlace("dead-zone", "accelerometer-2"), (0.045,)),
+    ],
+    ids=lambda value: value.effect if isinstance(value, EffectPlace) else None,
+)
+def test_what_is_not_linear_is_named_beside_a_linear_effect(bent, values):
+    nothing = SureSizes(1.0, 1.0, None)
+    drift = EffectPlace("bias-drift", "accelerometer-1")
+    hidden = (Hidden(drift, (3e-3,), 1.0, nothing), Hidden(bent, values, 1.0, nothing))
+    case = SuiteCase(11, 0, standard_bench(11), hidden, "uniform")
+    result = diagnosed(case, measure_case(case))
+    assert result.verdict in ("explained", "ambiguous")
+    named = [{cause.place for cause in finding.causes} for finding in result.findings]
+    assert {drift, bent} in named
+    # An outlier may stand for what changes a single reading; nothing else may.
+    assert all(drift in places and len(places) == 2 for places in named)
+    assert all(bent in places or any(p.effect == "outlier" for p in places) for places in named)
+    cause = next(c for f in result.findings for c in f.causes if c.place == bent)
+    low, high = cause.intervals[0]
+    assert low <= values[0] <= high
+
+
+def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
+    """Five hundred σ of one and ten of the other: the search begins where the large one no longer draws the fit."""
+    effects: Effects = {EffectPlace("encoder-harmonic", "outer-axis", 3): (5e-3, 0.3), CUBIC_1: (8e-4,)}
+    case = case_with(effects, 7)
+    record = measure_case(case)
+    nominal = calibrate(
+        record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
+    ).linearised
+    places = [p for p in catalogue_places(case.bench.baseline, circumstances_of(record)) if is_linear(p)]
+    begun = starting_point(nominal, circumstances_of(record), places)
+    assert begun.misfit < 0.1 * np.abs(nominal.residual / nominal.bound).max()
+    result = diagnosed(case, record)
+    assert result.verdict == "explained"
+    assert {cause.place for cause in result.causes} == set(effects)
+
+
+def test_two_outliers_and_an_effect_are_three_causes():
+    effects = {CUBIC_1: (8e-4,), place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,)}
+    case = case_with(effects, 9)
+    result = diagnosed(case, measure_case(case))
+    assert result.verdict == "explained"
+    assert {cause.place for cause in result.causes} == set(effects)
+    assert result.judgement is not None
+    assert result.judgement.folds is not None
+
+
+def test_three_outliers_are_no_cause():
+    """At most two: enough outliers explain anything."""
+    effects = {place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,), place_of(40, 1): (5e-4,)}
+    case = case_with(effects, 13)
+    result = diagnosed(case, measure_case(case))
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
+
+
+def test_impossible_sizes_are_no_cause():
+    """A cubic term of 0.4 per g² is not one that an accelerometer has; within its limits the fit does not reach."""
+    case = case_with({CUBIC_1: (8e-4,)}, 15)
+    record = measure_case(case)
+    far = record.specific_force.copy()
+    here = calibrate(record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices)
+    far[:, 0] += 9.80665 * 0.4 * here.linearised.input[:, 0] ** 3
+    bent = calibrate(
+        type(record)(**{**record.__dict__, "specific_force": far}),
+        noise_bound=NOISE_BOUND,
+        baseline=case.bench.baseline,
+        mounting=case.bench.matrices,
+    ).linearised
+    fit = fit_extended(bent, circumstances_of(record), [CUBIC_1])
+    assert not is_possible(fit)
+    assert within_possible(fit, 1.0) is None

@@ -1,0 +1,275 @@
+"""What a native FMU ships, that it is the same on every build, and that the usual tools take it."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib import util
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.util import read_csv, read_ref_opt_file
+from fmpy.validation import validate_fmu
+
+from native_model import Model, open_fmu
+from test_components import all_kinds, draw_parameters, outputs_of, setter_of, title
+from trihedron import cli
+from trihedron.errors import InputError
+from trihedron.exporting import export_components
+from trihedron.fmus import build, components
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.native import compiler
+from trihedron.fmus.native.compiler import BuildError, host_compiler, zig_version
+from trihedron.fmus.native.platforms import PLATFORMS
+from trihedron.fmus.reference_results import write_reference
+from trihedron.orchestrator import simulate
+from trihedron.scenario import Scenario
+
+needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
+
+
+@needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("component", all_kinds(), ids=title)
+def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, fmi, tmp_path, monkeypatch):
+    first = build(component.name, tmp_path / "a", component.effects, flavour="native", fmi=fmi)
+    assert validate_fmu(str(first)) == []
+    if component.name == "AccelerometerBlock":
+        monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "empty"))
+        second = build(component.name, tmp_path / "b", component.effects, flavour="native", fmi=fmi)
+        assert first.read_bytes() == second.read_bytes()
+        assert list((tmp_path / "empty" / "binaries").iterdir())
+
+
+@needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_archive_has_all_that_a_first_class_fmu_ships(fmi, tmp_path):
+    path = build("AccelerometerBlock", tmp_path, flavour="native", fmi=fmi)
+    with zipfile.ZipFile(path) as archive:
+        names = set(archive.namelist())
+        page = archive.read("documentation/index.html").decode()
+        licences = archive.read("documentation/licenses/license.txt") + archive.read(
+            "documentation/licenses/fmi-headers.txt"
+        )
+        binary = next(archive.read(name) for name in names if name.startswith("binaries/"))
+    component = components()["AccelerometerBlock"]
+    expected = {"sources/model.c", f"sources/fmi{fmi}Functions.h", "documentation/index.html"}
+    of_3 = {"terminalsAndIcons/terminalsAndIcons.xml", "terminalsAndIcons/icon.png", "sources/buildDescription.xml"}
+    expected |= {"model.png"} if fmi == 2 else of_3
+    assert expected <= names
+    assert all(equation.split(" = ")[0] in page for equation in component.equations)
+    assert all(variable.name in page for variable in component.interface)
+    assert b"The Trihedron developers" in licences
+    assert b"Modelica Association" in licences
+    assert str(Path.cwd()).encode() not in binary
+    assert str(tmp_path).encode() not in binary
+
+
+@needs_compiler
+def test_arrays_are_real_ones_and_the_types_are_declared(tmp_path):
+    path = build("TurntableMotion", tmp_path, flavour="native", fmi=3)
+    description = fmpy.read_model_description(path, validate_variable_names=True, validate_model_structure=True)
+    variables = {v.name: v for v in description.modelVariables}
+    mounting = variables["mounting"]
+    assert mounting.shape == (9,)
+    assert variables["angle"].shape == (2,)
+    assert mounting.start == " ".join(["1.0", "0.0", "0.0", "0.0", "1.0", "0.0", "0.0", "0.0", "1.0"])
+    declared = variables["angle"].declaredType
+    assert declared is not None
+    assert declared.name == "Angle_deg"
+    assert {v.type for v in variables.values()} == {"Float64", "Int32", "Boolean"}
+    assert variables["gravity"].variability == "fixed"
+    block = build("AccelerometerBlock", tmp_path, flavour="native", fmi=3)
+    reading = fmpy.read_model_description(block).outputs[0]
+    assert reading.variable is not None
+    assert reading.variable.name == "reading"
+    assert {d.name for d in reading.dependencies or ()} == {"specific_force", "temperature"}
+
+
+@needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", sorted(components()))
+def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
+    path = build(name, tmp_path, flavour="native", fmi=fmi)
+    files = write_reference(components()[name], tmp_path, fmi)
+    assert sum(file.stat().st_size for file in files) < 1_000_000
+    options = read_ref_opt_file(tmp_path / f"{name}_ref.opt")
+    reference = read_csv(tmp_path / f"{name}_ref.csv")
+    columns = reference.dtype.names or ()
+    assert 2 <= len(columns) <= 10
+    inputs = tmp_path / f"{name}_in.csv"
+    driven: dict[str, Any] = {"input": read_csv(inputs)} if inputs.exists() else {}
+    result = fmpy.simulate_fmu(
+        str(path),
+        stop_time=options["StopTime"],
+        output_interval=options["StepSize"],
+        output=list(columns[1:]),
+        **driven,
+    )
+    for column in columns:
+        # FMPy's times differ from k h in the last bit.
+        seen = np.reshape(result[column], np.shape(reference[column]))
+        np.testing.assert_allclose(seen, reference[column], rtol=1e-12, atol=1e-15)
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", sorted(components()))
+def test_outputs_during_the_initialisation_are_those_after_it(name, tmp_path, slaves):
+    """In every flavour: a master may read them before it ends the initialisation."""
+    import random
+
+    component = components()[name]
+    parameters = draw_parameters(component, random.Random(3))
+    numbers = references(component)
+    plain = instantiate(component)
+    for element, value in parameters.items():
+        plain.set(numbers[element], value)
+    shown = [numbers[e] for v in component.interface if v.causality == "output" for e in v.elements]
+    before = [plain.get(i) for i in shown]
+    assert plain.initialise(0.0) == 0
+    assert [plain.get(i) for i in shown] == before
+    slave = slaves(build(name, tmp_path / "python"))
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    setter_of(slave, component)(parameters)
+    assert outputs_of(slave, component) == before
+    library = open_fmu(build(name, tmp_path, flavour="native"), tmp_path / "unpacked")
+    model = Model.of(library, component)
+    assert library.enter(model.instance) == 0
+    for variable in component.interface:
+        if all(element in parameters for element in variable.elements):
+            assert model.set(variable.name, [parameters[element] for element in variable.elements]) == 0
+    assert model.outputs() == before
+    library.free(model.instance)
+
+
+@needs_compiler
+def test_the_orchestrator_runs_native_fmus_with_the_same_results(tmp_path):
+    """A table, a block and an attitude computer: native FMUs against those of the Python flavour."""
+    names = {"table": "TurntableMotion", "block": "AccelerometerBlock", "computer": "AttitudeComputer"}
+    for name in names.values():
+        build(name, tmp_path, flavour="native")
+    links = (("table.specific_force", "block.specific_force"), ("table.increment", "computer.increment"))
+    parameters = {"table": {"initial_angle": [0.3, -0.2]}, "block": {"noise_bound": 1e-5}, "computer": {}}
+    runs = []
+    for kind in ("component", "fmu"):
+        fmus = {
+            key: {kind: name if kind == "component" else f"{name}.fmu", "parameters": parameters[key]}
+            for key, name in names.items()
+        }
+        data = {
+            "run": {"stop_s": 2.0, "step_s": 0.01},
+            "fmus": fmus,
+            "connections": [{"from": a, "to": b} for a, b in links],
+            "base_folder": tmp_path,
+        }
+        runs.append(simulate(Scenario.model_validate(data)).table)
+    assert runs[0].equals(runs[1])
+
+
+@needs_compiler
+def test_export_of_native_fmus_from_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    command = ["export", "--flavour", "native", "--fmi", "3", "--effect", "quadratic accelerometer-3", "--out", "fmus"]
+    assert cli.main(command) == 0
+    assert capsys.readouterr().out.split() == [str(Path("fmus") / "AccelerometerBlock.fmu")]
+    description = fmpy.read_model_description("fmus/AccelerometerBlock.fmu")
+    assert "quadratic.accelerometer_3.coefficient" in {v.name for v in description.modelVariables}
+    assert sorted(p.name for p in Path("fmus").iterdir()) == [
+        "AccelerometerBlock.fmu",
+        "AccelerometerBlock_in.csv",
+        "AccelerometerBlock_ref.csv",
+        "AccelerometerBlock_ref.opt",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"fmi": 3}, "the Python flavour is FMI 2.0 only"),
+        ({"platform": "host"}, "belongs to --flavour native"),
+        ({"flavour": "native", "platform": "vax-vms"}, "there is no native FMU for it; there is for x86_64-linux"),
+        ({"flavour": "native", "effects": ["quadratic accelerometer-4"]}, "did you mean 'quadratic accelerometer-"),
+        ({"names": ["AttitudeComputer"], "effects": ["quadratic accelerometer-3"]}, "extends AccelerometerBlock"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_in_one_line(options, said, tmp_path):
+    names = options.pop("names", [])
+    with pytest.raises(InputError, match=said) as refusal:
+        export_components(names, tmp_path / "out", **options)
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_a_compiler_the_native_flavour_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiler, "host_compiler", lambda: None)
+    monkeypatch.setattr(compiler, "zig_version", lambda: None)
+    with pytest.raises(InputError, match="need a C compiler: there is no cc here"):
+        export_components([], tmp_path / "out", "native")
+    with pytest.raises(InputError, match="needs ziglang"):
+        export_components([], tmp_path / "out", "native", 2, "all")
+    assert not (tmp_path / "out").exists()
+
+
+@needs_compiler
+def test_a_failing_compiler_and_a_cache_that_cannot_be_written(tmp_path, monkeypatch):
+    monkeypatch.setenv("TRIHEDRON_CACHE", "/dev/null")
+    assert build("HarmonicMotion", tmp_path, flavour="native").is_file()
+    monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-fno-such-thing"))
+    with pytest.raises(BuildError, match="no-such-thing"):
+        build("HarmonicMotion", tmp_path / "b", flavour="native")
+
+
+@needs_compiler
+@pytest.mark.acceptance
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("component", all_kinds(), ids=title)
+def test_fmpy_compiles_the_sources_again(component, fmi, tmp_path):
+    if shutil.which("cmake") is None:
+        pytest.skip("skipped: no cmake")
+    path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi)
+    program = Path(sys.executable).with_name("fmpy")
+    done = subprocess.run([program, "compile", path], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert validate_fmu(str(path)) == []
+    library = open_fmu(path, tmp_path / "again")
+    instance = library.instantiate()
+    library.start(instance)
+    assert library.step(instance, 0.0, 0.01) == 0
+    library.free(instance)
+
+
+@needs_compiler
+@pytest.mark.acceptance
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("component", all_kinds(), ids=title)
+def test_fmutool_finds_nothing(component, fmi, tmp_path):
+    if util.find_spec("fmu_manipulation_toolbox") is None:
+        pytest.skip("skipped: no fmu-manipulation-toolbox")
+    path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi)
+    code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
+    done = subprocess.run([sys.executable, "-c", code, "-input", path, "-check"], capture_output=True, text=True)
+    said = done.stdout + done.stderr
+    assert f"No semantic error against the FMI-{fmi} standard" in said
+    assert f"seems to be compliant with FMI-{fmi}.0" in said
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_five_platforms_in_one_fmu_of_under_120_kilobytes(fmi, tmp_path):
+    if zig_version() is None:
+        pytest.skip("skipped: no ziglang")
+    for component in all_kinds():
+        path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi, platform="all")
+        with zipfile.ZipFile(path) as archive:
+            folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+        assert folders == {p.folder(fmi) for p in PLATFORMS.values()}
+        assert path.stat().st_size < 120_000
+        library = open_fmu(path, tmp_path / f"{component.name}-{len(component.effects)}")
+        instance = library.instantiate()
+        library.start(instance)
+        assert library.step(instance, 0.0, 0.01) == 0
+        library.free(instance)
