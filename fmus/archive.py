@@ -1,12 +1,12 @@
-"""FMU files: zip archives with the same bytes on every build."""
+"""FMU and SSP files: zip archives with the same bytes on every build."""
 
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
 
-def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write an FMU in a fixed order with fixed dates, whole or not at all; modelDescription.xml stands first.
+def write_archive(path: Path, members: Mapping[str, bytes], first: str = "modelDescription.xml") -> None:
+    """Write an archive in a fixed order with fixed dates, whole or not at all.
 
     Parameters
     ----------
@@ -14,10 +14,12 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
         the file
     members : mapping
         name inside the archive to content
+    first : str
+        name of the member that stands first
     """
-    beside = path.with_suffix(".fmu.part")
+    beside = path.with_suffix(path.suffix + ".part")
     with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-        for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
+        for name in sorted(members, key=lambda name: (name != first, name)):
             entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16

@@ -12,7 +12,9 @@ def check_values(subject: Subject) -> None:
     library = subject.library
     instance = subject.new()
     assert library.enter(instance) == OK
-    assert "no value reference" in subject.refused(lambda: library.get(instance, "real", [100_000], 1)[0])
+    last = subject.table[-1].references[-1]
+    for beyond in (last + 1, last + 2, 100_000):
+        assert "no value reference" in subject.refused(lambda r=beyond: library.get(instance, "real", [r], 1)[0])
     assert "no value reference" in subject.refused(lambda: library.set(instance, "real", [2**32 - 1], [1.0]))
     assert "another type" in subject.refused(lambda: library.get(instance, "boolean", [0], 1)[0])
     counts = [ct.c_size_t(1)] if library.fmi == 3 else []

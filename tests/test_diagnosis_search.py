@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from trihedron.calibration import calibrate
+from trihedron.diagnosis.centre import anchors, centre_of, slack_at
 from trihedron.diagnosis.circumstances import circumstances_of
 from trihedron.diagnosis.disturbance import is_linear
 from trihedron.diagnosis.extended_fit import fit_extended
 from trihedron.diagnosis.possible import is_possible, within_possible
 from trihedron.diagnosis.search import catalogue_places
 from trihedron.diagnosis.sizes import SureSizes
-from trihedron.diagnosis.starting_point import starting_point
 from trihedron.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
 from trihedron.hidden_suite.benches import Bench, draw_bench
 from trihedron.hidden_suite.cases import Hidden, SuiteCase
@@ -60,7 +60,7 @@ def test_large_turns_of_the_table_are_exact_at_the_bound_of_the_noise(effects):
     result = diagnosed(case, measure_case(case))
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
-    assert result.findings[0].fit.radius <= 1.0 + 1e-8
+    assert result.findings[0].fit.radius <= 1.0 + 1e-5
 
 
 @pytest.mark.parametrize(
@@ -98,8 +98,11 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
     ).linearised
     places = [p for p in catalogue_places(case.bench.baseline, circumstances_of(record)) if is_linear(p)]
-    begun = starting_point(nominal, circumstances_of(record), places)
-    assert begun.misfit < 0.1 * np.abs(nominal.residual / nominal.bound).max()
+    circumstances = circumstances_of(record)
+    begun = centre_of(nominal, circumstances, ())
+    found = anchors(nominal, circumstances, begun, places)
+    assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.fixed[-1] for centre in found}
+    assert slack_at(found[0], nominal) < 0.1 * slack_at(begun, nominal)
     result = diagnosed(case, record)
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)

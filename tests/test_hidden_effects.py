@@ -89,6 +89,8 @@ def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(nois
     assert np.abs(np.stack((record.alpha - faultless.alpha, record.beta - faultless.beta))).max() < 0.5 * ARCSEC
     assert record.approach_alpha is not None
     assert record.approach_beta is not None
+    assert faultless.approach_alpha is not None
+    assert faultless.approach_beta is not None
     assert np.array_equal(record.approach_alpha, faultless.approach_alpha)
     assert np.array_equal(record.approach_beta, faultless.approach_beta)
     assert record.mounting == faultless.mounting

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -46,6 +47,11 @@ def watched(component: Component, fmi: int, folder: Path, flags: list[str]) -> t
     return binary, described
 
 
+def blamed(said: str, binary: Path) -> list[str]:
+    """Lines of a memory checker that name the FMU: its library, or one of its sources."""
+    return re.findall(rf".*(?:{re.escape(binary.name)}|\b(?:model|component|values|state|fmi[23]\w*)\.c:).*", said)
+
+
 PROGRAM = Path(__file__).with_name("native_checks.py")
 
 
@@ -71,7 +77,7 @@ def test_no_invalid_access_and_no_leak_under_address_sanitizer(component, fmi, t
     )
     assert "checks, 0 failures" in done.stdout, done.stdout + done.stderr[-2000:]
     # The interpreter leaks; the FMU does not.
-    assert binary.name not in done.stderr, done.stderr[-4000:]
+    assert blamed(done.stderr, binary) == []
     assert "runtime error" not in done.stderr, done.stderr[-4000:]
 
 
@@ -92,7 +98,7 @@ def test_no_invalid_access_and_no_leak_under_valgrind(component, fmi, tmp_path):
         timeout=900,
     )
     assert "checks, 0 failures" in done.stdout, done.stdout + done.stderr[-2000:]
-    assert binary.name not in done.stderr, done.stderr[-4000:]
+    assert blamed(done.stderr, binary) == []
 
 
 def test_only_the_functions_of_fmi_are_visible(tmp_path):

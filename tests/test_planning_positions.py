@@ -194,6 +194,7 @@ def test_setting_errors_known_from_the_encoders(error: float) -> None:
     assert check.largest_deg <= error * (1 + 1e-9)
     for k, one in enumerate(check.targets):
         assert one.solved == pytest.approx(float(again.ratio[k] * OPTIMA[k]), rel=1e-8)
+        assert one.solved is not None
         assert one.compensated is None or one.solved <= one.compensated * (1 + 1e-9)
 
 
@@ -215,7 +216,8 @@ def test_the_bias_of_the_plan_at_other_angles() -> None:
     check = check_settings(task, planned, actual, 1e-5)
     plan = costs(task, planned)
     where, accelerometer = plan.readings.position, task.accelerometer[plan.readings.sheet]
-    f = regressors(*actual.angle[where].T, np.eye(3))[np.arange(len(where)), accelerometer]
+    alpha, beta = actual.angle[where].T
+    f = regressors(alpha, beta, np.eye(3))[np.arange(len(where)), accelerometer]
     largest = np.where(np.arange(18) < 3, 3e-3, 1e-2)
     to_x = np.linalg.inv(x_from_targets())
     rng = np.random.default_rng(0)

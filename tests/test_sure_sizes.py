@@ -10,7 +10,7 @@ from simulated_bench import random_bench, record
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.procedure import fit_record
 from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import circumstances_of
+from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.diagnosis.sizes import level_change, level_margins, spread_directions, sure_sizes
 from trihedron.models.bench import elementary_reading
@@ -27,17 +27,18 @@ QUADRATIC = EffectPlace("quadratic", "accelerometer-2")
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
 WOBBLE = EffectPlace("axis-wobble", "inner-axis", 2)
 SAG = EffectPlace("sag", "inner-axis")
+Known = tuple[Linearisation, Circumstances]
 
 
 @pytest.fixture(scope="module")
-def known():
+def known() -> Known:
     """The model at a true bench with 40 positions anywhere, and the rows' circumstances."""
     alpha, beta = ANGLES.T
     measured = record(elementary_reading(BENCH, alpha, beta, np.eye(3)), alpha, beta)
     return fit_record(measured, noise_bound=SIGMA), circumstances_of(measured)
 
 
-def change(known, place: EffectPlace, direction=None) -> np.ndarray:
+def change(known: Known, place: EffectPlace, direction=None) -> np.ndarray:
     here, circumstances = known
     columns = signature_columns([place], rows_at(here, here.point, here.positions, circumstances))
     return columns @ (np.ones(1) if direction is None else direction)
@@ -49,7 +50,7 @@ def radius(here: Linearisation, readings: np.ndarray, extra=None) -> float:
 
 
 @pytest.mark.parametrize("place", [QUADRATIC, CUBIC], ids=lambda place: place.title)
-def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(known, place):
+def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(known: Known, place):
     here, _ = known
     size = sure_sizes(*known, place, []).detected
     d = change(known, place)
@@ -63,7 +64,7 @@ def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(
     assert radius(here, 0.99 * size * d + worst) <= 1.0
 
 
-def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(known):
+def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(known: Known):
     here, _ = known
     rivals = [ODD, ENCODER, QUADRATIC, WOBBLE, SAG]
     sizes = sure_sizes(*known, CUBIC, rivals)
@@ -78,12 +79,12 @@ def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(known):
     assert radius(here, 0.99 * sizes.excluded * d - SIGMA * left / np.abs(left).max(), columns[0]) <= 1.0
 
 
-def change_columns(known, place: EffectPlace) -> np.ndarray:
+def change_columns(known: Known, place: EffectPlace) -> np.ndarray:
     here, circumstances = known
     return signature_columns([place], rows_at(here, here.point, here.positions, circumstances))
 
 
-def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(known):
+def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(known: Known):
     """The published facts: 6.6 times for the cubic term at 100 positions; most effects are told apart at once."""
     sizes = sure_sizes(*known, CUBIC, [ODD, ENCODER, SAG])
     assert 4.0 < sizes.excluded / sizes.detected < 40.0
@@ -91,7 +92,7 @@ def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(known)
     assert sizes.excluded / sizes.detected < 2.0
 
 
-def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known):
+def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known: Known):
     here, _ = known
     rivals = [place for name in ("cross-product", "cross-square", "cubic", "sag") for place in CATALOGUE[name].places]
     sizes = sure_sizes(*known, QUADRATIC, rivals)
@@ -103,7 +104,7 @@ def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known
     assert sizes.detected == pytest.approx(2.0 / radius(here, d), rel=1e-9)
 
 
-def test_over_all_phases_the_worst_is_taken(known):
+def test_over_all_phases_the_worst_is_taken(known: Known):
     own = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2)]
     worst = sure_sizes(*known, ENCODER, [SAG, ODD])
     assert worst.detected == max(s.detected for s in own)
@@ -113,7 +114,7 @@ def test_over_all_phases_the_worst_is_taken(known):
     assert max(s.detected for s in some) < 1.02 * worst.detected
 
 
-def test_a_bound_that_an_open_sign_widens_makes_the_sizes_larger(known):
+def test_a_bound_that_an_open_sign_widens_makes_the_sizes_larger(known: Known):
     here, circumstances = known
     wide = here.bound.copy()
     wide[1::3] *= 3.0
@@ -123,27 +124,27 @@ def test_a_bound_that_an_open_sign_widens_makes_the_sizes_larger(known):
     )
 
 
-def test_what_the_model_holds_already_has_no_size(known):
+def test_what_the_model_holds_already_has_no_size(known: Known):
     sizes = sure_sizes(*known, EffectPlace("scale-asymmetry", "accelerometer-1"), [CUBIC])
     assert (sizes.detected, sizes.excluded) == (math.inf, math.inf)
     wobble = sure_sizes(*known, EffectPlace("axis-wobble", "outer-axis", 1), [CUBIC])
     assert wobble.detected > 1e-2 or wobble.detected == math.inf
 
 
-def test_an_outlier_is_not_its_own_rival_but_other_readings_are(known):
+def test_an_outlier_is_not_its_own_rival_but_other_readings_are(known: Known):
     sizes = sure_sizes(*known, place_of(5, 2), [])
     assert SIGMA < sizes.detected < math.inf
     assert sizes.excluded < math.inf
     assert sizes.rival != place_of(5, 2).title
 
 
-def test_beside_another_effect_sizes_are_larger(known):
+def test_beside_another_effect_sizes_are_larger(known: Known):
     alone = sure_sizes(*known, CUBIC, [SAG])
     beside = sure_sizes(*known, CUBIC, [SAG], beside=[ODD])
     assert beside.detected > 3.0 * alone.detected
 
 
-def test_levels_are_scanned_with_the_effects_own_kernel(known):
+def test_levels_are_scanned_with_the_effects_own_kernel(known: Known):
     here, circumstances = known
     rows = rows_at(here, here.point, here.positions, circumstances)
     place = EffectPlace("saturation", "accelerometer-3")

@@ -110,51 +110,55 @@ def judge(here: Linearisation, fit: ExtendedFit) -> Judgement:
     count = len(here.reading)
     turns = [np.arange(first, count, FOLDS) for first in range(FOLDS)]
     blocks = [part for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
-    scored = ~outlying(fit)
-    if not scored.any() or all(place.effect == "outlier" for place in fit.places):
+    used, lasting = without_outliers(fit)
+    if lasting.sum() == len(fit.point):
         return Judgement(None, None, 0, 0)
-    folds = score(here, fit.jacobian, fit.residual, turns, scored)
+    jacobian = fit.jacobian[:, lasting]
+    folds = score(here, jacobian, fit.residual, turns, used)
     shuffled = 0
     as_good = 0
     if folds is not None and fit.linear:
         rng = np.random.default_rng(count)
         bench = fit.jacobian[:, : len(fit.point)]
-        own = fit.jacobian[:, len(fit.point) :]
+        own = jacobian[:, len(fit.point) :]
         # With the effects taken out at their sizes, a shuffle begins where the nominal model does.
-        whole = fit.residual + own @ fit.coefficients
+        whole = fit.residual + own @ fit.coefficients[lasting[len(fit.point) :]]
         reached = np.sqrt(np.mean(folds.after**2))
         for _ in range(SHUFFLES):
             order = rng.permutation(count)
             moved = own.reshape(count, 3, -1)[order].reshape(3 * count, -1)
-            tried = score(here, np.hstack((bench, moved)), whole, turns, scored)
+            tried = score(here, np.hstack((bench, moved)), whole, turns, used)
             if tried is not None:
                 shuffled += 1
                 as_good += bool(np.sqrt(np.mean(tried.after**2)) <= reached)
-    return Judgement(folds, score(here, fit.jacobian, fit.residual, blocks, scored), shuffled, as_good)
+    return Judgement(folds, score(here, jacobian, fit.residual, blocks, used), shuffled, as_good)
 
 
-def outlying(fit: ExtendedFit) -> NDArray:
-    """Readings (M,) of bool that an outlier of the set belongs to: no other reading predicts them."""
-    found = np.zeros(len(fit.residual), dtype=bool)
+def without_outliers(fit: ExtendedFit) -> tuple[NDArray, NDArray]:
+    """Readings (M,) of bool that no outlier of the set moves, and columns (P + K,) of bool that are no outlier's."""
+    used = np.ones(len(fit.residual), dtype=bool)
+    lasting = np.ones(fit.jacobian.shape[1], dtype=bool)
     for place, block in zip(fit.places, fit.blocks, strict=True):
         if place.effect == "outlier":
-            found |= np.any(fit.jacobian[:, len(fit.point) + block.start : len(fit.point) + block.stop] != 0.0, axis=1)
-    return found
+            columns = np.arange(len(fit.point) + block.start, len(fit.point) + block.stop)
+            lasting[columns] = False
+            used &= ~np.any(fit.jacobian[:, columns] != 0.0, axis=1)
+    return used, lasting
 
 
 def score(
-    here: Linearisation, jacobian: NDArray, residual: NDArray, parts: Sequence[NDArray], scored: NDArray
+    here: Linearisation, jacobian: NDArray, residual: NDArray, parts: Sequence[NDArray], used: NDArray
 ) -> Score | None:
     """Leave out each part (rows) in turn and predict it; None where the others would not do, or score too little."""
     before, after = [], []
     for out in parts:
-        held = (3 * out[:, None] + np.arange(3)).ravel()
-        kept = np.setdiff1d(np.arange(len(residual)), held)
+        held = np.intersect1d((3 * out[:, None] + np.arange(3)).ravel(), np.flatnonzero(used))
+        kept = np.setdiff1d(np.flatnonzero(used), held)
         with_effects = predicted_errors(jacobian, residual, here.bound, kept, held)
         without = predicted_errors(here.jacobian, here.residual, here.bound, kept, held)
         if with_effects is None or without is None:
             return None
-        wanted = scored[held] & with_effects[1] & without[1]
+        wanted = with_effects[1] & without[1]
         before.append(without[0][wanted])
         after.append(with_effects[0][wanted])
     if sum(len(part) for part in before) < FEWEST_SCORED:

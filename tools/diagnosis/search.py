@@ -11,16 +11,16 @@ from rich.progress import track
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
 from trihedron.diagnosis.intervals import parameter_intervals
 from trihedron.diagnosis.lawson import Problem
 from trihedron.diagnosis.possible import within_possible
-from trihedron.diagnosis.sets import MAX_SET, EffectSet, sets_of_size
-from trihedron.diagnosis.starting_point import starting_point
+from trihedron.diagnosis.sets import MAX_SET, sets_of_size
 from trihedron.diagnosis.variants import Relaxation, relaxations
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 
 MOST_FOUND = 60
@@ -60,20 +60,10 @@ def title_of(places: Sequence[EffectPlace]) -> str:
     return " and ".join(place.title for place in places)
 
 
-def linear_problem(here: Linearisation, rows: Rows, places: Sequence[EffectPlace]) -> Problem:
-    """The search as a linear problem at the fit of the nominal model, in units of the bounds."""
-    columns, blocks, first = [], [], 0
-    for place in places:
-        block = signature_columns([place], rows) / here.bound[:, None]
-        columns.append(block)
-        blocks.append(slice(first, first + block.shape[1]))
-        first += block.shape[1]
-    stacked = np.hstack(columns) if columns else np.zeros((len(here.residual), 0))
-    return Problem(here.residual / here.bound, here.jacobian / here.bound[:, None], stacked, tuple(blocks))
-
-
 def relaxed(problem: Problem, here: Linearisation, relaxation: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
     """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
+    if not relaxation:
+        return problem, np.arange(len(problem.residual))
     nominal = np.hstack([problem.nominal, *(r.columns / here.bound[:, None] for r in relaxation)])
     widened = here.bound + sum(r.widening for r in relaxation)
     kept = np.flatnonzero(~np.any([r.touched for r in relaxation], axis=0))
@@ -89,19 +79,54 @@ def relaxed(problem: Problem, here: Linearisation, relaxation: Sequence[Relaxati
     )
 
 
+def linear_sets(
+    here: Linearisation,
+    circumstances: Circumstances,
+    centre: Centre,
+    places: Sequence[EffectPlace],
+    bent: Sequence[Relaxation],
+    size: int,
+) -> Iterator[frozenset[EffectPlace]]:
+    """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
+
+    Where the misfit is so large that the linear model may be wrong by much, the sets with an effect that stands out are
+    judged at a fit that has it.
+    """
+    slack = slack_at(centre, here)
+    free = [place for place in places if place not in centre.fixed]
+    if size > 0 and slack > TOO_MUCH:
+        more = anchors(here, circumstances, centre, free)
+        for one in more:
+            yield from linear_sets(here, circumstances, one, places, bent, size - 1)
+        free = [place for place in free if place not in {one.fixed[-1] for one in more}]
+    part, kept = relaxed(problem_at(here, circumstances, centre, free), here, bent)
+    for candidate in sets_of_size(part, size, slack):
+        outliers = [int(kept[row]) for row in candidate.outliers]
+        yield frozenset(
+            (
+                *centre.fixed,
+                *(free[i] for i in candidate.effects),
+                *(place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in outliers),
+            )
+        )
+
+
 def candidate_sets(
-    here: Linearisation, problem: Problem, bent: Sequence[Relaxation], size: int, slack: float
-) -> Iterator[tuple[tuple[Relaxation, ...], EffectSet]]:
-    """All sets of a size that no bound refuses: effects that are not linear, then linear ones and outliers."""
+    here: Linearisation,
+    circumstances: Circumstances,
+    centre: Centre,
+    places: Sequence[EffectPlace],
+    bent: Sequence[Relaxation],
+    size: int,
+) -> Iterator[tuple[tuple[EffectPlace, ...], tuple[Relaxation, ...]]]:
+    """All sets of a size that no bound refuses: linear effects and outliers, and effects that are not linear."""
     for count in range(min(size, len(bent)) + 1):
         for chosen in combinations(bent, count):
-            if not chosen:
-                yield from (((), candidate) for candidate in sets_of_size(problem, size, slack))
-                continue
-            part, kept = relaxed(problem, here, chosen)
-            for candidate in sets_of_size(part, size - count, slack):
-                outliers = tuple(int(kept[row]) for row in candidate.outliers)
-                yield chosen, EffectSet(candidate.effects, outliers)
+            seen = set()
+            for places_of_one in linear_sets(here, circumstances, centre, places, chosen, size - count):
+                if places_of_one not in seen:
+                    seen.add(places_of_one)
+                    yield tuple(sorted(places_of_one, key=lambda place: place.title)), chosen
 
 
 def smallest_explanations(
@@ -134,20 +159,17 @@ def smallest_explanations(
     -------
     Found
     """
-    start = starting_point(here, circumstances, places)
-    here = start.here
+    centre = centre_of(here, circumstances, ())
+    here = moved(here, centre)
     rows = replace(rows_at(here, here.point, here.positions, circumstances), resolution=resolution)
     untold = [place for place in places if added_bound([place], rows).any()]
     places = [place for place in places if place not in untold]
-    problem = linear_problem(here, rows, places)
     softened = relaxations(here, rows, [*untold, *bent])
-    # Of second order in the misfit: by so much the linear model at a wrong fit may err.
-    slack = 0.05 + 20.0 * start.misfit**2 * float(here.bound.min())
     console = Console(stderr=True)
     for size in range(1, MAX_SET + 1):
         found: list[ExtendedFit] = []
         candidates = track(
-            candidate_sets(here, problem, softened, size, slack),
+            candidate_sets(here, circumstances, centre, places, softened, size),
             f"sets of {size}",
             total=None,
             console=console,
@@ -155,9 +177,7 @@ def smallest_explanations(
             transient=True,
         )
         complete = True
-        for judged, (chosen, candidate) in enumerate(candidates, start=1):
-            named = [places[i] for i in candidate.effects]
-            named += [place_of(int(here.position[i]) + 1, int(here.accelerometer[i])) for i in candidate.outliers]
+        for judged, (named, chosen) in enumerate(candidates, start=1):
             found += best_fit(here, circumstances, named, chosen, limit, resolution)
             if len(found) >= MOST_FOUND or judged >= MOST_JUDGED:
                 complete = False

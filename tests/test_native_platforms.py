@@ -1,0 +1,84 @@
+"""The sources of native FMUs compiled for other platforms: the same bits, but for sin, cos and atan2."""
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from test_components import draw_inputs, draw_parameters
+from trihedron.fmus import components
+from trihedron.fmus.component import Component
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.native.compiler import FLAGS, zig_version
+from trihedron.fmus.native.flavour import native_sources
+
+STEPS = 1000
+RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}
+BOUND = 1e-12
+"""Greatest difference that the platforms' sin and cos may make, relative to the largest output."""
+
+
+def script_and_result(component: Component) -> tuple[str, list[float]]:
+    """Lines for the host, and the real outputs that plain Python has after each step."""
+    rng = random.Random(5)
+    numbers = references(component)
+    kinds = {e: v.type for v in component.interface for e in v.elements}
+    shown = [e for v in component.interface if v.causality == "output" and v.type == "real" for e in v.elements]
+    model, lines, seen = instantiate(component), ["enter - -"], []
+
+    def set_all(values: dict[str, float]) -> None:
+        for name, value in values.items():
+            lines.append(f"{kinds[name]} {numbers[name]} {float(value).hex()}")
+            model.set(numbers[name], value)
+
+    set_all(draw_parameters(component, rng))
+    assert model.initialise(0.0) == 0
+    lines.append("leave - -")
+    for k in range(STEPS):
+        if k % 20 == 0 or component.name == "AttitudeComputer":
+            set_all(draw_inputs(component, rng))
+        assert model.do_step(k * 0.02, 0.02) == 0
+        lines.append(f"step {(k * 0.02).hex()} {(0.02).hex()}")
+        lines += [f"show {numbers[e]} 0" for e in shown]
+        seen += [float(model.get(numbers[e])) for e in shown]
+    return "\n".join(lines) + "\n", seen
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("target", list(RUNNERS))
+@pytest.mark.parametrize("name", sorted(components()))
+def test_other_platforms_give_the_same_bits_but_for_sin_and_cos(name, target, tmp_path):
+    runner = RUNNERS[target]
+    if zig_version() is None:
+        pytest.skip("skipped: no ziglang")
+    if runner is not None and shutil.which(runner) is None:
+        pytest.skip(f"skipped: no {runner}")
+    component = components()[name]
+    for file, content in native_sources(component, 2).items():
+        (tmp_path / file).write_bytes(content)
+    shutil.copy(Path(__file__).with_name("native_host.c"), tmp_path / "host.c")
+    output = "host.exe" if "windows" in target else "host"
+    static = [] if "windows" in target else ["-static"]
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *static, "-o", output]
+    sources = sorted(path.name for path in tmp_path.glob("*.c"))
+    subprocess.run([*command, *sources, "-lm"], cwd=tmp_path, check=True, capture_output=True)
+    script, expected = script_and_result(component)
+    (tmp_path / "script.txt").write_text(script)
+    run = [*([runner] if runner else []), str(tmp_path / output), "script.txt"]
+    quiet = {**os.environ, "WINEDEBUG": "-all"}
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, env=quiet)
+    assert done.returncode == 0, done.stderr
+    given = np.array([float.fromhex(line) for line in done.stdout.split()])
+    plain = np.array(expected)
+    assert given.shape == plain.shape
+    difference = float(np.abs(given - plain).max() / np.abs(plain).max())
+    print(f"{name} on {target}: greatest difference {difference:.2e} of the largest output")
+    if "sin(" in (tmp_path / "model.c").read_text():
+        assert difference <= BOUND
+    else:
+        assert given.tobytes() == plain.tobytes()
