@@ -1,10 +1,19 @@
 """Fixtures that several tests share."""
 
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Binaries of native FMUs are kept for this run, for all its workers, unless a cache is named."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
+    os.environ.setdefault("TRIHEDRON_CACHE", str(shared / "cache"))
 
 
 @pytest.fixture(scope="session")

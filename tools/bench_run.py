@@ -7,27 +7,42 @@ from trihedron.errors import InputError
 from trihedron.orchestrator import default_folder, simulate
 from trihedron.records import PositionRecord, RawRecord, read_record, write_position_record
 from trihedron.records.rests import average_rests, find_rests
-from trihedron.scenario import read_scenario
+from trihedron.scenario import Scenario, read_scenario
 
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
 
 
-def run_scenario(path: Path, out: Path | None, *, progress: bool) -> list[Path]:
+def run_scenario(path: Path, out: Path | None, *, progress: bool, step: float | None = None) -> list[Path]:
     """Simulate a scenario; where its run is a raw record, average the rests into a position record beside it.
 
     Parameters
     ----------
     path : Path
-        the scenario
+        the scenario, or an .ssp
     out : Path or None
         folder for the results; None: <scenario>-run in the current folder
+    step : float, optional
+        length of a step of an .ssp [s]
 
     Returns
     -------
     list of Path
         what was written; why there is no position record, where the rests do not give one, goes to standard error
     """
-    scenario = read_scenario(path)
+    if path.suffix.lower() == ".ssp":
+        from trihedron.ssp.importing import scenario_of_ssp
+
+        with scenario_of_ssp(path, step=step) as imported:
+            if imported.ignored:
+                shown = ", ".join(imported.ignored[:3]) + (", ..." if len(imported.ignored) > 3 else "")
+                print(f"{path}: {len(imported.ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
+            return _run(imported.scenario, out, progress=progress)
+    if step is not None:
+        raise InputError("--step: belongs to an .ssp; a scenario says run.step_s")
+    return _run(read_scenario(path), out, progress=progress)
+
+
+def _run(scenario: Scenario, out: Path | None, *, progress: bool) -> list[Path]:
     folder = out if out is not None else default_folder(scenario)
     run = simulate(scenario, folder, progress=progress)
     files = list(run.files)

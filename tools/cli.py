@@ -28,6 +28,7 @@ from trihedron.options import (
 from trihedron.outputs import distinct_files, ordinary_file
 from trihedron.planning_commands import plan
 from trihedron.reproduce_commands import reproduce
+from trihedron.ssp_commands import export_ssp
 
 app = App(
     name="trihedron",
@@ -40,7 +41,7 @@ app = App(
 
 
 @app.command
-def simulate(scenario: Path, /, *, out: Path | None = None) -> None:
+def simulate(scenario: Path, /, *, out: Path | None = None, step: float | None = None) -> None:
     """Run a scenario: couple its FMUs, record the run, average its rests.
 
     Example: trihedron simulate scenarios/static-calibration.toml --out run
@@ -48,13 +49,15 @@ def simulate(scenario: Path, /, *, out: Path | None = None) -> None:
     Parameters
     ----------
     scenario
-        The scenario file (TOML).
+        The scenario file (TOML), or an .ssp.
     out
         Folder for the results; by default <scenario>-run in the current folder.
+    step
+        Length of a step [s] of an .ssp, where it does not say one or another is wanted.
     """
     from trihedron.bench_run import run_scenario
 
-    for file in run_scenario(scenario, out, progress=True):
+    for file in run_scenario(scenario, out, progress=True, step=step):
         print(file)
 
 
@@ -260,6 +263,7 @@ def apply(
     print(text)
 
 
+app.command(export_ssp)
 app.command(hidden)
 app.command(plan)
 app.command(reproduce)

@@ -1,6 +1,7 @@
 """Components written as FMUs."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -82,7 +83,7 @@ def export_components(
         if flavour == "native":
             chosen_platforms(platform or "host")
         with whole_folder(out) as beside:
-            for name in chosen:
+            for name in with_progress(chosen):
                 own = [place for place in places if CATALOGUE[place.effect].component == name]
                 build(name, beside, own, flavour=flavour, fmi=fmi, platform=platform or "host")
                 if flavour == "native":
@@ -90,6 +91,16 @@ def export_components(
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
     return [out / f"{name}.fmu" for name in chosen]
+
+
+def with_progress(names: Sequence[str]) -> Iterable[str]:
+    """The names, with a bar where standard error is a terminal: a compiler's first binary takes its time."""
+    if not sys.stderr.isatty():
+        return names
+    from rich.console import Console
+    from rich.progress import track
+
+    return track(names, "FMUs", console=Console(stderr=True), transient=True)
 
 
 def write_reference_results(name: str, effects: Sequence[EffectPlace], folder: Path, fmi: int) -> None:

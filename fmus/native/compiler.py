@@ -27,7 +27,15 @@ FLAGS = (
     "-fno-builtin-atan2",
     "-fno-math-errno",
 )
-SMALL = ("-fno-vectorize", "-fno-slp-vectorize", "-fno-unroll-loops", "-fno-unwind-tables", "-fno-stack-protector")
+SMALL = (
+    "-fno-vectorize",
+    "-fno-slp-vectorize",
+    "-fno-unroll-loops",
+    "-fno-unwind-tables",
+    "-fno-stack-protector",
+    "-mllvm",
+    "-inline-threshold=100",
+)
 """Of the cross compiler: what makes a library small and costs scalar code nothing."""
 
 WINDOWS_LIBRARIES = tuple(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math", "heap", "string", "stdio", "private"))

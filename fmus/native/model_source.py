@@ -7,8 +7,8 @@ from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.flat_source import flat_parts
 from trihedron.fmus.in_process import effect_count, limits
 from trihedron.fmus.native.expressions import kernel_name, number_text
+from trihedron.fmus.native.kinds import Signature
 from trihedron.fmus.native.translation import translate
-from trihedron.fmus.native.typing import Signature
 
 MODEL_C = """/* {description}. Made by Trihedron from the component's kernels and table. */
 #include "component.h"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from trihedron.fmus.flat_source import Part
 from trihedron.fmus.native.expressions import condition, constant_name, expression, kernel_name, variable_name
-from trihedron.fmus.native.typing import FLOAT, INT, NOTHING, VECTOR, WHOLE, Scope, Signature
+from trihedron.fmus.native.kinds import FLOAT, INT, NOTHING, VECTOR, WHOLE, Scope, Signature
 
 TYPES = {FLOAT: "double", INT: "int64_t", WHOLE: "double", NOTHING: "void"}
 WIDTH = 110

@@ -34,4 +34,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} responds to the product of the inputs {place.axes[0]} and {place.axes[1]}: "
         f"{values['coefficient']:+.2e} n{place.axes[0]} n{place.axes[1]} (n in g)"
     ),
+    degree=2,
 )

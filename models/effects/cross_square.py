@@ -35,4 +35,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} responds to the square of the input of accelerometer {place.axes[0]}: "
         f"{values['coefficient']:+.2e} n{place.axes[0]}² (n in g)"
     ),
+    degree=2,
 )

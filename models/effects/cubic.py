@@ -29,4 +29,5 @@ EFFECT = Effect(
     sentence=lambda place, values: (
         f"accelerometer {place.index + 1} responds to the cube of its input: {values['coefficient']:+.2e} n³ (n in g)"
     ),
+    degree=3,
 )

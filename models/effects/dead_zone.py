@@ -82,4 +82,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} does not feel inputs below {values['width']:.2e} g"
     ),
     variants=variants,
+    degree=-1,
 )

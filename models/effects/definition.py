@@ -115,6 +115,9 @@ class Effect:
     variants : callable or None
         of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act. Its
         signature and coefficients raise TypeError
+    degree : int
+        in the inputs: readings tell the inputs only up to the factor 1 − Δg/g, and a coefficient of this degree up to
+        a power of it
     untold : callable or None
         of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): its
         largest size per unit of the coefficient where it is not told. The signature vanishes there
@@ -136,6 +139,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     variants: Callable[[EffectPlace, Rows, NDArray[np.float64], float], list[Variant]] | None = None
+    degree: int = 0
     untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     of_place: "Callable[[EffectPlace], Effect] | None" = None
 

@@ -36,4 +36,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} responds to the signed square of its input: "
         f"{values['coefficient']:+.2e} n |n| (n in g)"
     ),
+    degree=2,
 )

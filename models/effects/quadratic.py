@@ -29,4 +29,5 @@ EFFECT = Effect(
     sentence=lambda place, values: (
         f"accelerometer {place.index + 1} responds to the square of its input: {values['coefficient']:+.2e} n² (n in g)"
     ),
+    degree=2,
 )

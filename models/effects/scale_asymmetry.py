@@ -35,4 +35,5 @@ EFFECT = Effect(
         f"{values['coefficient']:+.2e} |n|"
     ),
     within="asymmetric",
+    degree=1,
 )

@@ -29,4 +29,5 @@ EFFECT = Effect(
     sentence=lambda place, values: (
         f"the scale factor of accelerometer {place.index + 1} drifts by {values['rate']:+.2e} an hour"
     ),
+    degree=1,
 )

@@ -36,4 +36,5 @@ EFFECT = Effect(
         f"the scale factor of accelerometer {place.index + 1} changes by {values['coefficient']:+.2e} per kelvin"
     ),
     needs=("temperature",),
+    degree=1,
 )

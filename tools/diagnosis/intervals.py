@@ -51,7 +51,7 @@ def feasible_set(fit: ExtendedFit, columns: NDArray, room: float) -> tuple[Polyt
     return polytope, span, scale
 
 
-def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, ...], ...]:
+def parameter_intervals(fit: ExtendedFit, room: float, gravity_error: float = 0.0) -> tuple[tuple[Interval, ...], ...]:
     """Ends of the values that each parameter of each effect of a fit can have.
 
     Parameters
@@ -60,6 +60,8 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
         consistent with the record
     room : float
         what the readings' rounding adds to their bounds, as a fraction of g
+    gravity_error : float
+        bound of Δg/g: the readings do not tell it, and coefficients of inputs are known up to a power of 1 − Δg/g
 
     Returns
     -------
@@ -89,7 +91,19 @@ def parameter_intervals(fit: ExtendedFit, room: float) -> tuple[tuple[Interval, 
                 found.append(effect_intervals(parameters, reach) if determined else unknown)
         except SolverError:
             found.append(unknown)
-    return tuple(found)
+    degrees = [CATALOGUE[place.effect].at(place).degree for place in fit.places]
+    return tuple(
+        tuple(scaled_by_gravity(ends, degree, gravity_error) for ends in intervals)
+        for intervals, degree in zip(found, degrees, strict=True)
+    )
+
+
+def scaled_by_gravity(ends: Interval, degree: int, gravity_error: float) -> Interval:
+    """Ends of a coefficient of inputs of this degree, when the true inputs are up to 1 ∓ `gravity_error` times ours."""
+    if degree == 0 or gravity_error == 0.0:
+        return ends
+    factors = [(1.0 + sign * gravity_error) ** -degree for sign in (-1.0, 1.0)]
+    return min(ends[0] * factor for factor in factors), max(ends[1] * factor for factor in factors)
 
 
 def variant_intervals(variant: Variant, reach: Callable[[NDArray], float]) -> tuple[Interval, ...]:

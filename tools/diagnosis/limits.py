@@ -12,7 +12,7 @@ from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, disturbed, is_linear, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.intervals import feasible_set
+from trihedron.diagnosis.intervals import feasible_set, scaled_by_gravity
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
 DIRECTIONS = 16
@@ -25,6 +25,7 @@ def excluded_sizes(
     places: Sequence[EffectPlace],
     model: ExtendedFit,
     room: float,
+    gravity_error: float,
 ) -> tuple[dict[str, Any], ...]:
     """Upper bounds of the effects that were not found, each added to the model that explains the record.
 
@@ -39,6 +40,8 @@ def excluded_sizes(
         the model that explains the record
     room : float
         what the readings' rounding adds to their bounds, as a fraction of g
+    gravity_error : float
+        bound of Δg/g
 
     Returns
     -------
@@ -58,6 +61,7 @@ def excluded_sizes(
             if parameter.name.endswith("phase"):
                 continue
             above = largest_size(reach, columns.shape[1], k, paired=parameter.name.endswith("amplitude"))
+            above = scaled_by_gravity((0.0, above), CATALOGUE[place.effect].at(place).degree, gravity_error)[1]
             if not above < parameter.largest:
                 continue
             entry: dict[str, Any] = {"effect": place.effect, "where": place.where}

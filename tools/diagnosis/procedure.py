@@ -31,6 +31,9 @@ from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 from trihedron.records import PositionRecord
 
+FIT_TOLERANCE = 1e-8
+"""What the fit of an extended model adds to the tolerance of its radius."""
+
 
 def diagnose(
     record: PositionRecord,
@@ -77,11 +80,14 @@ def diagnose(
         if not enough:
             proposed = nominal.next_positions or tuple(repeats(here))
             return Diagnosis("insufficient", nominal, record.position, next_positions=proposed)
+        nominal_fit = fit_extended(here, circumstances, ())
         return Diagnosis(
             "consistent",
             nominal,
             record.position,
-            excluded=excluded_sizes(here, circumstances, places, fit_extended(here, circumstances, ()), room),
+            excluded=excluded_sizes(
+                here, circumstances, places, fit_extended(here, circumstances, ()), room, bounds[1]
+            ),
         )
     try:
         return cause_of(nominal, record, circumstances, bounds, gravity, rerun=rerun, progress=progress)
@@ -103,7 +109,8 @@ def cause_of(
 ) -> Diagnosis:
     """The diagnosis of a record that the nominal model cannot explain; arguments as for `diagnose`."""
     here, resolution = nominal.linearised, record.resolution / gravity
-    room, limit = reading_uncertainty(resolution), radius_limit(nominal.noise_bound, resolution)
+    room = reading_uncertainty(resolution)
+    limit = radius_limit(nominal.noise_bound, resolution) + FIT_TOLERANCE
     every = catalogue_places(nominal.baseline, circumstances)
     classes = classes_of(here, [place for place in every if is_linear(place)])
     bent = [place for place in every if not is_linear(place)]
@@ -113,7 +120,7 @@ def cause_of(
         structure = tuple(residual_structure(here, circumstances))
         return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
     groups = equivalence_groups(classes, found.fits)
-    findings = tuple(finding_of(classes, group[0], record.position, room) for group in groups)
+    findings = tuple(finding_of(classes, group[0], record.position, room, bounds[1]) for group in groups)
     if len(groups) > 1 or not found.complete:
         positions = separating_positions(here, circumstances, [group[0] for group in groups], bounds, room)
         return Diagnosis(
@@ -136,7 +143,7 @@ def cause_of(
         tuple(other.places for other in groups[0][1:]),
         tried,
         gain_of(here, circumstances, named, gravity, resolution) if rerun else None,
-        excluded=excluded_sizes(here, circumstances, classes.places, named, room),
+        excluded=excluded_sizes(here, circumstances, classes.places, named, room, bounds[1]),
         targets=target_shifts(nominal, named, room),
         judgement=judge(here, named),
         mounting=class_breaking_mounting(here, findings[0]),
@@ -197,9 +204,9 @@ def equivalence_groups(classes: Classes, found: Sequence[ExtendedFit]) -> list[l
     return groups
 
 
-def finding_of(classes: Classes, fit: ExtendedFit, numbers: NDArray, room: float) -> Finding:
+def finding_of(classes: Classes, fit: ExtendedFit, numbers: NDArray, room: float, gravity_error: float) -> Finding:
     """A set of effects as causes, each with everything in the catalogue that is equivalent to it."""
-    intervals = parameter_intervals(fit, room)
+    intervals = parameter_intervals(fit, room, gravity_error)
     causes = []
     for place, values, ends in zip(fit.places, fit.values(), intervals, strict=True):
         named = place

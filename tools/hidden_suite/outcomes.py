@@ -1,7 +1,7 @@
 """What a diagnosis made of a case, held against the secret."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
@@ -112,9 +112,9 @@ def outcome_of(case: SuiteCase, result: Diagnosis) -> Outcome:
     inside, errors = None, ()
     if kind == "right" and finding is not None:
         own = [(h, cause) for h in case.hidden for cause in finding.causes if cause.place == h.place]
-        true_g = 1.0 - float(case.bench.truth["TurntableMotion"]["gravity_error"])
+        truth = case.bench.truth["TurntableMotion"]
         if len(own) == len(case.hidden):
-            inside = all(is_inside(in_true_g(h, true_g), cause) for h, cause in own)
+            inside = all(is_inside(as_readings_tell(h, truth), cause) for h, cause in own)
         errors = tuple(relative_error(h, cause) for h, cause in own)
     return Outcome(case, result.verdict, kind, named, inside, errors, result.baseline.radius)
 
@@ -150,12 +150,21 @@ def is_same(finding: Finding, places: Sequence[EffectPlace]) -> bool:
     )
 
 
-def in_true_g(hidden: Hidden, true_g: float) -> tuple[float, ...]:
-    """True parameters for inputs in units of the true g, which is all that readings can tell.
+def as_readings_tell(hidden: Hidden, truth: Mapping[str, Any]) -> tuple[float, ...]:
+    """True parameters as far as readings can tell them, which show neither Δg/g nor Δβ.
 
-    The components' inputs are in units of the model's g: they have the factor 1 − Δg/g, which no reading shows.
+    The components' inputs are in units of the model's g: they have the factor 1 − Δg/g. Harmonics of the inner axis are
+    functions of the true angle, the encoder reading less Δβ, so that a phase of order h is known up to h Δβ.
     """
-    return tuple(value * true_g ** DEGREES.get(hidden.place.effect, 0) for value in hidden.values)
+    true_g, offset = 1.0 - float(truth["gravity_error"]), float(truth["beta_offset"])
+    place = hidden.place
+    factor = true_g ** DEGREES.get(place.effect, 0)
+    turn = (place.order or 1) * offset if place.where == "inner-axis" else 0.0
+    parameters = CATALOGUE[place.effect].at(place).parameters
+    return tuple(
+        value - turn if parameter.name.endswith("phase") else value * factor
+        for value, parameter in zip(hidden.values, parameters, strict=True)
+    )
 
 
 def is_inside(values: Iterable[float], cause: Cause) -> bool:

@@ -32,7 +32,7 @@ def export_ssp(
     scenario: Scenario,
     out: Path,
     *,
-    flavour: Flavour = "python",
+    flavour: Flavour | None = None,
     fmi: int = 2,
     platform: str | None = None,
 ) -> Path:
@@ -44,8 +44,9 @@ def export_ssp(
         position programmes become components PositionProgramme, constants become parameters
     out : Path
         the file; the same scenario gives the same bytes
-    flavour : str
-        "python": components run by PythonFMU; "native": compiled
+    flavour : str, optional
+        "python": components run by PythonFMU, which C++ hosts cannot load; "native": compiled, the default where
+        there is a compiler
     fmi : int
         2: the tools that open an .ssp take FMI 2.0
     platform : str, optional
@@ -64,6 +65,8 @@ def export_ssp(
     """
     if fmi != 2:
         raise InputError(f"--fmi {fmi}: an .ssp has FMUs of FMI 2.0; FMPy and OMSimulator run no others in it")
+    if flavour is None:
+        flavour = _best_flavour(platform)
     if flavour == "python" and platform is not None:
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
     try:
@@ -79,6 +82,15 @@ def export_ssp(
     with whole_file(out) as beside:
         write_archive(beside, members, first=STRUCTURE)
     return out
+
+
+def _best_flavour(platform: str | None) -> Flavour:
+    """Native where something compiles it, or where a platform is asked for."""
+    try:
+        chosen_platforms("host")
+    except BuildError:
+        return "python" if platform is None else "native"
+    return "native"
 
 
 def _members(scenario: Scenario, flavour: Flavour, platform: str, folder: Path) -> dict[str, bytes]:

@@ -34,7 +34,7 @@ class WrittenSet:
     def add(self, name: str, variable: Variable, value: Value, scales: Mapping[str, Scale]) -> None:
         """Add a value in its variable's unit."""
         self.values[name] = (variable, value)
-        if variable.unit in scales:
+        if variable.unit is not None and variable.unit in scales:
             self.units[variable.unit] = scales[variable.unit]
 
     @property

@@ -64,7 +64,7 @@ def structure_xml(structure: Structure) -> bytes:
             for variable in interface.variables.values()
             if variable.causality == "output" or (name, variable.name) in connected
         ]
-        units |= {v.unit: interface.scales[v.unit] for v in shown if v.unit in interface.scales}
+        units |= {u: interface.scales[u] for u in (v.unit for v in shown) if u is not None and u in interface.scales}
         enumerations |= _connectors(component, name, shown, units)
     connections = SubElement(system, "ssd:Connections")
     for source, output, target, given in structure.connections:
@@ -75,9 +75,7 @@ def structure_xml(structure: Structure) -> bytes:
     if enumerations:
         _enumerations(root, enumerations)
     add_units(root, "ssd:Units", units)
-    SubElement(
-        root, "ssd:DefaultExperiment", startTime=number(structure.start), stopTime=number(structure.stop)
-    )
+    SubElement(root, "ssd:DefaultExperiment", startTime=number(structure.start), stopTime=number(structure.stop))
     return xml_bytes(root)
 
 
