@@ -65,7 +65,8 @@ def add_units(root: Element, component: Component) -> None:
 def type_name(variable: Variable) -> str | None:
     """Name of a variable's declared type; pure numbers, integers and booleans have none."""
     if variable.type == "enumeration":
-        return variable.name
+        # A type may not have the name of a variable.
+        return "".join(word.capitalize() for word in variable.name.split("_"))
     if variable.type != "real" or variable.unit not in QUANTITIES:
         return None
     shown = variable.display_unit or variable.unit

@@ -82,10 +82,11 @@ def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(nois
     case = clean_case(noise, index)
     record, faultless = measure_case(case), faultless_record(case.bench)
     errors = (record.specific_force - faultless.specific_force) / GRAVITY / NOISE_BOUND
-    assert np.abs(errors).max() <= 1.0 + 1e-6
+    # Nine decimals of m/s² are 5.1e-6 of σ.
+    assert np.abs(errors).max() <= 1.0 + 5.2e-6
     assert np.abs(errors).max() > 0.3
     if noise == "edge":
-        assert np.abs(errors).min() >= 1.0 - 1e-6
+        assert np.abs(errors).min() >= 1.0 - 5.2e-6
     assert np.abs(np.stack((record.alpha - faultless.alpha, record.beta - faultless.beta))).max() < 0.5 * ARCSEC
     assert record.approach_alpha is not None
     assert record.approach_beta is not None

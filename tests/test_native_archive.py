@@ -91,6 +91,17 @@ def test_arrays_are_real_ones_and_the_types_are_declared(tmp_path):
 
 @needs_compiler
 @pytest.mark.parametrize("fmi", [2, 3])
+def test_names_of_types_are_unique_and_no_variable_has_one(fmi, tmp_path):
+    for component in all_kinds():
+        path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi)
+        description = fmpy.read_model_description(path)
+        types = [t.name for t in description.typeDefinitions]
+        assert len(set(types)) == len(types)
+        assert not set(types) & {v.name for v in description.modelVariables}
+
+
+@needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", sorted(components()))
 def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
     path = build(name, tmp_path, flavour="native", fmi=fmi)

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from trihedron.report import attitude_error, bench_tour, candidates, held_out, residuals, target_intervals
 from trihedron.report.calibration_pictures import in_words
+from trihedron.report.direction_pictures import next_directions, residuals_over_inputs
+from trihedron.report.suite_pictures import confusion_picture, detection_picture, size_errors_picture
 from trihedron.report.theme import COLOURS
 from trihedron.report.time_pictures import MOST_POINTS, thinned
 
@@ -48,6 +50,11 @@ PICTURES: dict[str, Callable[[], str]] = {
     "residuals": residual_picture,
     "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)),
     "attitude_error": lambda: attitude_error(np.arange(90.0), np.ones((90, 3)), np.arange(90.0)),
+    "over inputs": lambda: residuals_over_inputs(np.eye(3), np.eye(3), 0.1 * np.eye(3), np.eye(3) > 0.5),
+    "next directions": lambda: next_directions([0.1, 0.2], [1.0, 2.0], [0.5], [3.0], ["1"]),
+    "confusion": lambda: confusion_picture({"cubic": {"cubic": 3, "odd-quadratic": 1}, "sag": {"sag": 2}}),
+    "detection": lambda: detection_picture([0.5, 1.2], [0.4, 1.0], [0.1, 0.9], [10, 12]),
+    "size errors": lambda: size_errors_picture([1.2, 3.0], [0.01, -0.02]),
     "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]),
 }
 
@@ -67,6 +74,11 @@ NOTHING: dict[str, Callable[[], str]] = {
     "held-out NaN": lambda: held_out([np.nan], [np.inf], ["7"]),
     "no attitude error": lambda: attitude_error([], np.zeros((0, 3)), []),
     "unknown attitude error": lambda: attitude_error([1, 2], np.full((2, 3), np.nan), [np.nan] * 2),
+    "no inputs": lambda: residuals_over_inputs(np.zeros((0, 3)), np.zeros((0, 3))),
+    "no directions": lambda: next_directions([], [], [], []),
+    "nothing hidden": lambda: confusion_picture({}),
+    "nothing detected": lambda: detection_picture([], [], [], []),
+    "no sizes": lambda: size_errors_picture([], []),
     "no candidates": lambda: candidates([], []),
     "no radius": lambda: candidates(["a", "b"], [np.nan, np.inf]),
 }

@@ -81,11 +81,16 @@ class Classes:
 
     def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
         """What no measurement with these mountings could tell from the effect at `place`."""
-        return self.members[self.places.index(place)] if place in self.places else ()
+        return tuple(other for other in self.whole_class(place) if other != place)
+
+    def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
+        """The class of an effect; it alone where it is in none."""
+        every = ((first, *members) for first, members in zip(self.places, self.members, strict=True))
+        return next((members for members in every if place in members), (place,))
 
     def joint_space(self, places: Sequence[EffectPlace]) -> NDArray:
         """What a set of effects adds to the nominal model together."""
-        return column_space(np.hstack([self.spaces[self.places.index(place)] for place in places]))
+        return column_space(np.hstack([self.spaces[self.places.index(self.whole_class(place)[0])] for place in places]))
 
 
 def classes_of(here: Linearisation, places: Sequence[EffectPlace]) -> Classes:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.programmes import Polytope, SolverError
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.models.effects import CATALOGUE, EffectParameter
+from trihedron.models.effects import CATALOGUE, EffectParameter, EffectPlace
 from trihedron.models.effects.rows import Variant
 
 DIRECTIONS = 72
@@ -51,7 +51,9 @@ def feasible_set(fit: ExtendedFit, columns: NDArray, room: float) -> tuple[Polyt
     return polytope, span, scale
 
 
-def parameter_intervals(fit: ExtendedFit, room: float, gravity_error: float = 0.0) -> tuple[tuple[Interval, ...], ...]:
+def parameter_intervals(
+    fit: ExtendedFit, room: float, bounds: tuple[float, float] = (0.0, 0.0)
+) -> tuple[tuple[Interval, ...], ...]:
     """Ends of the values that each parameter of each effect of a fit can have.
 
     Parameters
@@ -60,8 +62,9 @@ def parameter_intervals(fit: ExtendedFit, room: float, gravity_error: float = 0.
         consistent with the record
     room : float
         what the readings' rounding adds to their bounds, as a fraction of g
-    gravity_error : float
-        bound of Δg/g: the readings do not tell it, and coefficients of inputs are known up to a power of 1 − Δg/g
+    bounds : (float, float)
+        of Δβ and of Δg/g: the readings tell neither. Phases of the inner axis are known up to multiples of the former,
+        coefficients of inputs up to powers of 1 − Δg/g
 
     Returns
     -------
@@ -91,10 +94,20 @@ def parameter_intervals(fit: ExtendedFit, room: float, gravity_error: float = 0.
                 found.append(effect_intervals(parameters, reach) if determined else unknown)
         except SolverError:
             found.append(unknown)
-    degrees = [CATALOGUE[place.effect].at(place).degree for place in fit.places]
+    return tuple(as_readings_tell(place, intervals, bounds) for place, intervals in zip(fit.places, found, strict=True))
+
+
+def as_readings_tell(
+    place: EffectPlace, intervals: Sequence[Interval], bounds: tuple[float, float]
+) -> tuple[Interval, ...]:
+    """Intervals of an effect's parameters, widened by what the readings do not tell of Δβ and Δg/g."""
+    effect = CATALOGUE[place.effect].at(place)
+    turned = bounds[0] * (place.order or 1) if place.where == "inner-axis" else 0.0
     return tuple(
-        tuple(scaled_by_gravity(ends, degree, gravity_error) for ends in intervals)
-        for intervals, degree in zip(found, degrees, strict=True)
+        (low - turned, high + turned)
+        if parameter.name.endswith("phase")
+        else scaled_by_gravity((low, high), effect.degree, bounds[1])
+        for parameter, (low, high) in zip(effect.parameters, intervals, strict=True)
     )
 
 

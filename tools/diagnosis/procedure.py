@@ -85,9 +85,7 @@ def diagnose(
             "consistent",
             nominal,
             record.position,
-            excluded=excluded_sizes(
-                here, circumstances, places, fit_extended(here, circumstances, ()), room, bounds[1]
-            ),
+            excluded=excluded_sizes(here, circumstances, places, nominal_fit, room, bounds[1]),
         )
     try:
         return cause_of(nominal, record, circumstances, bounds, gravity, rerun=rerun, progress=progress)
@@ -114,13 +112,13 @@ def cause_of(
     every = catalogue_places(nominal.baseline, circumstances)
     classes = classes_of(here, [place for place in every if is_linear(place)])
     bent = [place for place in every if not is_linear(place)]
-    found = smallest_explanations(here, circumstances, classes.places, bent, limit, resolution, progress=progress)
+    found = smallest_explanations(here, circumstances, classes, bent, limit, resolution, progress=progress)
     tried = tuple(single_radii(here, circumstances, classes.places))
     if not found.fits:
         structure = tuple(residual_structure(here, circumstances))
         return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
     groups = equivalence_groups(classes, found.fits)
-    findings = tuple(finding_of(classes, group[0], record.position, room, bounds[1]) for group in groups)
+    findings = tuple(finding_of(classes, group[0], record.position, room, bounds) for group in groups)
     if len(groups) > 1 or not found.complete:
         positions = separating_positions(here, circumstances, [group[0] for group in groups], bounds, room)
         return Diagnosis(
@@ -191,8 +189,8 @@ def equivalence_groups(classes: Classes, found: Sequence[ExtendedFit]) -> list[l
     spaces: list[tuple[frozenset[EffectPlace], NDArray]] = []
     for fit in found:
         # Outliers and effects that are not linear are compared by name: they have no space of their own.
-        outliers = frozenset(place for place in fit.places if place not in classes.places)
-        physical = [place for place in fit.places if place in classes.places]
+        outliers = frozenset(place for place in fit.places if classes.whole_class(place)[0] not in classes.places)
+        physical = [place for place in fit.places if place not in outliers]
         space = classes.joint_space(physical) if physical else np.zeros((1, 0))
         for group, (others, other) in zip(groups, spaces, strict=True):
             if outliers == others and same_space(space, other):
@@ -204,9 +202,11 @@ def equivalence_groups(classes: Classes, found: Sequence[ExtendedFit]) -> list[l
     return groups
 
 
-def finding_of(classes: Classes, fit: ExtendedFit, numbers: NDArray, room: float, gravity_error: float) -> Finding:
+def finding_of(
+    classes: Classes, fit: ExtendedFit, numbers: NDArray, room: float, bounds: tuple[float, float]
+) -> Finding:
     """A set of effects as causes, each with everything in the catalogue that is equivalent to it."""
-    intervals = parameter_intervals(fit, room, gravity_error)
+    intervals = parameter_intervals(fit, room, bounds)
     causes = []
     for place, values, ends in zip(fit.places, fit.values(), intervals, strict=True):
         named = place

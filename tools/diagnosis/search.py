@@ -13,6 +13,7 @@ from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at
 from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.diagnosis.classes import Classes
 from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
 from trihedron.diagnosis.intervals import parameter_intervals
@@ -132,7 +133,7 @@ def candidate_sets(
 def smallest_explanations(
     here: Linearisation,
     circumstances: Circumstances,
-    places: Sequence[EffectPlace],
+    classes: Classes,
     bent: Sequence[EffectPlace],
     limit: float,
     resolution: float,
@@ -146,8 +147,10 @@ def smallest_explanations(
     here : Linearisation
         the nominal model at its fit
     circumstances : Circumstances
-    places, bent : sequence of EffectPlace
-        candidates, linear and not; outliers are tried at every reading besides
+    classes : Classes
+        linear candidates; outliers are tried at every reading besides
+    bent : sequence of EffectPlace
+        candidates that are not linear
     limit : float
         radius up to which a model is consistent
     resolution : float
@@ -162,8 +165,8 @@ def smallest_explanations(
     centre = centre_of(here, circumstances, ())
     here = moved(here, centre)
     rows = replace(rows_at(here, here.point, here.positions, circumstances), resolution=resolution)
-    untold = [place for place in places if added_bound([place], rows).any()]
-    places = [place for place in places if place not in untold]
+    untold = [place for place in classes.places if added_bound([place], rows).any()]
+    places = [place for place in classes.places if place not in untold]
     softened = relaxations(here, rows, [*untold, *bent])
     console = Console(stderr=True)
     for size in range(1, MAX_SET + 1):
@@ -178,13 +181,33 @@ def smallest_explanations(
         )
         complete = True
         for judged, (named, chosen) in enumerate(candidates, start=1):
-            found += best_fit(here, circumstances, named, chosen, limit, resolution)
+            found += best_in_class(here, circumstances, classes, named, chosen, limit, resolution)
             if len(found) >= MOST_FOUND or judged >= MOST_JUDGED:
                 complete = False
                 break
         if found or not complete:
             return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), title_of(fit.places)))), complete)
     return Found(())
+
+
+def best_in_class(
+    here: Linearisation,
+    circumstances: Circumstances,
+    classes: Classes,
+    linear: Sequence[EffectPlace],
+    bent: Sequence[Relaxation],
+    limit: float,
+    resolution: float,
+) -> list[ExtendedFit]:
+    """The best fit of a set or, where it does not mend the record, of one with other members of the same classes.
+
+    Members of a class differ in the second order of their sizes: noise at its bound leaves no room for that.
+    """
+    for places in product(*(classes.whole_class(place) for place in linear)):
+        found = best_fit(here, circumstances, places, bent, limit, resolution)
+        if found:
+            return found
+    return []
 
 
 def best_fit(

@@ -12,11 +12,12 @@ from trihedron.attitude import AttitudeRun
 from trihedron.calibration import Calibration
 from trihedron.diagnosis import Diagnosis
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.records.reading import TableRun
 from trihedron.report.calibration_pictures import residuals, target_intervals
 from trihedron.report.calibration_sections import joint_set_sections, levelling_sections, rest_sections
 from trihedron.report.diagnosis_pictures import candidates, held_out
+from trihedron.report.direction_pictures import next_directions, residuals_over_inputs
 from trihedron.report.page import Section, Table, Tone, render_page
 from trihedron.report.time_pictures import attitude_error, bench_tour
 from trihedron.summaries import VERDICTS, missing_lines, position_text
@@ -91,7 +92,18 @@ def diagnosis_sections(result: Diagnosis, files: list[Path] | None = None) -> li
                 proof,
             ),
             "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
-        )
+        ),
+        Section(
+            "Against the inputs",
+            [],
+            residuals_over_inputs(
+                here.input,
+                centred(here.residual, here.bound, None),
+                centred(fit.residual, fit.bound, fit) if fit is not None else None,
+                proof,
+            ),
+            "Residuals of each accelerometer against its own input.",
+        ),
     ]
     if result.tried:
         shown = result.tried[:16]
@@ -126,7 +138,39 @@ def diagnosis_sections(result: Diagnosis, files: list[Path] | None = None) -> li
                 "Measurement less simulation at the positions that were held out.",
             )
         )
+    if result.next_positions:
+        sections.append(next_section(result))
+    if result.excluded:
+        sections.append(excluded_section(result))
     return sections
+
+
+def next_section(result: Diagnosis) -> Section:
+    """Where to measure next, on the sphere of directions."""
+    at = result.baseline.linearised.positions
+    proposed = result.next_positions
+    alpha, beta = (np.radians([float(p[name]) for p in proposed]) for name in ("alpha_deg", "beta_deg"))
+    return Section(
+        "Where to measure next",
+        [f"{k}: {position_text(position)}." for k, position in enumerate(proposed, start=1)],
+        next_directions(at.alpha, at.beta, alpha, beta, [str(k) for k in range(1, len(proposed) + 1)]),
+        "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
+    )
+
+
+def excluded_section(result: Diagnosis) -> Section:
+    """Upper bounds of the effects that were not found."""
+    rows = [
+        [
+            EffectPlace(e["effect"], e["where"], e.get("order"), tuple(e.get("axes", ()))).title,
+            e["parameter"],
+            e["above"],
+            e["unit"],
+        ]
+        for e in result.excluded
+    ]
+    table = Table(["effect", "parameter", "excluded above", "unit"], rows)
+    return Section("What the record excludes", ["Larger sizes of these effects contradict the record."], table=table)
 
 
 def centred(residual: np.ndarray, bound: np.ndarray, fit: ExtendedFit | None) -> np.ndarray:
@@ -150,7 +194,6 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
     told = [cause.sentence.capitalize() + "." for finding in result.findings for cause in finding.causes]
     if same:
         told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
-    told += [f"Measure next: {position_text(position)}." for position in result.next_positions]
     return Section(
         "The cause" if result.verdict == "explained" else "Causes that remain",
         told,

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from trihedron.report.svg import column, drawing, say_empty, short, svg_text
 from trihedron.report.theme import ALERT, BAND, FIRST, INK, MUTED, QUIET, SECOND, WIDTH
 
-LEAST_SHADE = 0.18
+LEAST_SHADE, MOST_SHADE = 0.15, 0.5
+"""Of a cell with few and with all of its row's cases: numbers can be read on both."""
 
 
 def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> str:
@@ -41,11 +42,10 @@ def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> str:
                     continue
                 right = name == row
                 colour = FIRST if right else QUIET if name.startswith("ambiguous, among") else ALERT
-                shade = LEAST_SHADE + (1.0 - LEAST_SHADE) * count / total
+                shade = LEAST_SHADE + (MOST_SHADE - LEAST_SHADE) * count / total
                 box = {"s": 118, "marker": "s", "linewidth": 0}
                 axes.scatter([x], [y], color=colour.light, alpha=shade, **box)
-                ink = "#ffffff" if shade > 0.55 and colour is not QUIET else INK.light
-                axes.text(x, y, str(count), ha="center", va="center", fontsize=7, color=ink)
+                axes.text(x, y, str(count), ha="center", va="center", fontsize=7.5, color=INK.light)
         axes.set_xticks(np.arange(len(columns)), [short(c, 30) for c in columns], rotation=60, ha="right",
                         rotation_mode="anchor")  # fmt: skip
         axes.set_yticks(np.arange(len(rows)), [short(r, 44) for r in rows])
@@ -81,14 +81,12 @@ def detection_picture(size: ArrayLike, detected: ArrayLike, named: ArrayLike, ca
         figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
         axes = figure.subplots()
         axes.axvline(1.0, color=MUTED.light, linewidth=0.9, linestyle=(0, (5, 2)))
-        for values, colour, marker, label in (
-            (first, FIRST, "o", "falsified"),
-            (second, SECOND, "s", "named rightly"),
-        ):
+        # Side by side, so that neither hides the other where both are the same.
+        for at, values, colour, marker in ((x / 1.02, first, FIRST, "o"), (x * 1.02, second, SECOND, "s")):
             spread = np.array([np.zeros(2) if n == 0 else wilson(v, n) for v, n in zip(values, cases, strict=True)])
             spread = spread.reshape(-1, 2)
-            axes.vlines(x, spread[:, 0], spread[:, 1], color=colour.light, linewidth=0.9, alpha=0.6)
-            axes.plot(x, values, marker=marker, markersize=4.2, color=colour.light, label=label)
+            axes.vlines(at, spread[:, 0], spread[:, 1], color=colour.light, linewidth=0.9, alpha=0.6)
+            axes.plot(at, values, marker=marker, markersize=4.2, color=colour.light)
         axes.set_xscale("log")
         axes.set_ylim(-0.04, 1.06)
         axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])

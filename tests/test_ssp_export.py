@@ -1,0 +1,235 @@
+"""A scenario as an .ssp: valid to the schemas, the same run here and in FMPy."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import find_components, read_ssd, read_ssm, read_ssv
+
+from trihedron import cli
+from trihedron.errors import InputError
+from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.orchestrator import simulate
+from trihedron.scenario import Scenario
+from trihedron.ssp.document import children, parsed
+from trihedron.ssp.exporting import export_ssp
+from trihedron.ssp.importing import scenario_of_ssp
+from trihedron.ssp.self_contained import self_contained
+
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
+EIGHTH = 0.125
+"""A step that adds up without rounding, as FMPy adds up times."""
+
+
+def bench(folder: Path = Path(), **sections) -> Scenario:
+    """A table from rest at (0, 0), a block and a computer; all that FMPy's master needs to give the same numbers."""
+    rows = {"alpha_deg": [0.0, 30.0, -45.0], "beta_deg": [0.0, 120.0, 120.0]}
+    data = {
+        "title": "Bench for other tools",
+        "run": {"step_s": EIGHTH},
+        "fmus": {
+            "table": {
+                "component": "TurntableMotion",
+                "parameters": {"kappa": 1e-3, "mounting_error": [0.0, 1e-3, 0.0]},
+            },
+            "block": {
+                "component": "AccelerometerBlock",
+                "effects": [{"effect": "quadratic", "where": "accelerometer-3", "coefficient": 1e-4}],
+                "parameters": {"noise_bound": 0.0, "bias": [1e-3, 0.0, -2e-3]},
+            },
+            "computer": {
+                "component": "AttitudeComputer",
+                "parameters": {"algorithm": NUMBERS["one-sample-rodrigues"]},
+            },
+        },
+        "connections": [
+            {"from": "table.specific_force", "to": "block.specific_force"},
+            {"from": "table.dwell", "to": "block.dwell"},
+            {"from": "table.increment", "to": "computer.increment"},
+        ],
+        "stimuli": [
+            {"to": "table.command", "table": rows, "dwell_s": 1.3},
+            {"to": "table.temperature", "constant": 25.0},
+        ],
+        "base_folder": folder,
+        **sections,
+    }
+    return Scenario.model_validate(data)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ssp")
+    return export_ssp(bench(), folder / "bench.ssp", flavour="python")
+
+
+def test_fmpy_reads_it_by_the_schemas(exported):
+    read = read_ssd(str(exported))
+    assert [c.name for c in find_components(read.system)] == ["programme", "table", "block", "computer"]
+    values = {p.name: (p.type, p.value, p.unit) for p in read_ssv(str(exported), "resources/parameters.ssv").parameters}
+    assert values["table.kappa"] == ("Real", "0.001", "rad")
+    assert values["table.temperature"] == ("Real", "25.0", "degC")
+    assert values["block.bias[3]"] == ("Real", "-0.002", "g")
+    assert values["computer.algorithm"] == ("Integer", str(NUMBERS["one-sample-rodrigues"]), None)
+    assert values["programme.positions"] == ("Integer", "3", None)
+    assert values["programme.lead_steps"] == ("Integer", "1", None)
+    assert float(values["programme.alpha[2]"][1]) == np.radians(30.0)
+    assert "programme.alpha[4]" not in values
+
+
+def test_the_parts_stand_in_the_order_that_omsimulator_wants(exported):
+    with zipfile.ZipFile(exported) as archive:
+        names = archive.namelist()
+        root = parsed(archive.read("SystemStructure.ssd"), "ssd", "ssd:SystemStructureDescription")
+    assert names[0] == "SystemStructure.ssd"
+    assert [e.tag.rpartition("}")[2] for e in root] == ["System", "Units", "DefaultExperiment"]
+    parts = [e.tag.rpartition("}")[2] for e in children(root, "ssd:System")[0]]
+    assert parts == ["ParameterBindings", "Elements", "Connections", "Annotations"]
+    annotation = children(root, "ssd:System/ssd:Annotations/ssc:Annotation")[0]
+    assert annotation.get("type") == "org.openmodelica"
+    masters = [e for e in annotation.iter() if e.tag.endswith("FixedStepMaster")]
+    assert [(m.get("description"), m.get("stepSize")) for m in masters] == [("oms-ma", "0.125")]
+    # FMPy gives every input connector a value, 0 where nothing feeds it: what is not connected has none.
+    inputs = [e.get("name") for e in root.iter() if e.get("kind") == "input"]
+    assert "temperature" not in inputs
+
+
+def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(exported, tmp_path):
+    again = export_ssp(bench(), tmp_path / "again.ssp", flavour="python")
+    assert again.read_bytes() == exported.read_bytes()
+    expected = simulate(bench()).table
+    assert simulate(self_contained(bench())).table.select(expected.columns).equals(expected)
+    with scenario_of_ssp(exported) as imported:
+        assert imported.ignored == ()
+        found = simulate(imported.scenario).table
+    assert found.select(expected.columns).equals(expected)
+
+
+def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
+    """FMPy passes outputs on when all FMUs have stepped: what follows the table is a step later, no number differs."""
+    expected = simulate(bench()).table
+    steps = expected.height - 1
+    values = read_ssv(str(exported), "resources/parameters.ssv")
+    found = simulate_ssp(str(exported), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=values)
+
+    readings = np.column_stack([found[f"table.angle_reading[{i}]"] for i in (1, 2)])
+    table = expected.select("table.angle_reading[1]_rad", "table.angle_reading[2]_rad").to_numpy()
+    assert len(np.unique(table[:, 0])) > 10
+    assert np.array_equal(readings, table[1:])
+    force = np.column_stack([found[f"block.reading[{i}]"] for i in (1, 2, 3)])
+    block = expected.select([f"block.reading[{i}]_mps2" for i in (1, 2, 3)]).to_numpy()
+    assert np.array_equal(force[1:], block[1:-1])
+    attitude = np.column_stack([found[f"computer.attitude[{i}]"] for i in (1, 2, 3, 4)])
+    computer = expected.select([f"computer.attitude[{i}]" for i in (1, 2, 3, 4)]).to_numpy()
+    np.testing.assert_allclose(attitude[1:], computer[1:-1], rtol=0, atol=1e-15)
+
+
+def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
+    from trihedron.bench_run import run_scenario
+    from trihedron.calibration import calibrate
+    from trihedron.records import read_position_record
+
+    files = run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
+    result = calibrate(read_position_record(files[-1]), noise_bound=1e-5)
+    (tmp_path / "measured.json").write_text(result.json_text())
+    fmus = {
+        "table": {"component": "TurntableMotion", "parameters_from": "measured.json"},
+        "first": {"component": "AccelerometerBlock", "parameters_from": "measured.json"},
+        "second": {
+            "component": "AccelerometerBlock",
+            "parameters_from": "measured.json",
+            "parameters": {"bias": [0.0, 0.0, 0.0], "seed": 3},
+        },
+    }
+    wires = [{"from": "table.specific_force", "to": f"{name}.specific_force"} for name in ("first", "second")]
+    scenario = bench(tmp_path, fmus=fmus, connections=wires)
+    path = export_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
+    with zipfile.ZipFile(path) as archive:
+        resources = sorted(n for n in archive.namelist() if n.startswith("resources/"))
+    assert resources == [
+        "resources/AccelerometerBlock.fmu",
+        "resources/PositionProgramme.fmu",
+        "resources/TurntableMotion.fmu",
+        "resources/measured.ssm",
+        "resources/measured.ssv",
+        "resources/parameters.ssv",
+    ]
+    values = {p.name: p for p in read_ssv(str(path), "resources/measured.ssv").parameters}
+    mapping = [(e.source, e.target) for e in read_ssm(str(path), "resources/measured.ssm").mappingEntries]
+    assert ("AccelerometerBlock.bias[1]", "first.bias[1]") in mapping
+    assert ("AccelerometerBlock.bias[1]", "second.bias[1]") in mapping
+    assert ("TurntableMotion.kappa", "table.kappa") in mapping
+    assert float(values["AccelerometerBlock.bias[1]"].value) != 0.0
+    expected = simulate(scenario).table
+    with scenario_of_ssp(path) as imported:
+        fmus_again = imported.scenario.fmus
+        assert fmus_again["second"].parameters["bias[1]"] == 0.0
+        assert fmus_again["first"].parameters["bias[1]"] == float(values["AccelerometerBlock.bias[1]"].value)
+        assert simulate(imported.scenario).table.select(expected.columns).equals(expected)
+
+
+def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
+    rows = {"table": {"time_s": [0.0], "a_deg": [0.0]}, "columns": {"table.command[1]": "a_deg"}}
+    many = {"to": "table.command", "dwell_s": 1.0, "table": {n: [0.0] * 129 for n in ("alpha_deg", "beta_deg")}}
+    dashed = {"a-b": {"component": "TurntableMotion"}}
+    for sections, says in [
+        ({"stimuli": [rows], "run": {"step_s": 0.1, "stop_s": 1.0}}, r"stimuli\[1\]: timed rows cannot stand in"),
+        ({"fmus": dashed, "connections": []}, "fmus.a-b: other tools take names"),
+        ({"stimuli": [many]}, "has 129 positions; the component PositionProgramme takes 128"),
+    ]:
+        with pytest.raises(InputError, match=says):
+            export_ssp(bench(**sections), tmp_path / "x.ssp", flavour="python")
+    with pytest.raises(InputError, match="--fmi 3"):
+        export_ssp(bench(), tmp_path / "x.ssp", fmi=3)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_by_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "positions.csv").write_text("alpha_deg,beta_deg\n0,0\n10,20\n30,-40\n")
+    (tmp_path / "bench.toml").write_text(
+        """schema = "trihedron.scenario/1"
+[run]
+step_s = 0.1
+[fmus.table]
+component = "TurntableMotion"
+[fmus.block]
+component = "AccelerometerBlock"
+[[connections]]
+from = "table.specific_force"
+to = "block.specific_force"
+[[stimuli]]
+to = "table.command"
+programme = "positions.csv"
+dwell_s = 5
+[record]
+format = "csv"
+[record.columns]
+alpha_deg = "table.angle_reading[1]"
+beta_deg = "table.angle_reading[2]"
+f1_mps2 = "block.reading[1]"
+f2_mps2 = "block.reading[2]"
+f3_mps2 = "block.reading[3]"
+"""
+    )
+    assert cli.main(["export-ssp", "bench.toml", "--out", "bench.ssp"]) == 0
+    assert cli.main(["simulate", "bench.toml", "--out", "direct"]) == 0
+    assert cli.main(["simulate", "bench.ssp", "--out", "through"]) == 0
+    assert capsys.readouterr().out.split()[0] == "bench.ssp"
+    for name in ("run.csv", "positions.csv"):
+        assert Path("through", name).read_bytes() == Path("direct", name).read_bytes()
+    assert json.loads(Path("through/run.json").read_text())["steps"] > 100
+    assert cli.main(["simulate", "bench.toml", "--step", "0.1"]) == 2
+    assert "--step: belongs to an .ssp" in capsys.readouterr().err
+    assert cli.main(["export-ssp", "bench.toml", "--out", "bench.toml"]) == 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "bench.ssp",
+        "bench.toml",
+        "direct",
+        "positions.csv",
+        "through",
+    ]

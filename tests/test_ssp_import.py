@@ -1,0 +1,294 @@
+"""An .ssp made elsewhere: its bindings, mappings, units, nested systems and experiment are honoured, or refused."""
+
+import math
+import shutil
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from foreign_fmus import build_foreign
+from trihedron import cli
+from trihedron.errors import InputError
+from trihedron.fmus import build
+from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.orchestrator import simulate
+from trihedron.scenario import Scenario
+from trihedron.ssp.importing import scenario_of_ssp
+from trihedron.ssp.namespaces import NAMESPACES, declared
+
+HEAD = " ".join(f'{name}="{uri}"' for name, uri in declared(*NAMESPACES).items())
+MEAN_RATE = next(a.number for a in ALGORITHMS if a.name == "mean-rate")
+EXPERIMENT = '<ssd:DefaultExperiment startTime="2" stopTime="4"/>'
+STEP = (
+    '<ssd:Annotations><ssc:Annotation type="org.openmodelica"><a><FixedStepMaster stepSize="0.5"/></a>'
+    "</ssc:Annotation></ssd:Annotations>"
+)
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fmus")
+    for script in ("foreign_clock", "foreign_gain", "foreign_accumulator"):
+        build_foreign(script, folder)
+    build("TurntableMotion", folder)
+    build("AttitudeComputer", folder)
+    return folder
+
+
+def values(*parameters: str, units: str = "") -> str:
+    """A parameter set of `name Type value unit` each."""
+    lines = []
+    for text in parameters:
+        name, kind, value, *unit = text.split("|")
+        shown = f' unit="{unit[0]}"' if unit else ""
+        lines.append(f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"{shown}/></ssv:Parameter>')
+    inside = f"<ssv:Units>{units}</ssv:Units>" if units else ""
+    parts = f"<ssv:Parameters>{''.join(lines)}</ssv:Parameters>{inside}"
+    return f'<ssv:ParameterSet {HEAD} version="1.0" name="p">{parts}</ssv:ParameterSet>'
+
+
+def inline(*parameters: str, units: str = "", attributes: str = "", mapping: str = "") -> str:
+    held = f"<ssd:ParameterValues>{values(*parameters, units=units)}</ssd:ParameterValues>"
+    return f"<ssd:ParameterBinding {attributes}>{held}{mapping}</ssd:ParameterBinding>"
+
+
+def bindings(*each: str) -> str:
+    return f"<ssd:ParameterBindings>{''.join(each)}</ssd:ParameterBindings>" if each else ""
+
+
+def connectors(**kinds: str) -> str:
+    each = "".join(f'<ssd:Connector name="{n.replace("_1", "[1]")}" kind="{k}"/>' for n, k in kinds.items())
+    return f"<ssd:Connectors>{each}</ssd:Connectors>"
+
+
+def component(name: str, model: str, *bound: str, attributes: str = "", **kinds: str) -> str:
+    ends = connectors(**kinds) if kinds else ""
+    source = f'source="resources/{model}.fmu"'
+    return f'<ssd:Component name="{name}" {source} {attributes}>{ends}{bindings(*bound)}</ssd:Component>'
+
+
+def system(
+    name: str, *elements: str, wires: str = "", bound: tuple[str, ...] = (), more: str = "", **kinds: str
+) -> str:
+    ends = connectors(**kinds) if kinds else ""
+    held = f"<ssd:Elements>{''.join(elements)}</ssd:Elements>" + (
+        f"<ssd:Connections>{wires}</ssd:Connections>" if wires else ""
+    )
+    return f'<ssd:System name="{name}">{ends}{bindings(*bound)}{held}{more}</ssd:System>'
+
+
+def wire(start: str, end: str, inside: str = "") -> str:
+    ends = ""
+    for side, text in (("start", start), ("end", end)):
+        element, dot, name = text.partition(".")
+        ends += f' {side}Element="{element}" {side}Connector="{name}"' if dot else f' {side}Connector="{element}"'
+    return f"<ssd:Connection{ends}>{inside}</ssd:Connection>"
+
+
+def packed(folder: Path, fmus: Path, whole: str, *models: str, tail: str = EXPERIMENT, **files: str) -> Path:
+    """An .ssp of a system and FMUs."""
+    path = folder / "made.ssp"
+    name = "ssd:SystemStructureDescription"
+    root = f'<{name} {HEAD} name="made" version="1.0">{whole}{tail}</{name}>'
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("SystemStructure.ssd", root)
+        for model in models:
+            archive.write(fmus / f"{model}.fmu", f"resources/{model}.fmu")
+        for name, text in files.items():
+            archive.writestr(f"resources/{name.replace('_', '.')}", text)
+    return path
+
+
+def imported(path: Path) -> tuple[Scenario, tuple[str, ...]]:
+    with scenario_of_ssp(path) as found:
+        return found.scenario, found.ignored
+
+
+def run(path: Path) -> dict[str, list]:
+    with scenario_of_ssp(path) as found:
+        return simulate(found.scenario).table.to_dict(as_series=False)
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(InputError) as refused, scenario_of_ssp(path):
+        pass
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_connections_experiment_and_step(tmp_path, fmus):
+    """A connection may be written from either end; the experiment says when, the annotation how long a step is."""
+    whole = system(
+        "root",
+        component("clock", "Clock", ended="output"),
+        component("gain", "Gain", inline("gain|Real|3"), u_1="input", y_1="output"),
+        component("sum", "Accumulator", increment="input"),
+        wires=wire("clock.ended", "gain.u[1]") + wire("sum.increment", "gain.y[1]"),
+        more=STEP,
+    )
+    found = run(packed(tmp_path, fmus, whole, "Clock", "Gain", "Accumulator"))
+    assert found["time_s"] == [2.0, 2.5, 3.0, 3.5, 4.0]
+    assert found["gain.y[1]"][1:] == [7.5, 9.0, 10.5, 12.0]
+    assert found["sum.total"][-1] == 39.0
+
+
+def test_bindings_of_outer_systems_and_later_ones_win(tmp_path, fmus):
+    inner = system(
+        "inner",
+        component("a", "Gain", inline("gain|Real|1", "times|Integer|5")),
+        component("b", "Gain", inline("gain|Real|1", "label|String|of b", "inverted|Boolean|true")),
+        bound=(inline("a.gain|Real|2", "b.gain|Real|2"),),
+    )
+    outer = inline("inner.a.gain|Real|3") + inline("a.gain|Real|4", attributes='prefix="inner."')
+    whole = system("root", inner, bound=(outer, inline("inner.c.gain|Real|9")), more=STEP)
+    scenario, ignored = imported(packed(tmp_path, fmus, whole, "Gain"))
+    assert scenario.fmus["inner_a"].parameters == {"gain": 4.0, "times": 5}
+    assert scenario.fmus["inner_b"].parameters == {"gain": 2.0, "label": "of b", "inverted": True}
+    assert ignored == ("inner.c.gain",)
+
+
+def test_connectors_of_nested_systems_pass_values_and_parameters_on(tmp_path, fmus):
+    inner = system(
+        "inner",
+        component("gain", "Gain", u_1="input", y_1="output", gain="parameter"),
+        wires=wire("given", "gain.u[1]") + wire("gain.y[1]", "product") + wire("factor", "gain.gain"),
+        given="input",
+        product="output",
+        factor="parameter",
+    )
+    whole = system(
+        "root",
+        component("clock", "Clock", ended="output"),
+        inner,
+        component("sum", "Accumulator", increment="input"),
+        wires=wire("clock.ended", "inner.given") + wire("inner.product", "sum.increment"),
+        bound=(inline("inner.factor|Real|10"),),
+        more=STEP,
+    )
+    found = run(packed(tmp_path, fmus, whole, "Clock", "Gain", "Accumulator"))
+    assert found["sum.total"][-1] == 10.0 * (2.5 + 3.0 + 3.5 + 4.0)
+
+
+def test_units_names_and_transformations(tmp_path, fmus):
+    """A .ssv in degrees and arcminutes with its own names, brought to the FMU's by a .ssm."""
+    units = (
+        f'<ssc:Unit name="deg"><ssc:BaseUnit rad="1" factor="{math.pi / 180!r}"/></ssc:Unit>'
+        '<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>'
+    )
+    written = values(
+        "dip|Real|0.5|deg", "Gz|Real|9.81|m/s2", "room|Real|300|K", "raw|Real|2|deg", "site|Real|0.7", "seed|Integer|8",
+        units=units,
+    )  # fmt: skip
+    entries = (
+        '<ssm:MappingEntry source="dip" target="kappa"/><ssm:MappingEntry source="dip" target="epsilon">'
+        '<ssc:LinearTransformation factor="-1" offset="0.25"/></ssm:MappingEntry>'
+        '<ssm:MappingEntry source="Gz" target="gravity"/><ssm:MappingEntry source="room" target="temperature"/>'
+        '<ssm:MappingEntry source="raw" target="azimuth" suppressUnitConversion="true"/>'
+        '<ssm:MappingEntry source="site" target="latitude"/>'
+    )
+    mapping = f'<ssm:ParameterMapping {HEAD} version="1.0">{entries}</ssm:ParameterMapping>'
+    binding = (
+        '<ssd:ParameterBinding source="resources/bench.ssv"><ssd:ParameterMapping source="resources/bench.ssm"/>'
+        "</ssd:ParameterBinding>"
+    )
+    computer = inline("algorithm|Enumeration|mean-rate", "renormalise|Boolean|0")
+    whole = system(
+        "root", component("table", "TurntableMotion", binding), component("computer", "AttitudeComputer", computer)
+    )
+    path = packed(tmp_path, fmus, whole, "TurntableMotion", "AttitudeComputer", bench_ssv=written, bench_ssm=mapping)
+    scenario, ignored = imported(path)
+    table = scenario.fmus["table"].parameters
+    assert table.pop("temperature") == pytest.approx(26.85, abs=1e-12)
+    assert table.pop("kappa") == pytest.approx(math.radians(0.5), rel=1e-15)
+    assert table.pop("epsilon") == pytest.approx(math.radians(-0.25), rel=1e-15)
+    assert table == {"gravity": 9.81, "azimuth": 2.0, "latitude": 0.7, "seed": 8}
+    assert ignored == ()
+    assert scenario.fmus["computer"].parameters == {"algorithm": MEAN_RATE, "renormalise": False}
+    # The annotation is missing: the smallest step that an FMU's own experiment has.
+    assert (scenario.run.start_s, scenario.run.stop_s, scenario.run.step_s) == (2.0, 4.0, 0.001)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "says"),
+    [
+        ("gain|Real|abc", "'abc' is not a value of gain, which is Real"),
+        ("gain|Real|nan", "gain = nan is not a finite number"),
+        ("gain|Boolean|true", "is Boolean, but gain is Real"),
+        ("times|Real|2", "is Real, but times is Integer"),
+        ("times|Integer|99999999999", "does not fit 32 bits"),
+        ("inverted|Boolean|yes", "'yes' is not a value of inverted"),
+        ("gain|Binary|00", "parameter 'gain' has no value of a type that FMI 2.0 has"),
+    ],
+)
+def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says):
+    whole = system("root", component("gain", "Gain", inline(parameter)), more=STEP)
+    assert says in refusal(packed(tmp_path, fmus, whole, "Gain"))
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ("kappa|Real|1|K", "is in K, but kappa is in rad"),
+        ("kappa|Real|1|furlong", "is in furlong, but kappa is in rad"),
+        ("kappa|Real|2|rad", "kappa = 2.0 is outside its limits [-0.5, 0.5]"),
+    ],
+)
+def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, given, says):
+    units = '<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>'
+    whole = system("root", component("table", "TurntableMotion", inline(given, units=units)), more=STEP)
+    assert says in refusal(packed(tmp_path, fmus, whole, "TurntableMotion"))
+
+
+GAIN = component("gain", "Gain", u_1="input", y_1="output")
+OTHER = component("other", "Gain", u_1="input", y_1="output")
+SCALED = '<ssc:LinearTransformation factor="2"/>'
+
+
+def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
+    """A system of one FMU."""
+    return system("root", component("g", model, *bound, attributes=attributes))
+
+
+@pytest.mark.parametrize(
+    ("whole", "says"),
+    [
+        (system("root", GAIN, OTHER, wires=wire("gain.y[1]", "other.u[1]", SCALED)), "LinearTransformation"),
+        (system("root", GAIN, wires=wire("gain.y[1]", "none.u[1]")), "an element 'none' that is not there"),
+        (system("root", GAIN, GAIN), "two elements 'gain'"),
+        (system("root"), "has no FMU"),
+        (alone(), "give --step"),
+        ("", "has no System"),
+        (alone(attributes='type="application/x-ssp-package"'), "x-ssp-package"),
+        (alone(attributes='implementation="ModelExchange"'), "model exchange"),
+        (alone("None"), "has no file 'resources/None.fmu'"),
+        (alone("../../Gain"), "would leave the archive's folder"),
+        (system("root", '<ssd:Component name="g" source="file:///etc/passwd"/>'), "not a file of the archive"),
+        (system("root", '<ssd:SignalDictionaryReference name="g"/>'), "SignalDictionaryReference"),
+        (alone("Gain", '<ssd:ParameterBinding source="x.ssv"/>'), "has no file 'x.ssv'"),
+        (alone("Gain", "<ssd:ParameterBinding/>"), "neither a source nor values"),
+    ],
+)
+def test_what_is_not_supported_or_wrong_is_named(tmp_path, fmus, whole, says):
+    said = refusal(packed(tmp_path, fmus, whole, "Gain"))
+    assert says in said
+    assert said.startswith(str(tmp_path / "made.ssp"))
+
+
+def test_an_experiment_that_says_no_end_or_none_that_is_a_number(tmp_path, fmus):
+    whole = system("root", GAIN, more=STEP)
+    assert "no stopTime" in refusal(packed(tmp_path, fmus, whole, "Gain", tail=""))
+    soon = '<ssd:DefaultExperiment stopTime="soon"/>'
+    assert "'soon', not a finite number" in refusal(packed(tmp_path, fmus, whole, "Gain", tail=soon))
+
+
+def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    around = wire("gain.y[1]", "other.u[1]") + wire("other.y[1]", "gain.u[1]")
+    path = packed(tmp_path, fmus, system("root", GAIN, OTHER, wires=around, more=STEP), "Gain")
+    assert cli.main(["simulate", path.name]) == 2
+    assert "gain -> other -> gain" in capsys.readouterr().err
+    shutil.rmtree(tmp_path / "made-run", ignore_errors=True)
+    straight = packed(tmp_path, fmus, system("root", GAIN, bound=(inline("gain.gian|Real|1"),)), "Gain")
+    assert cli.main(["simulate", straight.name, "--step", "1", "--out", "r"]) == 0
+    assert "1 parameters name nothing in it: gain.gian" in capsys.readouterr().err
