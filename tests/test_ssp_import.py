@@ -206,7 +206,7 @@ def test_units_names_and_transformations(tmp_path, fmus):
     assert ignored == ()
     assert scenario.fmus["computer"].parameters == {"algorithm": MEAN_RATE, "renormalise": False}
     # The annotation is missing: the smallest step that an FMU's own experiment has.
-    assert (scenario.run.start_s, scenario.run.stop_s, scenario.run.step_s) == (2.0, 4.0, 0.001)
+    assert (scenario.run.start_s, scenario.run.stop_s, scenario.run.step_s) == (2.0, 4.0, 0.01)
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,21 @@ from trihedron.fmus.units import UNITS
 from trihedron.hidden import measure
 from trihedron.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
+from trihedron.report.effect_pictures import effect_sheet
 from trihedron.report.results import diagnosis_sections
 from trihedron.writing import write_text
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""
+
+
+EFFECTS_INTRODUCTION = (
+    "What each does to the readings of accelerometers 1 (solid), 2 (dashed) and 3 (dotted) of a perfect bench, over its",
+    "size; a dead zone of 0.2 g, saturation at 0.8 g and rounding to 0.2 g; harmonics of second order.",
+    "",
+    "![Effects](pictures/effects.svg)",
+)
+"""What stands above the table of effects."""
 
 
 def reference_page() -> str:
@@ -28,7 +38,14 @@ def reference_page() -> str:
     ]
     for component in components().values():
         parts += component_lines(component)
-    parts += ["## Effects", "", "| effect | places | parameters | extends |", "|---|---|---|---|"]
+    parts += [
+        "## Effects",
+        "",
+        *EFFECTS_INTRODUCTION,
+        "",
+        "| effect | places | parameters | extends |",
+        "|---|---|---|---|",
+    ]
     parts += [effect_line(effect) for effect in CATALOGUE.values()]
     return "\n".join([*parts, ""])
 
@@ -87,10 +104,11 @@ def readme_picture() -> str:
 
 
 def main(arguments: list[str]) -> None:
-    """Write reference.md and pictures/residuals.svg into the folder that is named."""
+    """Write reference.md and its pictures into the folder that is named."""
     docs = Path(arguments[0]) if arguments else Path("docs")
     write_text(docs / "reference.md", reference_page())
     write_text(docs / "pictures" / "residuals.svg", readme_picture())
+    write_text(docs / "pictures" / "effects.svg", effect_sheet())
 
 
 if __name__ == "__main__":

@@ -128,7 +128,6 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
         counts[kind_of(longer, diagnosed(longer, measure_case(longer)))] += 1
     say(capsys, f"ambiguous, then measured where it was proposed: {dict(counts)}")
     assert counts["right"] + counts["candidate"] >= 0.95 * asked
-    assert counts["right"] > 0
 
 
 def test_held_out_errors_fall_to_the_noise(capsys):

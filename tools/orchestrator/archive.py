@@ -18,6 +18,8 @@ from trihedron.errors import InputError
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
 MOST_DESCRIPTION_BYTES = 128 << 20
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How FMI and SSP let members be compressed."""
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 
 
@@ -58,6 +60,8 @@ def _check_member(member: zipfile.ZipInfo, label: str) -> None:
         raise InputError(f"{label}: member '{member.filename}' is a link; not unpacked")
     if member.flag_bits & 1:
         raise InputError(f"{label}: member '{member.filename}' is encrypted; an FMU must not be")
+    if member.compress_type not in METHODS:
+        raise InputError(f"{label}: member '{member.filename}' is compressed in a way that FMI does not have")
 
 
 def _root_attributes(xml: bytes, label: str) -> dict[str, str]:

@@ -8,7 +8,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from trihedron.errors import InputError
-from trihedron.orchestrator.archive import MOST_BYTES, MOST_MEMBERS
+from trihedron.orchestrator.archive import METHODS, MOST_BYTES, MOST_MEMBERS
 from trihedron.ssp.namespaces import STRUCTURE
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
@@ -30,6 +30,8 @@ def _check_member(member: zipfile.ZipInfo, label: str) -> None:
         raise InputError(f"{label}: member '{member.filename}' is a link or a device; not unpacked")
     if member.flag_bits & 1:
         raise InputError(f"{label}: member '{member.filename}' is encrypted; an .ssp must not be")
+    if member.compress_type not in METHODS:
+        raise InputError(f"{label}: member '{member.filename}' is compressed in a way that SSP does not have")
 
 
 def _check_members(members: list[zipfile.ZipInfo], label: str) -> None:

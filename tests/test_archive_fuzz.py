@@ -1,0 +1,128 @@
+"""Mutated .fmu and .ssp files: one clear line each, nothing left behind, nothing written elsewhere."""
+
+import random
+import tempfile
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from archive_mutations import OF_ANY, OF_FMUS, OF_SSPS, Members, Mutation, countless, packed
+from foreign_fmus import build_foreign
+from trihedron.bench_run import run_scenario
+from trihedron.errors import InputError
+from trihedron.scenario import Scenario
+from trihedron.ssp.exporting import export_ssp
+
+DESCRIPTIONS = {"fmu": "modelDescription.xml", "ssp": "SystemStructure.ssd"}
+KINDS: list[tuple[str, Mutation]] = [
+    *(("fmu", mutation) for mutation in (*OF_ANY, *OF_FMUS)),
+    *(("ssp", mutation) for mutation in (*OF_ANY, *OF_SSPS)),
+]
+MANY = 500
+
+Bases = dict[str, Members]
+
+
+@pytest.fixture(scope="module")
+def bases(tmp_path_factory: pytest.TempPathFactory) -> Bases:
+    """The members of a good .fmu and of a good .ssp of two, the platform's binaries only."""
+    folder = tmp_path_factory.mktemp("good")
+    for script in ("foreign_gain", "foreign_clock"):
+        whole = build_foreign(script, folder)
+        with zipfile.ZipFile(whole) as archive:
+            kept = {
+                name: archive.read(name)
+                for name in archive.namelist()
+                if not name.startswith("binaries/") or f"/{fmpy.platform}/" in name
+            }
+        whole.write_bytes(packed(kept))
+    scenario = Scenario.model_validate(
+        {
+            "run": {"step_s": 0.1, "stop_s": 1.0},
+            "fmus": {
+                "gain": {"fmu": "Gain.fmu", "parameters": {"gain": 2.0, "times": 3}},
+                "clock": {"fmu": "Clock.fmu"},
+                "table": {"component": "TurntableMotion", "parameters": {"kappa": 1e-3}},
+            },
+            "connections": [{"from": "clock.ended", "to": "gain.u[1]"}],
+            "base_folder": folder,
+        }
+    )
+    found: Bases = {}
+    for kind, path in (("fmu", folder / "Gain.fmu"), ("ssp", export_ssp(scenario, folder / "good.ssp"))):
+        with zipfile.ZipFile(path) as archive:
+            found[kind] = {name: archive.read(name) for name in archive.namelist()}
+    return found
+
+
+@pytest.fixture
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, bytes], str]:
+    """Runs an archive that must be refused; returns the line that says why."""
+    temporary, work = tmp_path / "temporary", tmp_path / "work"
+    temporary.mkdir()
+    work.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    monkeypatch.chdir(work)
+
+    def run(kind: str, content: bytes) -> str:
+        archive = work / f"mutated.{kind}"
+        archive.write_bytes(content)
+        start = archive
+        if kind == "fmu":
+            start = work / "scenario.toml"
+            fmu = '[fmus.a]\nfmu = "mutated.fmu"\n'
+            start.write_text(f'schema = "trihedron.scenario/1"\n[run]\nstep_s = 0.1\nstop_s = 1.0\n{fmu}')
+        before = everything(tmp_path)
+        with pytest.raises(InputError) as error:
+            run_scenario(start, work / "out", progress=False)
+        assert everything(tmp_path) == before
+        said = str(error.value)
+        assert "\n" not in said
+        assert len(said) < 1000
+        assert archive.name in said
+        return said
+
+    return run
+
+
+def everything(folder: Path) -> list[str]:
+    return sorted(str(path) for path in folder.rglob("*"))
+
+
+def escaped() -> list[Path]:
+    return list(Path("/tmp").glob("escaped*"))
+
+
+def test_what_is_mutated_is_good(bases, tmp_path):
+    for kind in ("fmu", "ssp"):
+        (tmp_path / f"good.{kind}").write_bytes(packed(bases[kind]))
+    (tmp_path / "good.toml").write_text(
+        'schema = "trihedron.scenario/1"\n[run]\nstep_s = 0.1\nstop_s = 1.0\n[fmus.a]\nfmu = "good.fmu"\n'
+    )
+    for name in ("good.toml", "good.ssp"):
+        assert run_scenario(tmp_path / name, tmp_path / "out", progress=False)
+
+
+@pytest.mark.parametrize(("kind", "mutation"), KINDS, ids=lambda value: getattr(value, "__name__", value))
+def test_each_kind_of_damage_is_refused(bases, refused, kind, mutation):
+    for seed in range(2):
+        refused(kind, mutation(bases[kind], DESCRIPTIONS[kind], random.Random(seed)))
+    assert escaped() == []
+
+
+@pytest.mark.parametrize("kind", ["fmu", "ssp"])
+def test_countless_members_are_refused(bases, refused, kind):
+    assert "20000 files" in refused(kind, countless(bases[kind], DESCRIPTIONS[kind], random.Random(0)))
+
+
+@pytest.mark.acceptance
+def test_five_hundred_mutations_are_refused(bases, refused):
+    said = set()
+    for seed in range(MANY):
+        kind, mutation = KINDS[seed % len(KINDS)]
+        said.add(refused(kind, mutation(bases[kind], DESCRIPTIONS[kind], random.Random(1000 + seed))))
+    assert escaped() == []
+    print(f"{MANY} mutated archives refused, {len(said)} different lines")
