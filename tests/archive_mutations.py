@@ -269,7 +269,8 @@ def wrong_structure(members: Members, described: str, rng: random.Random) -> byt
 
 SOURCES = (
     "", "../../etc/passwd", "/etc/passwd", "file:///etc/passwd", "http://localhost:1/x.fmu", "resources/none.fmu",
-    "%2e%2e/x", "resources", "resources/%00", "SystemStructure.ssd", "\\\\host\\x.fmu", "http://[", "#x", "resources/x.fmu?y",
+    "%2e%2e/x", "resources", "resources/%00", "SystemStructure.ssd", "\\\\host\\x.fmu", "http://[",
+    "#x", "resources/x.fmu?y",
 )  # fmt: skip
 
 
@@ -293,7 +294,7 @@ def wrong_parameters(members: Members, described: str, rng: random.Random) -> by
 
 def wrong_fmu(members: Members, described: str, rng: random.Random) -> bytes:
     """An .ssp whose FMU is mutated."""
-    name = next(n for n in members if n.endswith(".fmu"))
+    name = "resources/Gain.fmu"
     with zipfile.ZipFile(io.BytesIO(members[name])) as archive:
         inner = {n: archive.read(n) for n in archive.namelist()}
     mutation = rng.choice([*OF_ANY, wrong_description, wrong_platform])

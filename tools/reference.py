@@ -20,8 +20,8 @@ PICTURE_SEED = 2026
 
 
 EFFECTS_INTRODUCTION = (
-    "What each does to the readings of accelerometers 1 (solid), 2 (dashed) and 3 (dotted) of a perfect bench, over its",
-    "size; a dead zone of 0.2 g, saturation at 0.8 g and rounding to 0.2 g; harmonics of second order.",
+    "What each does to the readings of accelerometers 1 (solid), 2 (dashed) and 3 (dotted) of a perfect bench, over",
+    "its size; a dead zone of 0.2 g, saturation at 0.8 g and rounding to 0.2 g; harmonics of second order.",
     "",
     "![Effects](pictures/effects.svg)",
 )

@@ -190,6 +190,48 @@ def _chebyshev(
     return max(0.0, float(values[-1])), values[:-1] / size, (duals[:rows] + duals[rows:]) / bound
 
 
+def least_largest(
+    matrix: NDArray, lower: NDArray, upper: NDArray, offset: NDArray, slopes: NDArray
+) -> tuple[float, NDArray]:
+    """The least possible max |offset + slopes x| over {x: lower ≤ matrix x ≤ upper}, and where it is attained.
+
+    Parameters
+    ----------
+    matrix : (M, n) array
+        of full column rank
+    lower, upper : (M,) array
+    offset : (R,) array
+    slopes : (R, n) array
+
+    Returns
+    -------
+    least : float
+    x : (n,) array
+    """
+    unit = float((upper - lower).min()) / 2.0
+    rows, columns = matrix.shape
+    more = np.ones((len(offset), 1))
+    stacked = np.vstack(
+        [
+            np.hstack([matrix, np.zeros((rows, 1))]),
+            np.hstack([slopes, more]),
+            np.hstack([slopes, -more]),
+        ]
+    )
+    infinite = np.full(len(offset), highspy.kHighsInf)
+    free = np.full(columns, highspy.kHighsInf)
+    highs = _model(
+        np.append(np.zeros(columns), 1.0),
+        np.append(-free, 0.0),
+        np.append(free, highspy.kHighsInf),
+        stacked,
+        np.concatenate([lower / unit, -offset / unit, -infinite]),
+        np.concatenate([upper / unit, infinite, -offset / unit]),
+    )
+    values = np.array(_solve(highs).col_value) * unit
+    return float(values[-1]), values[:-1]
+
+
 def _model(
     cost: NDArray, lower: NDArray, upper: NDArray, matrix: NDArray, row_lower: NDArray, row_upper: NDArray
 ) -> highspy.Highs:

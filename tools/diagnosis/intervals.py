@@ -38,6 +38,16 @@ def feasible_set(fit: ExtendedFit, columns: NDArray, room: float) -> tuple[Polyt
         orthonormal basis of what the measurements determine, of parameters times their scale
     scale : (P + K + C,) array
     """
+    matrix, lower, upper, span, scale = feasible_rows(fit, columns, room)
+    polytope = Polytope(matrix, 0.5 * (upper - lower))
+    polytope.confine(lower, upper)
+    return polytope, span, scale
+
+
+def feasible_rows(
+    fit: ExtendedFit, columns: NDArray, room: float
+) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+    """The set of `feasible_set` as lower ≤ matrix x ≤ upper (M, rank), with its `span` and `scale`."""
     left = fit.residual - fit.jacobian @ fit.centre
     bound = np.maximum(fit.bound + room, np.abs(left)) * (1.0 + 1e-9)
     jacobian = np.hstack((fit.jacobian, columns))
@@ -46,9 +56,7 @@ def feasible_set(fit: ExtendedFit, columns: NDArray, room: float) -> tuple[Polyt
     _, values, directions = np.linalg.svd(jacobian / scale, full_matrices=len(jacobian) < jacobian.shape[1])
     values = np.append(values, np.zeros(len(directions) - len(values)))
     span = directions[values > 1e-8 * values.max()].T
-    polytope = Polytope(jacobian / scale @ span, bound)
-    polytope.confine(left - bound, left + bound)
-    return polytope, span, scale
+    return jacobian / scale @ span, left - bound, left + bound, span, scale
 
 
 def parameter_intervals(

@@ -8,11 +8,9 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions
-from trihedron.calibration.programmes import SolverError
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import is_linear, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ExtendedFit, extended_model
-from trihedron.diagnosis.intervals import feasible_set
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.restricted import CONTEXT_SIZE, INPUT
 
@@ -105,36 +103,3 @@ def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, 
             if effect.kernel is not None:
                 effect.kernel(context, rows.own[row], *effect.place_numbers(place), *values, seen[row])
     return seen
-
-
-def prediction_intervals(
-    here: Linearisation, candidate: ExtendedFit, visits: Visits, wanted: NDArray, room: float
-) -> tuple[NDArray, NDArray]:
-    """Ends (N, 3) of what a candidate can predict at other positions; infinite where nothing bounds it or not wanted.
-
-    Parameters
-    ----------
-    here : Linearisation
-        the nominal model at its fit
-    candidate : ExtendedFit
-    visits : Visits
-    wanted : (N, 3) array of bool
-        the readings whose ends are asked for
-    room : float
-        what the readings' rounding adds to their bounds, as a fraction of g
-    """
-    reading, slopes = predictions(here, candidate, visits)
-    polytope, span, scale = feasible_set(candidate, np.zeros((len(candidate.residual), 0)), room)
-    low, high = np.full_like(reading, -np.inf), np.full_like(reading, np.inf)
-    for row, axis in zip(*np.nonzero(wanted), strict=True):
-        weights = slopes[row, axis] / scale
-        if np.linalg.norm(weights - span @ (span.T @ weights)) > 1e-6 * np.linalg.norm(weights):
-            continue
-        try:
-            low[row, axis] = reading[row, axis] - polytope.maximise(-span.T @ weights)[0]
-            high[row, axis] = reading[row, axis] + polytope.maximise(span.T @ weights)[0]
-        except SolverError:
-            continue
-    known = np.isfinite(low) & np.isfinite(high)
-    ends = [seen_at_last(here, candidate, visits, np.where(known, end, reading)) for end in (low, high)]
-    return np.where(known, ends[0], -np.inf), np.where(known, ends[1], np.inf)

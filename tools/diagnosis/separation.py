@@ -7,37 +7,63 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.parametrisation import Positions
+from trihedron.calibration.programmes import least_largest
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, rows_at
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.predictions import (
-    Visits,
-    depends_on_senses,
-    lasting_part,
-    prediction_intervals,
-    predictions,
-    seen_at_last,
-)
+from trihedron.diagnosis.intervals import feasible_rows
+from trihedron.diagnosis.predictions import Visits, depends_on_senses, lasting_part, predictions, seen_at_last
 from trihedron.diagnosis.search import title_of
 from trihedron.models.regressors import admissible
 
 GRID_STEP_DEG = 5.0
 MOST_CANDIDATES = 10
 """So many candidates, the best ones first, are separated from each other."""
-SHORTLIST = 24
-"""So many positions, where the fitted predictions differ most, are judged over all possible parameters."""
+MOST_FOR_A_PAIR = 4
+"""So many new positions are proposed to decide between two candidates."""
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Two candidates by their numbers, and how far apart their fitted predictions are (N, 3) [g]."""
+class Rival:
+    """What a candidate predicts at positions that might be measured, over the parameters that the record leaves it.
 
-    first: int
-    second: int
-    apart: NDArray
+    Attributes
+    ----------
+    centre : (N, 3) array
+        readings over g at the centre of what is possible
+    slopes : (N, 3, rank) array
+        derivatives in the coordinates of the set of possible parameters
+    matrix, lower, upper : arrays
+        that set: lower ≤ matrix x ≤ upper
+    known : (N, 3) array of bool
+        readings whose prediction is bounded
+    linear : bool
+        whether prediction and slopes say it all
+    """
+
+    centre: NDArray
+    slopes: NDArray
+    matrix: NDArray
+    lower: NDArray
+    upper: NDArray
+    known: NDArray
+    linear: bool
+
+
+def rival_of(here: Linearisation, candidate: ExtendedFit, visits: Visits, room: float) -> Rival:
+    """A candidate as a rival of others."""
+    reading, slopes = predictions(here, candidate, visits)
+    nothing = np.zeros((len(candidate.residual), 0))
+    matrix, lower, upper, span, scale = feasible_rows(candidate, nothing, room)
+    scaled = slopes / scale
+    inside = scaled @ span
+    outside = np.linalg.norm(scaled - inside @ span.T, axis=2) > 1e-6 * np.linalg.norm(scaled, axis=2)
+    seen = seen_at_last(here, candidate, visits, reading)
+    return Rival(seen, inside, matrix, lower, upper, ~outside, candidate.linear)
 
 
 def separating_positions(
@@ -46,12 +72,12 @@ def separating_positions(
     candidates: Sequence[ExtendedFit],
     bounds: tuple[float, float],
     room: float,
-    most: int = 6,
 ) -> list[dict[str, Any]]:
-    """Positions whose readings decide between candidates, those that decide most pairs first.
+    """Positions whose readings, together, decide between candidates.
 
-    Each candidate predicts an interval, over all parameters that the record leaves it. Where the gap between two
-    intervals is more than 2 σ, no reading can be within σ of both.
+    For two candidates the parameters that the record leaves them are sought with which their predictions at the
+    positions chosen so far are nearest; the position where they are then farthest apart is added, until they differ
+    somewhere by more than 2 σ whatever the parameters: then no readings can be within σ of both.
 
     Parameters
     ----------
@@ -65,31 +91,33 @@ def separating_positions(
         u^max and v^0max: only readings whose sign is certain count
     room : float
         what the readings' rounding adds to their bounds, as a fraction of g
-    most : int
-        at most so many positions
 
     Returns
     -------
     list of dict
         alpha_deg, beta_deg, mounting where there are several, the senses of the approach where they matter, what is
-        separated, and ``apart_g``: the least distance of the predictions, over all parameters (negative: they overlap,
-        one reading there need not decide; None: nothing bounds them)
+        separated, and ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at
+        one of the positions at least, over all parameters; more than 2 σ decides
     """
     chosen = list(candidates[:MOST_CANDIDATES])
     visits, senses = possible_visits(here, circumstances, chosen)
     at, p = visits.at, here.parametrisation
-    certain = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds)
-    certain &= told(here, chosen, visits)
-    centres = [seen_at_last(here, c, visits, predictions(here, c, visits)[0]) for c in chosen]
-    pairs = [
-        Pair(i, j, np.where(certain, np.abs(centres[i] - centres[j]), 0.0))
-        for i, j in combinations(range(len(chosen)), 2)
-    ]
-    short = shortlist(pairs)
-    gaps = guaranteed_gaps(here, chosen, pairs, visits, short, float(here.bound.min()), room)
+    usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & told(here, chosen, visits)
+    rivals = [rival_of(here, candidate, visits, room) for candidate in chosen]
+    sure = 2.0 * (float(here.bound.min()) + room)
+    rows: list[int] = []
+    apart: dict[int, float] = {}
+    names: dict[int, list[str]] = {}
+    for first, second in combinations(range(len(chosen)), 2):
+        distance, own = decide(rivals[first], rivals[second], usable, rows, sure)
+        for row in own:
+            if row not in apart:
+                rows.append(row)
+            apart[row] = min(apart.get(row, np.inf), distance)
+            names.setdefault(row, [])
+            names[row] += [title for c in (first, second) if (title := title_of(chosen[c].places)) not in names[row]]
     positions = []
-    for k, separated in deciding(gaps, 2.0 * float(here.bound.min()), most):
-        row = int(short[k])
+    for row in rows:
         position: dict[str, Any] = {
             "alpha_deg": float(np.round(np.degrees(at.alpha[row]), 6)),
             "beta_deg": float(np.round(np.degrees(at.beta[row]), 6)),
@@ -99,12 +127,60 @@ def separating_positions(
         if senses:
             position["approach_alpha"] = int(visits.circumstances.sense_alpha[row])
             position["approach_beta"] = int(visits.circumstances.sense_beta[row])
-        names: list[str] = []
-        for n in separated:
-            names += [t for c in (pairs[n].first, pairs[n].second) if (t := title_of(chosen[c].places)) not in names]
-        least = float(gaps[separated, k].min())
-        positions.append({**position, "separates": names, "apart_g": least if np.isfinite(least) else None})
+        positions.append({**position, "separates": names[row], "apart_g": float(apart[row])})
     return positions
+
+
+def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], sure: float) -> tuple[float, list[int]]:
+    """Positions that decide between two candidates, of those chosen already and up to `MOST_FOR_A_PAIR` new ones.
+
+    Returns
+    -------
+    distance : float
+        least distance of the predictions at the worst of the positions [g]
+    own : list of int
+        the positions that this takes
+    """
+    usable = usable & first.known & second.known
+    difference = np.where(usable, first.centre - second.centre, 0.0)
+    own = [row for row in rows if np.abs(difference[row]).max() > sure]
+    if not first.linear or not second.linear:
+        # What is not linear has its sizes, not a set of them: the fitted predictions speak.
+        best = int(np.argmax(np.round(np.abs(difference).max(axis=1), 12)))
+        own = own or [best]
+        return float(np.abs(difference[own]).max()), own
+    new = 0
+    while True:
+        distance, apart = nearest(first, second, usable, difference, own)
+        if distance > sure or new == MOST_FOR_A_PAIR:
+            return distance, own
+        farthest = int(np.argmax(np.round(np.abs(apart).max(axis=1), 12)))
+        if farthest in own:
+            return distance, own
+        own.append(farthest)
+        new += 1
+
+
+def nearest(
+    first: Rival, second: Rival, usable: NDArray, difference: NDArray, own: Sequence[int]
+) -> tuple[float, NDArray]:
+    """How near the predictions at some positions can be [g], and how far apart (N, 3) they all are then."""
+    if not own:
+        return 0.0, difference
+    axes = usable[list(own)]
+    offset = difference[list(own)][axes]
+    slopes = np.hstack((first.slopes[list(own)][axes], -second.slopes[list(own)][axes]))
+    if not len(offset):
+        return 0.0, difference
+    distance, x = least_largest(
+        np.asarray(block_diag(first.matrix, second.matrix)),
+        np.concatenate((first.lower, second.lower)),
+        np.concatenate((first.upper, second.upper)),
+        offset,
+        slopes,
+    )
+    mine, other = x[: first.matrix.shape[1]], x[first.matrix.shape[1] :]
+    return distance, np.where(usable, difference + first.slopes @ mine - second.slopes @ other, 0.0)
 
 
 def told(here: Linearisation, candidates: Sequence[ExtendedFit], visits: Visits) -> NDArray:
@@ -152,66 +228,3 @@ def _visits(
         Positions(np.tile(alpha, times), np.tile(beta, times), np.tile(mounting, times)),
         Circumstances(hours * constant, temperature * constant, senses[:, 0], senses[:, 1], True),
     )
-
-
-def shortlist(pairs: Sequence[Pair]) -> NDArray:
-    """Numbers of the positions where each pair's predictions are farthest apart, every pair in its turn."""
-    orders = [np.argsort(-np.round(pair.apart.max(axis=1), 12), kind="stable") for pair in pairs]
-    chosen: list[int] = []
-    for rank in range(SHORTLIST):
-        for order in orders:
-            if int(order[rank]) not in chosen and len(chosen) < SHORTLIST:
-                chosen.append(int(order[rank]))
-    return np.array(sorted(chosen), dtype=int)
-
-
-def guaranteed_gaps(
-    here: Linearisation,
-    candidates: Sequence[ExtendedFit],
-    pairs: Sequence[Pair],
-    visits: Visits,
-    short: NDArray,
-    sigma: float,
-    room: float,
-) -> NDArray:
-    """Least distances (pairs, n) [g] of the candidates' predictions over all parameters, the best reading of each.
-
-    Only readings are judged at which the fitted predictions of a pair differ by more than the noise.
-    """
-    part = visits.selected(short)
-    low, high = [], []
-    for number, candidate in enumerate(candidates):
-        wanted = np.zeros((len(short), 3), dtype=bool)
-        for pair in pairs:
-            if number in (pair.first, pair.second):
-                wanted |= pair.apart[short] > sigma
-        ends = prediction_intervals(here, candidate, part, wanted, room)
-        low.append(ends[0])
-        high.append(ends[1])
-    gaps = np.full((len(pairs), len(short)), -np.inf)
-    for n, pair in enumerate(pairs):
-        gap = np.maximum(low[pair.first] - high[pair.second], low[pair.second] - high[pair.first])
-        gaps[n] = np.where(pair.apart[short] > sigma, gap, -np.inf).max(axis=1)
-    return gaps
-
-
-def deciding(gaps: NDArray, enough: float, most: int) -> list[tuple[int, list[int]]]:
-    """Positions (columns of `gaps`) one by one, each with the pairs that it decides, until every pair is decided.
-
-    A pair that no position decides gets the one where its gap is largest, as long as there is any.
-    """
-    chosen: list[tuple[int, list[int]]] = []
-    open_pairs = list(range(len(gaps)))
-    while open_pairs and len(chosen) < most:
-        decided = gaps[open_pairs] > enough
-        best = int(np.argmax(decided.sum(axis=0) + 1e-3 * np.where(decided, gaps[open_pairs], 0.0).sum(axis=0)))
-        separated = [n for n, yes in zip(open_pairs, decided[:, best], strict=True) if yes]
-        if not separated:
-            first = open_pairs[0]
-            if not np.isfinite(gaps[first]).any():
-                open_pairs.remove(first)
-                continue
-            best, separated = int(np.argmax(gaps[first])), [first]
-        chosen.append((best, separated))
-        open_pairs = [n for n in open_pairs if n not in separated]
-    return chosen

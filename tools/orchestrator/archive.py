@@ -18,6 +18,7 @@ from trihedron.errors import InputError
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
 MOST_DESCRIPTION_BYTES = 128 << 20
+LONGEST_SHOWN = 80
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """How FMI and SSP let members be compressed."""
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
@@ -49,19 +50,24 @@ class UnpackedFmu:
     python_module: str | None
 
 
+def shown(name: str) -> str:
+    """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
+    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
+
+
 def _check_member(member: zipfile.ZipInfo, label: str) -> None:
     """Refuse a name that could land outside the folder, a link and an encrypted member."""
     # orig_filename still has the backslashes that zipfile turns into slashes on some platforms.
     for name in (member.orig_filename, member.filename):
         parts = PurePosixPath(name).parts
         if ".." in parts or name.startswith("/") or "\\" in name or ":" in name or "\0" in name:
-            raise InputError(f"{label}: member '{name}' would leave the archive's folder; not unpacked")
+            raise InputError(f"{label}: member {shown(name)} would leave the archive's folder; not unpacked")
     if stat.S_ISLNK(member.external_attr >> 16):
-        raise InputError(f"{label}: member '{member.filename}' is a link; not unpacked")
+        raise InputError(f"{label}: member {shown(member.filename)} is a link; not unpacked")
     if member.flag_bits & 1:
-        raise InputError(f"{label}: member '{member.filename}' is encrypted; an FMU must not be")
+        raise InputError(f"{label}: member {shown(member.filename)} is encrypted; an FMU must not be")
     if member.compress_type not in METHODS:
-        raise InputError(f"{label}: member '{member.filename}' is compressed in a way that FMI does not have")
+        raise InputError(f"{label}: member {shown(member.filename)} is compressed in a way that FMI does not have")
 
 
 def _root_attributes(xml: bytes, label: str) -> dict[str, str]:

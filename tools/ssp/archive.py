@@ -8,7 +8,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from trihedron.errors import InputError
-from trihedron.orchestrator.archive import METHODS, MOST_BYTES, MOST_MEMBERS
+from trihedron.orchestrator.archive import METHODS, MOST_BYTES, MOST_MEMBERS, shown
 from trihedron.ssp.namespaces import STRUCTURE
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
@@ -18,7 +18,7 @@ def refuse_outside(name: str, label: str) -> None:
     """Refuse a name inside an archive that could land outside the archive's folder."""
     parts = PurePosixPath(name).parts
     if not parts or ".." in parts or name.startswith("/") or any(c in name for c in '\\:\0<>|?*"'):
-        raise InputError(f"{label}: member {name!r} would leave the archive's folder; not unpacked")
+        raise InputError(f"{label}: member {shown(name)} would leave the archive's folder; not unpacked")
 
 
 def _check_member(member: zipfile.ZipInfo, label: str) -> None:
@@ -27,11 +27,11 @@ def _check_member(member: zipfile.ZipInfo, label: str) -> None:
         refuse_outside(name, label)
     kind = stat.S_IFMT(member.external_attr >> 16)
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-        raise InputError(f"{label}: member '{member.filename}' is a link or a device; not unpacked")
+        raise InputError(f"{label}: member {shown(member.filename)} is a link or a device; not unpacked")
     if member.flag_bits & 1:
-        raise InputError(f"{label}: member '{member.filename}' is encrypted; an .ssp must not be")
+        raise InputError(f"{label}: member {shown(member.filename)} is encrypted; an .ssp must not be")
     if member.compress_type not in METHODS:
-        raise InputError(f"{label}: member '{member.filename}' is compressed in a way that SSP does not have")
+        raise InputError(f"{label}: member {shown(member.filename)} is compressed in a way that SSP does not have")
 
 
 def _check_members(members: list[zipfile.ZipInfo], label: str) -> None:

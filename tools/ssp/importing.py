@@ -76,11 +76,12 @@ def _scenario(path: Path, folder: Path, scratch: Path, step: float | None) -> Im
     steps: list[float] = []
     for part in fmus:
         target = scratch / f"fmu-{len(interfaces)}"
-        unpacked = unpack(folder / str(part.source), f"{label}: {part.source}", lambda _, t=target: t)
-        interfaces[part.path] = interface_of(names[part.path], str(part.source), unpacked.description)
+        where = f"{label}: {part.source}"
+        unpacked = unpack(folder / str(part.source), where, lambda _, t=target: t)
+        interfaces[part.path] = interface_of(names[part.path], where, unpacked.description)
         experiment = unpacked.description.defaultExperiment
         if experiment is not None and experiment.stepSize:
-            steps.append(_positive(experiment.stepSize, f"{label}: {part.source}"))
+            steps.append(_positive(experiment.stepSize, where))
     parameters, ignored = _parameters(description.system, interfaces)
     for at, interface in interfaces.items():
         # How far ahead commands are put out is a matter of the master; ours passes them on at once.
