@@ -84,7 +84,7 @@ def spoilt_content(members: Members, described: str, rng: random.Random) -> byte
 
 def spoilt_directory(members: Members, described: str, rng: random.Random) -> bytes:
     """The central directory names another place, size, checksum, name or method."""
-    archive = packed(members)
+    archive = packed({described: members[described], **members})
     at = directory_at(archive, described)
     return rng.choice(
         [
@@ -157,7 +157,8 @@ def not_xml(members: Members, described: str, rng: random.Random) -> bytes:
     """A description cut off, with a tag or a quote lost, with bytes that are no text."""
     xml = members[described]
     at = rng.randrange(60, len(xml) - 10)
-    tags = [m.start() for m in re.finditer(rb"[<>]", xml)][4:-2]
+    # A lost "<" may leave text between elements, which is well-formed; a lost ">" never does.
+    tags = [m.start() for m in re.finditer(rb">", xml)][2:-2]
     place = rng.choice(tags)
     changed = rng.choice(
         [
@@ -217,8 +218,10 @@ def wrong_description(members: Members, described: str, rng: random.Random) -> b
             (r'start="1"', f'start="{rng.choice(["x", "", "1,0", "0x1", "--1"])}"'),
             (r"<Real ", r'<Real min="low" '),
             (r"<Real ", r'<Real declaredType="NoSuchType" '),
-            (r'name="gain"', ""),
-            (r"<ModelVariables>", "<ModelVariables><ScalarVariable/>"),
+            (
+                r"(?s)<ModelVariables>.*?</ScalarVariable>",
+                "<ModelVariables><ScalarVariable name='x' valueReference='1'/>",
+            ),
         ]
     )
     return replaced(members, described, pattern, text)
@@ -269,7 +272,7 @@ def wrong_structure(members: Members, described: str, rng: random.Random) -> byt
 
 SOURCES = (
     "", "../../etc/passwd", "/etc/passwd", "file:///etc/passwd", "http://localhost:1/x.fmu", "resources/none.fmu",
-    "%2e%2e/x", "resources", "resources/%00", "SystemStructure.ssd", "\\\\host\\x.fmu", "http://[",
+    "%2e%2e/x", "resources", "resources/%00", "SystemStructure.ssd", "//host/x.fmu", "http://[",
     "#x", "resources/x.fmu?y",
 )  # fmt: skip
 

@@ -1,10 +1,12 @@
 """Ctrl-C in the middle of a run."""
 
+import json
 import os
 import signal
 import tempfile
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from trihedron.orchestrator import interrupts, simulate
@@ -33,9 +35,18 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
     )
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    with pytest.raises(KeyboardInterrupt):
-        simulate(Scenario.model_validate({**RUN, "base_folder": tmp_path}), tmp_path / "out")
-    assert sorted(p.name for p in tmp_path.rglob("*")) == ["temporary"]
+    monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "cache"))
+    scenario = Scenario.model_validate({**RUN, "base_folder": tmp_path})
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted; .*run\.csv has the run up to 0\.\d s"):
+        simulate(scenario, tmp_path / "out")
+    assert not any((tmp_path / "temporary").iterdir())
+    # What there is so far is whole, and says that it is not all.
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["run.csv", "run.json"]
+    said = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
+    assert said["complete"] is False
+    assert 6 <= said["steps"] < 10
+    found = pl.read_csv(tmp_path / "out" / "run.csv")
+    assert found["time_s"].to_list() == [0.1 * k for k in range(said["steps"] + 1)]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

@@ -48,7 +48,7 @@ def _run(scenario: Scenario, out: Path | None, *, progress: bool) -> list[Path]:
     files = list(run.files)
     # Averages of an earlier run would not be those of this one.
     (folder / "positions.csv").unlink(missing_ok=True)
-    if set(run.table.columns) >= RAW_COLUMNS:
+    if set(run.columns) >= RAW_COLUMNS:
         try:
             write_position_record(averaged(files[0]), folder / "positions.csv")
             files.append(folder / "positions.csv")

@@ -70,11 +70,21 @@ class _Section(BaseModel):
 
 
 class RunSetting(_Section):
-    """Time of the run [s]; without `stop_s` it ends with the position programme."""
+    """Time of the run [s], ended by the position programme without `stop_s`; how cycles of connections are taken."""
 
     start_s: Finite = 0.0
     stop_s: Finite | None = None
     step_s: Positive
+    coupling: Literal["jacobi", "iterate"] | None = None
+    tolerance: Positive | None = None
+    iterations: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
+
+    @model_validator(mode="after")
+    def _of_iteration(self) -> "RunSetting":
+        for name in ("tolerance", "iterations"):
+            if getattr(self, name) is not None and self.coupling != "iterate":
+                raise ValueError(f'{name} goes with coupling = "iterate"')
+        return self
 
     @model_validator(mode="after")
     def _forward(self) -> "RunSetting":

@@ -1,8 +1,9 @@
-"""The orchestrator against a plain FMPy loop on the same FMUs, in the same run."""
+"""The orchestrator against a plain FMPy loop and against a bare C program, on the same FMUs, in the same run."""
 
 import gc
+import shutil
+import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -10,16 +11,13 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from trihedron.orchestrator.archive import unpack
-from trihedron.orchestrator.bus import make_buses
-from trihedron.orchestrator.connections import resolve_connections
-from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.interface import interface_of
-from trihedron.orchestrator.master import run_fmus
-from trihedron.orchestrator.stimuli import resolve_constant
-from trihedron.scenario import Connection, Stimulus
+from trihedron.fmus import build
+from trihedron.fmus.native.compiler import host_compiler
+from trihedron.orchestrator import simulate
+from trihedron.scenario import Scenario
 
-STEP, STEPS, ROUNDS = 0.01, 10_000, 3
+STEP, ROUNDS = 0.01, 3
+PLAIN_STEPS, STEPS = 20_000, 1_000_000
 NAMES = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
 WIRES = (
     ("TurntableMotion", "specific_force", "AccelerometerBlock", "specific_force"),
@@ -29,6 +27,9 @@ RECORDED = {
     "AccelerometerBlock": ("reading[1]", "reading[2]", "reading[3]"),
     "AttitudeComputer": ("attitude[1]", "attitude[2]", "attitude[3]", "attitude[4]"),
 }
+COLUMNS = {f"c{i}_mps2": f"AccelerometerBlock.reading[{i + 1}]" for i in range(3)} | {
+    f"q{i}": f"AttitudeComputer.attitude[{i + 1}]" for i in range(4)
+}
 COMMAND = [0.7, -1.1]
 
 
@@ -36,7 +37,18 @@ def elements(base: str) -> list[str]:
     return [f"{base}[{i}]" for i in (1, 2, 3)]
 
 
-def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the native FMUs."""
+    if host_compiler() is None:
+        pytest.skip("needs a C compiler")
+    folder = tmp_path_factory.mktemp("native")
+    for name in NAMES:
+        build(name, folder, flavour="native", fmi=2)
+    return folder
+
+
+def plain_loop(folder: Path, work: Path, steps: int) -> tuple[float, np.ndarray]:
     """The loop as one writes it with FMPy: getReal and setReal with lists."""
     slaves, refs = {}, {}
     for name in NAMES:
@@ -47,7 +59,7 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
         slave = FMU2Slave(guid=description.guid, unzipDirectory=unpacked, modelIdentifier=identifier, instanceName=name)
         slaves[name] = slave
         slave.instantiate()
-        slave.setupExperiment(startTime=0.0, stopTime=STEPS * STEP)
+        slave.setupExperiment(startTime=0.0, stopTime=steps * STEP)
     table, block, computer = (slaves[name] for name in NAMES)
     table.setReal([refs[NAMES[0]]["command[1]"], refs[NAMES[0]]["command[2]"]], COMMAND)
     force, increment = ([refs[NAMES[0]][v] for v in elements(b)] for b in ("specific_force", "increment"))
@@ -61,7 +73,7 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
         computer.setReal(increment_in, table.getReal(increment))
     rows = [block.getReal(reading) + computer.getReal(attitude)]
     began = time.perf_counter()
-    for k in range(STEPS):
+    for k in range(steps):
         t = k * STEP
         table.doStep(t, STEP)
         block.setReal(force_in, table.getReal(force))
@@ -76,46 +88,102 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
     return elapsed, np.array(rows)
 
 
-def orchestrator(folder: Path, work: Path) -> tuple[float, np.ndarray]:
-    """The orchestrator's loop; setting up is left out, as it is for the plain loop."""
-    fmus, interfaces = {}, {}
-    for name in NAMES:
-        fmus[name] = unpack(folder / f"{name}.fmu", name, lambda _, name=name: work / name)
-        interfaces[name] = interface_of(name, name, fmus[name].description)
-    wires = resolve_connections(
-        [Connection.model_validate({"from": f"{a}.{output}", "to": f"{b}.{target}"}) for a, output, b, target in WIRES],
-        interfaces,
+def bare_program(folder: Path, work: Path) -> Path:
+    """A C program that makes the calls of the compiled loop, with the FMUs' names and references written into it."""
+    lines = [
+        f"#define STEP {STEP!r}",
+        "#define STOP 1e9",
+        f"static const double command[2] = {{{COMMAND[0]}, {COMMAND[1]}}};",
+    ]
+    wanted = {
+        "TurntableMotion": {
+            "COMMAND": ["command[1]", "command[2]"],
+            "MOVED": elements("specific_force") + elements("increment"),
+        },
+        "AccelerometerBlock": {"FORCE": elements("specific_force"), "READING": elements("reading")},
+        "AttitudeComputer": {"INCREMENT": elements("increment"), "ATTITUDE": list(RECORDED["AttitudeComputer"])},
+    }
+    for short, name in zip(("TABLE", "BLOCK", "COMPUTER"), NAMES, strict=True):
+        description = fmpy.read_model_description(folder / f"{name}.fmu")
+        unpacked = Path(fmpy.extract(folder / f"{name}.fmu", work / name))
+        library = next((unpacked / "binaries" / fmpy.platform).iterdir())
+        lines += [f'#define {short}_LIBRARY "{library}"', f'#define {short}_GUID "{description.guid}"']
+        references = {v.name: v.valueReference for v in description.modelVariables}
+        for array, variables in wanted[name].items():
+            numbers = ", ".join(str(references[v]) for v in variables)
+            lines.append(f"static const fmi2ValueReference {array}[{len(variables)}] = {{{numbers}}};")
+    (work / "calls.h").write_text("\n".join(lines) + "\n")
+    compiler = host_compiler()
+    assert compiler is not None
+    headers = Path(fmpy.__file__).parent / "c-code"
+    source = Path(__file__).parent / "bare_master.c"
+    program = work / "bare"
+    subprocess.run([compiler[0], "-O2", "-w", f"-I{headers}", f"-I{work}", source, "-o", program, "-ldl"], check=True)
+    return program
+
+
+def scenario(folder: Path, steps: int, **more: object) -> Scenario:
+    """The three FMUs coupled, with the seven outputs."""
+    return Scenario.model_validate(
+        {
+            "base_folder": folder,
+            "run": {"stop_s": steps * STEP, "step_s": STEP},
+            "fmus": {name: {"fmu": f"{name}.fmu"} for name in NAMES},
+            "connections": [{"from": f"{a}.{output}", "to": f"{b}.{target}"} for a, output, b, target in WIRES],
+            "stimuli": [{"to": "TurntableMotion.command", "constant": COMMAND}],
+            "record": {"columns": COLUMNS},
+            **more,
+        }
     )
-    drive = resolve_constant(Stimulus(to="TurntableMotion.command", constant=COMMAND), interfaces)
-    recorded = {name: [interfaces[name].variables[v] for v in RECORDED.get(name, ())] for name in NAMES}
-    buses = make_buses(NAMES, wires, [drive], recorded)
-    marks = []
 
-    def timed(ticks: range):
-        marks.append(time.perf_counter())
-        yield from ticks
-        marks.append(time.perf_counter())
 
-    values = run_fmus(NAMES, fmus, dict.fromkeys(NAMES, ()), buses, Grid(0.0, STEP, STEPS), 1, timed)
-    rows = np.column_stack([values[name, v] for name, found in RECORDED.items() for v in found])
-    return marks[1] - marks[0], rows
+def seconds_of_steps(folder: Path, out: Path | None) -> tuple[float, np.ndarray]:
+    """Seconds that so many steps more take: starting up is left out, as it is for the other loops."""
+    times, rows = {}, np.zeros(0)
+    for steps in (1, STEPS):
+        gc.collect()
+        began = time.perf_counter()
+        run = simulate(scenario(folder, steps), out)
+        times[steps] = time.perf_counter() - began
+        rows = run.table.drop("time_s").to_numpy()
+        if out is not None:
+            shutil.rmtree(out)
+    return times[STEPS] - times[1], rows
 
 
 @pytest.mark.benchmark_ratio
-def test_ratio_to_a_plain_fmpy_loop(fmu_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    times: dict[str, list[float]] = {}
-    numbers: dict[str, np.ndarray] = {}
-    loops: tuple[Callable[[Path, Path], tuple[float, np.ndarray]], ...] = (plain_loop, orchestrator)
+def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path, capsys) -> None:
+    program = bare_program(folder, tmp_path)
+    plain, bare, ours, disk = [], [], [], []
+    rows = ours_rows = np.zeros(0)
+    last: list[float] = []
+    simulate(scenario(folder, 1))
     for turn in range(ROUNDS):
-        for loop in loops:
-            gc.collect()
-            elapsed, numbers[loop.__name__] = loop(fmu_folder, tmp_path / f"{loop.__name__}-{turn}")
-            times.setdefault(loop.__name__, []).append(elapsed)
-    assert numbers["orchestrator"].shape == (STEPS + 1, 7)
-    assert (numbers["orchestrator"] == numbers["plain_loop"]).all()
-    plain, ours = (1e6 * min(times[name]) / STEPS for name in ("plain_loop", "orchestrator"))
+        elapsed, rows = plain_loop(folder, tmp_path / f"plain-{turn}", PLAIN_STEPS)
+        plain.append(1e6 * elapsed / PLAIN_STEPS)
+        words = subprocess.run([program, str(STEPS)], capture_output=True, text=True, check=True).stdout.split()
+        bare.append(1e6 * float(words[0]) / STEPS)
+        last = [float.fromhex(word) for word in words[1:]]
+        elapsed, ours_rows = seconds_of_steps(folder, None)
+        ours.append(1e6 * elapsed / STEPS)
+        disk.append(1e6 * seconds_of_steps(folder, tmp_path / "out")[0] / STEPS)
+    assert (ours_rows[: PLAIN_STEPS + 1] == rows).all()
+    assert ours_rows[-1].tolist() == last
     with capsys.disabled():
         print(
-            f"\nthree coupled FMUs, {STEPS} steps, best of {ROUNDS}: plain FMPy loop {plain:.2f} us a step, "
-            f"orchestrator {ours:.2f} us a step, ratio {plain / ours:.2f}"
+            f"\nthree coupled native FMUs, seven recorded outputs, best of {ROUNDS}, us a step: plain FMPy loop "
+            f"{min(plain):.2f}, bare C {min(bare):.3f}, orchestrator {min(ours):.3f}, to disk {min(disk):.3f}; "
+            f"plain/ours {min(plain) / min(ours):.1f}, ours/bare {min(ours) / min(bare):.2f}, "
+            f"disk/memory {min(disk) / min(ours):.2f}"
         )
+
+
+@pytest.mark.benchmark_ratio
+def test_ten_minutes_of_table_block_and_computer_at_2_khz(folder: Path, tmp_path: Path, capsys) -> None:
+    run = {"stop_s": 600.0, "step_s": 0.0005}
+    began = time.perf_counter()
+    found = simulate(scenario(folder, 1, run=run), tmp_path / "out")
+    elapsed = time.perf_counter() - began
+    assert found.height == 1_200_001
+    with capsys.disabled():
+        print(f"\n600 s at 2 kHz, recorded: {elapsed:.2f} s, {600.0 / elapsed:.0f} times real time")

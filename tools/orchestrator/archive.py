@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import re
 import stat
 import zipfile
 import zlib
@@ -97,17 +98,15 @@ def _root_attributes(xml: bytes, label: str) -> dict[str, str]:
 
 
 def _check_version(version: str, label: str) -> None:
-    if version.startswith("3"):
-        raise InputError(f"{label}: is FMI {version}; FMI 3.0 comes later: export as FMI 2.0")
-    if not version.startswith("2."):
-        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; export as FMI 2.0")
+    if not re.fullmatch(r"2\.0(\.\d+)?|3\.\d+(\.\d+)?(-.*)?", version):
+        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; export as FMI 2.0 or 3.0")
 
 
-def _library(names: set[str], identifier: str, label: str) -> str:
+def _library(names: set[str], identifier: str, label: str, version: str) -> str:
     """The member that holds the library for this platform."""
     # fmpy.platform says linux64 on every 64-bit processor; only the tuple tells ARM from Intel.
     platforms = [fmpy.platform_tuple]
-    if fmpy.architecture != "aarch64" or fmpy.system == "darwin":
+    if version.startswith("2") and (fmpy.architecture != "aarch64" or fmpy.system == "darwin"):
         platforms.insert(0, fmpy.platform)
     for platform in platforms:
         member = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
@@ -163,7 +162,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
     Raises
     ------
     InputError
-        missing, damaged, unsafe, not FMI 2.0 co-simulation, or without a binary for this platform
+        missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or without a binary for this platform
     """
     content = _read(path, label)
     sha256 = hashlib.sha256(content).hexdigest()
@@ -182,10 +181,11 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             if sizes["modelDescription.xml"] > MOST_DESCRIPTION_BYTES:
                 raise InputError(f"{label}: modelDescription.xml is too large")
             xml = archive.read("modelDescription.xml")
-            _check_version(_root_attributes(xml, label).get("fmiVersion", ""), label)
+            version = _root_attributes(xml, label).get("fmiVersion", "")
+            _check_version(version, label)
             description = _described(xml, label)
             assert description.coSimulation is not None
-            library = _library(set(sizes), str(description.coSimulation.modelIdentifier), label)
+            library = _library(set(sizes), str(description.coSimulation.modelIdentifier), label, version)
             folder = make_folder(sha256)
             archive.extractall(folder)
     except _DAMAGE as error:

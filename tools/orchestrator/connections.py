@@ -13,12 +13,14 @@ from trihedron.scenario import Connection
 
 @dataclass(frozen=True)
 class Wire:
-    """One scalar output that feeds one scalar input."""
+    """One scalar output that feeds one scalar input: input = factor * output + offset."""
 
     source: str
     output: Variable
     target: str
     input: Variable
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:

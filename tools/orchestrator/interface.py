@@ -5,20 +5,35 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from fmpy.model_description import ModelDescription, SimpleType
+from fmpy.model_description import ModelDescription, ModelVariable, SimpleType
 
 from trihedron.errors import InputError, nearest
 from trihedron.orchestrator.quantities import Scale, scale_of
+from trihedron.orchestrator.value_types import VALUE_TYPES, ValueType
 
 Value = bool | int | float | str
-LARGEST_INTEGER = 2**31 - 1
+MOST_ELEMENTS = 1_000_000
 MANY_ITEMS = 6
 """So many values of an enumeration can be listed in a line."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable; `kind` is Real, Integer, Boolean, String or Enumeration, `items` what that can be."""
+    """One scalar variable, or one element of an array of FMI 3.0.
+
+    Attributes
+    ----------
+    kind : str
+        Real, Integer, Boolean, String or Enumeration; Binary and Clock, which the orchestrator does not pass on
+    items : tuple
+        the values of an enumeration with their names
+    type : str
+        a key of `VALUE_TYPES`
+    place, size : int
+        which element of the array with this value reference it is, and how many there are
+    relative : bool
+        a difference: the offset of its unit does not apply
+    """
 
     name: str
     kind: str
@@ -30,11 +45,28 @@ class Variable:
     maximum: float | None
     start: Value | None
     items: tuple[tuple[int, str], ...] = ()
+    type: str = ""
+    place: int = 0
+    size: int = 1
+    relative: bool = False
 
     @property
     def access(self) -> str:
-        """Which of FMI's four getters and setters serves it: enumerations are passed as integers."""
-        return "Integer" if self.kind == "Enumeration" else self.kind
+        """Which of FMI's getters and setters serves it: enumerations are passed as integers."""
+        return self.type or {"Enumeration": "Integer", "Boolean": "Boolean2"}.get(self.kind, self.kind)
+
+    @property
+    def value_type(self) -> ValueType:
+        """How its value is kept in memory.
+
+        Raises
+        ------
+        InputError
+            a type whose values the orchestrator does not pass on
+        """
+        if self.access not in VALUE_TYPES:
+            raise InputError(f"{self.name} is of type {self.kind}, which the orchestrator does not pass on")
+        return VALUE_TYPES[self.access]
 
 
 @dataclass(frozen=True)
@@ -45,6 +77,7 @@ class Interface:
     model: str
     variables: Mapping[str, Variable]
     scales: Mapping[str, Scale]
+    version: int = 2
 
     @cached_property
     def arrays(self) -> dict[str, tuple[Variable, ...]]:
@@ -93,9 +126,7 @@ class Interface:
 
 def _number(text: object) -> float | None:
     """A number as XML writes it, None where there is none."""
-    if text is None:
-        return None
-    value = float(str(text))
+    value = math.nan if text is None else float(str(text))
     return None if math.isnan(value) else value
 
 
@@ -114,42 +145,75 @@ def _start(kind: str, text: object) -> Value | None:
     return float(str(text)) if kind == "Real" else int(str(text))
 
 
+def _starts(kind: str, entry: ModelVariable, size: int) -> list[Value | None]:
+    """Start values of all elements; one value stands for all."""
+    if not size or kind not in ("Real", "Integer", "Enumeration", "Boolean"):
+        return [_start(kind, entry.start)] * max(size, 1)
+    found: list[Value | None] = [None]
+    if entry.start is not None:
+        found = [_start(kind, text) for text in str(entry.start).split()]
+    if len(found) not in (1, size):
+        raise ValueError(f"{len(found)} start values for {size} elements")
+    return found * size if len(found) == 1 else found
+
+
+def _elements(entry: ModelVariable, version: int) -> list[Variable]:
+    """The scalars of one entry of the model description."""
+    declared = entry.declaredType
+    kind = VALUE_TYPES[entry.type].kind if entry.type in VALUE_TYPES else str(entry.type)
+
+    def attribute(key: str) -> object:
+        own = getattr(entry, key, None)
+        return own if own is not None else getattr(declared, key, None)
+
+    unit, ordered = attribute("unit"), kind in ("Real", "Integer", "Enumeration")
+    relative = bool(entry.relativeQuantity) or bool(getattr(declared, "relativeQuantity", False))
+    size = math.prod(entry.shape) if entry.shape else 0
+    if entry.shape and not 1 <= size <= MOST_ELEMENTS:
+        raise ValueError(f"an array of {size} elements; 1 to {MOST_ELEMENTS} are possible")
+    found = []
+    for place, start in enumerate(_starts(kind, entry, size)):
+        found.append(
+            Variable(
+                f"{entry.name}[{place + 1}]" if size else str(entry.name),
+                kind,
+                int(entry.valueReference),
+                str(entry.causality),
+                str(entry.variability),
+                str(unit) if unit else None,
+                _number(attribute("min")) if ordered else None,
+                _number(attribute("max")) if ordered else None,
+                start,
+                _items(declared) if kind == "Enumeration" else (),
+                "" if version == 2 else "Int64" if kind == "Enumeration" else str(entry.type),
+                place,
+                max(size, 1),
+                relative,
+            )
+        )
+    return found
+
+
 def interface_of(name: str, label: str, description: ModelDescription) -> Interface:
-    """The interface of an FMU as its model description gives it.
+    """The interface of an FMU as its model description gives it; arrays of FMI 3.0 become their elements, row by row.
 
     Raises
     ------
     InputError
         two variables of one name, or a number in the description that is none
     """
+    version = 3 if str(description.fmiVersion).startswith("3") else 2
     variables: dict[str, Variable] = {}
     for entry in description.modelVariables:
-        if entry.name in variables:
-            raise InputError(f"{label}: modelDescription.xml has two variables '{entry.name}'")
-        declared = entry.declaredType
-        kind = str(entry.type)
-
-        def attribute(key: str, entry=entry, declared=declared) -> object:
-            own = getattr(entry, key, None)
-            return own if own is not None else getattr(declared, key, None)
-
-        unit = attribute("unit")
         try:
-            variables[entry.name] = Variable(
-                entry.name,
-                kind,
-                int(entry.valueReference),
-                str(entry.causality),
-                str(entry.variability),
-                str(unit) if unit else None,
-                _number(attribute("min")) if kind in ("Real", "Integer", "Enumeration") else None,
-                _number(attribute("max")) if kind in ("Real", "Integer", "Enumeration") else None,
-                _start(kind, entry.start),
-                _items(declared) if kind == "Enumeration" else (),
-            )
-        except ValueError as error:
+            elements = _elements(entry, version)
+        except (ValueError, TypeError) as error:
             raise InputError(f"{label}: modelDescription.xml, variable '{entry.name}': {error}") from error
-    return Interface(name, str(description.modelName), variables, _scales(description, label))
+        for variable in elements:
+            if variable.name in variables:
+                raise InputError(f"{label}: modelDescription.xml has two variables '{variable.name}'")
+            variables[variable.name] = variable
+    return Interface(name, str(description.modelName), variables, _scales(description, label), version)
 
 
 def _scales(description: ModelDescription, label: str) -> dict[str, Scale]:
@@ -194,14 +258,15 @@ def checked(value: Value, variable: Variable) -> Value:
     InputError
         another type, not finite, or outside the declared limits
     """
-    kind = variable.kind
+    kind, value_type = variable.kind, variable.value_type
     if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
         value = float(value)
         if not math.isfinite(value):
             raise InputError(f"{variable.name} = {value} is not a finite number")
     elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
-        if abs(value) > LARGEST_INTEGER:
-            raise InputError(f"{variable.name} = {value} does not fit 32 bits")
+        low, high = value_type.whole_span
+        if not low <= value <= high:
+            raise InputError(f"{variable.name} = {value} does not fit {(high - low).bit_length()} bits")
     elif not (kind == "Boolean" and isinstance(value, bool)) and not (kind == "String" and isinstance(value, str)):
         shown = str(value).lower() if isinstance(value, bool) else repr(value)
         wanted = {"Real": "a number", "Boolean": "true or false", "String": "a text"}.get(kind, "a whole number")

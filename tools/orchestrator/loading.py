@@ -1,7 +1,7 @@
 """The FMUs of a scenario: built or found, unpacked, their parameters resolved."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from trihedron.errors import InputError, nearest
 from trihedron.fmus import build, component_names
 from trihedron.models.effects import EffectPlace, parameter_name, place_from_mapping
 from trihedron.orchestrator.archive import UnpackedFmu, unpack
+from trihedron.orchestrator.coupling import Coupling, Group
 from trihedron.orchestrator.interface import Interface, Value, Variable, interface_of
 from trihedron.orchestrator.parameters import calibrated_parameters, resolve_parameters
 from trihedron.scenario import FmuSetting, Scenario
@@ -87,6 +88,18 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
         values = resolve_parameters(interface, setting.parameters, calibrated, of_effects)
         loaded[name] = Loaded(fmu, interface, values)
     return loaded
+
+
+def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: Coupling) -> None:
+    """Refuse to iterate over an FMU whose state cannot be set back."""
+    for name in (name for group in groups if group.cyclic and coupling.kind == "iterate" for name in group.members):
+        described = loaded[name].fmu.description.coSimulation
+        flags = [getattr(described, flag, None) for flag in ("canGetAndSetFMUstate", "canGetAndSetFMUState")]
+        if not any(str(flag).lower() in ("true", "1") for flag in flags):
+            raise InputError(
+                f"run.coupling = \"iterate\": '{name}' ({loaded[name].fmu.label}) cannot get and set its state; "
+                'coupling = "jacobi" needs no state'
+            )
 
 
 def _effects(name: str, setting: FmuSetting) -> tuple[tuple[EffectPlace, ...], dict[str, float]]:

@@ -5,206 +5,160 @@ those that step after it (Gauss-Seidel), so an increment over a step is there wh
 """
 
 import ctypes
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import time as clocks
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
 
 from trihedron.errors import InputError
-from trihedron.orchestrator.archive import UnpackedFmu
-from trihedron.orchestrator.bus import FmuBus, Port
+from trihedron.orchestrator import operations as op
+from trihedron.orchestrator.blocks import Blocks, Keep
+from trihedron.orchestrator.ensemble import Ensemble
 from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.interface import Value, Variable
-from trihedron.orchestrator.interrupts import held_interrupt
-from trihedron.orchestrator.slave import WARNING, Slave
+from trihedron.orchestrator.initialisation import initialise
+from trihedron.orchestrator.interrupts import Interrupt, held_interrupt
+from trihedron.orchestrator.plain_loop import plain_march
+from trihedron.orchestrator.program import Program, step_program
+from trihedron.orchestrator.slave import Slave
+from trihedron.orchestrator.slave_3 import Slave3
 
-Recorded = dict[tuple[str, str], Any]
-Ticker = Callable[[range], Iterable[int]]
+Progress = Callable[[int], None]
+"""Told how many steps are made."""
+
+CALL_SECONDS = 0.05
+"""About so long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
 
 
 def run_fmus(
-    order: Sequence[str],
-    fmus: Mapping[str, UnpackedFmu],
-    parameters: Mapping[str, Iterable[tuple[Variable, Value]]],
-    buses: Mapping[str, FmuBus],
+    ensemble: Ensemble,
     grid: Grid,
     every: int,
-    ticks: Ticker = iter,
-) -> Recorded:
+    keep: Keep,
+    *,
+    progress: Progress = lambda _: None,
+    flush: Callable[[], bool] = lambda: False,
+    compiled: bool = True,
+) -> None:
     """Run FMUs together from the grid's start to its end.
 
     Parameters
     ----------
-    order : sequence of str
-        the FMUs in the order in which they step
-    fmus, parameters, buses : mapping
-        by the FMU's name: what to instantiate, what to set before initialisation, its buffers
+    ensemble : Ensemble
     grid : Grid
     every : int
         record every n-th communication point, the first one included
-    ticks : callable
-        wraps the range of ticks, for a progress bar
-
-    Returns
-    -------
-    dict
-        (FMU, variable) -> values at the recorded communication points
+    keep : callable
+        takes the recorded values block by block: (ticks, (FMU, variable) -> values)
+    progress : callable
+    flush : callable
+        whether a block is to be handed on before it is full
+    compiled : bool
+        by machine code, unless strings are recorded; otherwise by plain Python, with the same results
 
     Raises
     ------
     InputError
-        a call that does not end with OK or Warning, or an output that is not finite
+        a call that does not end with OK or Warning, an output that is not finite, or a cycle that does not settle
     KeyboardInterrupt
-        Ctrl-C, once the FMUs are closed
+        Ctrl-C, once what was recorded is kept and the FMUs are closed
     """
-    rows = grid.steps // every + 1
     with held_interrupt() as interrupt, ExitStack() as stack:
         slaves: dict[str, Slave] = {}
-        for name in order:
-            slaves[name] = slave = Slave(name, fmus[name])
+        for name in ensemble.order:
+            fmu = ensemble.fmus[name]
+            kind = Slave3 if ensemble.interfaces[name].version == 3 else Slave
+            slaves[name] = slave = kind(name, fmu)
             stack.callback(slave.close)
-        lines = {name: _Line(slaves[name], buses[name], grid, rows) for name in order}
-        _initialise(order, slaves, parameters, lines, grid)
-        steppers = [lines[name].stepper() for name in order]
-        recorders = [lines[name].record for name in order if any(buses[name].recorded.values())]
-        for record in recorders:
-            record(0)
-        start, step = grid.start, grid.step
-        with np.errstate(invalid="ignore"):
-            for k in ticks(range(grid.steps)):
-                if interrupt:
-                    break
-                time = start + k * step
-                for advance in steppers:
-                    advance(k, time)
-                if (k + 1) % every == 0:
-                    row = (k + 1) // every
-                    for record in recorders:
-                        record(row)
+        initialise(slaves, ensemble, grid)
+        blocks = Blocks(ensemble.order, ensemble.buses, grid, every, keep)
+        blocks.record()
+        program = step_program(ensemble.groups, slaves, ensemble.buses, ensemble.coupling)
+        loop = _Loop(program, slaves, grid, every, blocks, compiled=compiled)
+        try:
+            loop.run(interrupt, progress, flush)
+        finally:
+            loop.free_states()
+        blocks.flush()
         for slave in slaves.values():
             slave.close(finished=not interrupt)
-        return {key: values for name in order for key, values in lines[name].recorded().items()}
 
 
-def _initialise(
-    order: Sequence[str],
-    slaves: Mapping[str, Slave],
-    parameters: Mapping[str, Iterable[tuple[Variable, Value]]],
-    lines: Mapping[str, "_Line"],
-    grid: Grid,
-) -> None:
-    """Bring all FMUs through initialisation; outputs are passed on in it and after it."""
-    stop = grid.time(grid.steps)
-    for name in order:
-        slaves[name].set_values(parameters[name])
-        slaves[name].call("fmi2SetupExperiment", 0, 0.0, grid.start, 1, stop)
-    for name in order:
-        slaves[name].call("fmi2EnterInitializationMode")
-        lines[name].exchange()
-    for name in order:
-        slaves[name].call("fmi2ExitInitializationMode")
-    for name in order:
-        lines[name].exchange()
+class _Loop:
+    """The steps, a stretch at a time."""
 
+    def __init__(
+        self, program: Program, slaves: Mapping[str, Slave], grid: Grid, every: int, blocks: Blocks, *, compiled: bool
+    ) -> None:
+        self.program, self.slaves, self.grid, self.blocks = program, slaves, grid, blocks
+        self.operations = np.array(program.rows, dtype=np.int64).reshape(-1, op.WIDTH)
+        self.numbers = np.array(program.numbers, dtype=np.float64).reshape(-1, 2)
+        self.state = np.zeros(op.CURSORS + program.cursors, dtype=np.int64)
+        self.clock = np.array([grid.start, grid.step, 0.0])
+        self.state[op.EVERY], self.state[op.ROWS], self.state[op.AT] = every, len(program.rows), -1
+        self.state[op.RECORDS] = len(blocks.records)
+        self._march = self._compiled() if compiled and not blocks.has_text else self._plain
 
-class _Line:
-    """One FMU in the loop: its buffers with its C functions, and its rows of the record."""
+    def _compiled(self) -> Callable[[], int]:
+        from trihedron.orchestrator.machine_code import compiled_march
 
-    def __init__(self, slave: Slave, bus: FmuBus, grid: Grid, rows: int) -> None:
-        self.slave, self.bus, self.grid = slave, bus, grid
-        self._sets = [(self._bound("Set", port), port.changing, len(port.variables)) for port in bus.inputs.values()]
-        self._gets = [self._bound("Get", port) for port in bus.outputs.values()]
-        self._text: dict[str, list[str]] = {v.name: [] for v in self._recorded_strings()}
-        self._rows = {
-            access: np.zeros((rows, count), dtype=bus.outputs[access].values.dtype)
-            for access, count in bus.recorded.items()
-            if count and access != "String"
-        }
-        self._kept = [
-            (kept.ctypes.data, bus.outputs[access].address, kept.shape[1] * kept.itemsize)
-            for access, kept in self._rows.items()
-        ]
+        march = compiled_march()
+        tables = (self.operations, self.numbers, self.blocks.records, self.state, self.clock)
+        addresses = [table.ctypes.data for table in tables]
+        return lambda: march(*addresses)
 
-    def _bound(self, verb: str, port: Port) -> tuple[Any, int, int, int, str]:
-        name = f"fmi2{verb}{port.access}"
-        references = ctypes.addressof(port.references)
-        return self.slave.function(name), references, len(port.variables), port.address, name
+    def _plain(self) -> int:
+        return plain_march(self.program, self.blocks.records, self.blocks.keep_texts, self.state, self.clock)
 
-    def _recorded_strings(self) -> tuple[Variable, ...]:
-        count = self.bus.recorded.get("String", 0)
-        return self.bus.outputs["String"].variables[:count] if count else ()
+    def run(self, interrupt: Interrupt, progress: Progress, flush: Callable[[], bool]) -> None:
+        """All steps, until one fails or Ctrl-C is pressed; what was recorded is in the blocks."""
+        made, stretch, every = 0, 1, int(self.state[op.EVERY])
+        while made < self.grid.steps and not interrupt:
+            room = (self.blocks.rows - self.blocks.row) * every - made % every
+            last = min(self.grid.steps, made + min(stretch, room))
+            self.state[op.LAST_STEP], self.state[op.ROW] = last, self.blocks.row
+            began = clocks.perf_counter()
+            status = self._march()
+            elapsed = clocks.perf_counter() - began
+            self.blocks.advance(int(self.state[op.ROW]))
+            if status:
+                self._refuse()
+            made = last
+            stretch = min(2 * stretch, max(1, int(stretch * CALL_SECONDS / max(elapsed, 1e-9))))
+            if flush():
+                self.blocks.flush()
+            progress(made)
 
-    def exchange(self) -> None:
-        """Set every input (row of the first step) and get every output, before the first step."""
-        for rows, base, width, target in self.bus.feeds:
-            ctypes.memmove(target, base + rows[0] * width, width)
-        for target, source, size in self.bus.moves:
-            ctypes.memmove(target, source, size)
-        for (function, references, count, address, name), _, _ in self._sets:
-            status = function(self.slave.component, references, count, address)
-            if status > WARNING:
-                self.slave.fail(name, status, None)
-        for function, references, count, address, name in self._gets:
-            status = function(self.slave.component, references, count, address)
-            if status > WARNING:
-                self.slave.fail(name, status, None)
-        self._refuse_not_finite(self.grid.start)
+    def _refuse(self) -> NoReturn:
+        """Say which FMU failed, when and why."""
+        at, status = int(self.state[op.AT]), int(self.state[op.STATUS])
+        place, code = self.program.places[at], self.program.rows[at][0]
+        k = int(self.state[op.STEP])
+        begin, end = self.grid.time(k), self.grid.time(k) + self.grid.step
+        if status == op.NOT_SETTLED and place.group is not None:
+            value = self.program.places[int(self.state[op.CHANGING])]
+            assert value.variable is not None
+            changes = float(self.clock[op.CHANGE])
+            raise InputError(
+                f"the cycle {place.group} does not settle in {int(self.state[op.ITERATION])} iterations at "
+                f"{begin:.9g} s: '{value.fmu}.{value.variable.name}' still changes by {changes:.3g} times the tolerance"
+            )
+        slave = self.slaves[place.fmu]
+        if status == op.NOT_FINITE:
+            assert place.port is not None
+            slave.refuse_not_finite(place.port.variables, place.port.values, self.grid.time(k + 1))
+        if status == op.ENDED:
+            raise InputError(f"{slave}: {place.call} at {begin:.9g} s asks for the end of the simulation")
+        if status == op.EARLY:
+            raise InputError(f"{slave}: {place.call} at {begin:.9g} s returned before the end of the step")
+        got = code in (op.CALL4, op.CALL5) and "Get" in place.call
+        slave.fail(place.call, status, end if got else begin)
 
-    def _refuse_not_finite(self, time: float) -> None:
-        port = self.bus.outputs.get("Real")
-        if port is None:
-            return
-        for variable, value in zip(port.variables, port.values.tolist(), strict=True):
-            if not math.isfinite(value):
-                raise InputError(f"{self.slave}: {variable.name} is {value} at {time:.9g} s")
-
-    def stepper(self) -> Callable[[int, float], None]:
-        """A function (k, t_k) that makes one step: inputs in, doStep, outputs out."""
-        slave, component, step = self.slave, self.slave.component, self.grid.step
-        feeds, moves, gets = self.bus.feeds, self.bus.moves, self._gets
-        sets = [(f, references, n, address, name) for (f, references, _, address, name), n, _ in self._sets if n]
-        do_step, memmove = slave.function("fmi2DoStep"), ctypes.memmove
-        real = self.bus.outputs.get("Real")
-        values = np.zeros(0) if real is None else real.values
-        # 0 * inf and 0 * NaN are NaN: one product tells whether all outputs are finite.
-        dot, zeros = values.dot, np.zeros(len(values))
-
-        def advance(k: int, time: float) -> None:
-            for rows, base, width, target in feeds:
-                memmove(target, base + rows[k] * width, width)
-            for target, source, size in moves:
-                memmove(target, source, size)
-            for function, references, count, address, name in sets:
-                status = function(component, references, count, address)
-                if status > WARNING:
-                    slave.fail(name, status, time)
-            status = do_step(component, time, step, 1)
-            if status > WARNING:
-                slave.fail("fmi2DoStep", status, time)
-            for function, references, count, address, name in gets:
-                status = function(component, references, count, address)
-                if status > WARNING:
-                    slave.fail(name, status, time + step)
-            if dot(zeros) != 0.0:
-                self._refuse_not_finite(self.grid.time(k + 1))
-
-        return advance
-
-    def record(self, row: int) -> None:
-        """Keep the recorded outputs as a row."""
-        for target, source, size in self._kept:
-            ctypes.memmove(target + row * size, source, size)
-        for index, texts in enumerate(self._text.values()):
-            address = int(self.bus.outputs["String"].values[index])
-            texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
-
-    def recorded(self) -> Recorded:
-        """All rows, by FMU and variable."""
-        name = self.slave.name
-        found: Recorded = {(name, variable): texts for variable, texts in self._text.items()}
-        for access, kept in self._rows.items():
-            for index, variable in enumerate(self.bus.outputs[access].variables[: kept.shape[1]]):
-                found[name, variable.name] = kept[:, index]
-        return found
+    def free_states(self) -> None:
+        """Free the states that a step left when it failed."""
+        for row, place in zip(self.program.rows, self.program.places, strict=True):
+            if row[0] == op.RESTORE:
+                state = ctypes.c_size_t.from_address(row[3])
+                if state.value:
+                    self.slaves[place.fmu].free_state_at(row[3])

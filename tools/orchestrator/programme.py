@@ -112,5 +112,5 @@ def resolve_programme(
 
 def drive_of_programme(programme: Programme, grid: Grid) -> Drive:
     """The programme's commands over the steps of the run; the last one holds to the end."""
-    rows = np.searchsorted(programme.begins, np.arange(grid.steps), side="right") - 1
-    return Drive(programme.fmu, programme.variables, programme.command, rows)
+    within = programme.begins < grid.steps
+    return Drive(programme.fmu, programme.variables, programme.command[within], programme.begins[within])

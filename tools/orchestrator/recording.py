@@ -2,15 +2,16 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import polars as pl
 
 from trihedron.errors import InputError
+from trihedron.orchestrator.blocks import Values
 from trihedron.orchestrator.grid import Grid
 from trihedron.orchestrator.interface import Interface, Variable, refer
 from trihedron.orchestrator.quantities import conversion, suffix_for
+from trihedron.orchestrator.value_types import VALUE_TYPES
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, 
             Column(_default_name(interface.name, variable), interface.name, variable)
             for interface in interfaces.values()
             for variable in interface.variables.values()
-            if variable.causality == "output"
+            if variable.causality == "output" and variable.access in VALUE_TYPES
         ]
     resolved = []
     for name, text in columns.items():
@@ -48,6 +49,7 @@ def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, 
             if len(variables) != 1:
                 raise InputError(f"'{text}' has {len(variables)} elements; a column takes one: '{text}[1]'")
             factor, offset = conversion(variables[0].unit, name, interface.scales)
+            _ = variables[0].value_type
         except InputError as error:
             raise InputError(f"record.columns.{name}: {error}") from error
         resolved.append(Column(name, interface.name, variables[0], factor, offset))
@@ -64,33 +66,30 @@ def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
     return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
 
 
-def record_table(
-    columns: Iterable[Column], values: Mapping[tuple[str, str], Any], grid: Grid, every: int
-) -> pl.DataFrame:
-    """The record as a table, time first.
+def block_table(columns: Iterable[Column], values: Values, ticks: range, grid: Grid) -> pl.DataFrame:
+    """Rows of the record as a table, time first.
 
     Parameters
     ----------
     columns : iterable of Column
     values : mapping
         (FMU, variable) -> its recorded values, in the variable's own unit
+    ticks : range
+        communication points of the rows
     grid : Grid
-    every : int
-        every n-th communication point is a row
     """
-    ticks = np.arange(0, grid.steps + 1, every)
-    series = [pl.Series("time_s", grid.start + ticks * grid.step)]
+    series = [pl.Series("time_s", grid.start + np.arange(ticks.start, ticks.stop, ticks.step) * grid.step)]
     for column in columns:
-        found = values[column.fmu, column.variable.name]
-        if column.variable.access == "Real":
-            found = np.ascontiguousarray(found)
+        variable, found = column.variable, values[column.fmu, column.variable.name]
+        if variable.kind == "Real":
+            found = np.array(found, dtype=np.float64)
             if (column.factor, column.offset) != (1.0, 0.0):
                 found = column.factor * found + column.offset
-            series.append(pl.Series(column.name, found, dtype=pl.Float64))
-        elif column.variable.access == "Boolean":
+            series.append(pl.Series(column.name, found))
+        elif variable.kind == "Boolean":
             series.append(pl.Series(column.name, np.asarray(found) != 0, dtype=pl.Boolean))
-        elif column.variable.access == "Integer":
-            series.append(pl.Series(column.name, np.ascontiguousarray(found), dtype=pl.Int32))
-        else:
+        elif variable.kind == "String":
             series.append(pl.Series(column.name, found, dtype=pl.String))
+        else:
+            series.append(pl.Series(column.name, np.array(found)))
     return pl.DataFrame(series)

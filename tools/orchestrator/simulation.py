@@ -1,13 +1,12 @@
 """A scenario from its FMUs to its record."""
 
-import json
 import platform
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,19 +14,22 @@ from typing import Any
 import polars as pl
 
 from trihedron.errors import InputError
+from trihedron.orchestrator.blocks import Values
 from trihedron.orchestrator.bus import make_buses
-from trihedron.orchestrator.connections import check_single_sources, resolve_connections, stepping_order
+from trihedron.orchestrator.connections import check_single_sources, resolve_connections
+from trihedron.orchestrator.coupling import Coupling, stepping_groups
+from trihedron.orchestrator.ensemble import Ensemble
 from trihedron.orchestrator.grid import Grid, make_grid
 from trihedron.orchestrator.interface import Value, Variable
-from trihedron.orchestrator.loading import Loaded, Sources, load
-from trihedron.orchestrator.master import Ticker, run_fmus
+from trihedron.orchestrator.journal import Journal
+from trihedron.orchestrator.loading import Loaded, Sources, check_states, load
+from trihedron.orchestrator.master import Progress, run_fmus
 from trihedron.orchestrator.parameters import value_at_start
 from trihedron.orchestrator.programme import Programme, drive_of_programme, resolve_programme
-from trihedron.orchestrator.recording import record_table, recorded_variables, resolve_columns
+from trihedron.orchestrator.recording import block_table, recorded_variables, resolve_columns
 from trihedron.orchestrator.stimuli import Drive, resolve_constant, resolve_rows
 from trihedron.orchestrator.tables import NumberTable, read_table, table_from
 from trihedron.scenario import Scenario, Stimulus
-from trihedron.writing import whole_folder
 
 SCHEMA = "trihedron.run/1"
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")
@@ -40,8 +42,8 @@ class Run:
 
     Attributes
     ----------
-    table : DataFrame
-        `time_s` and the recorded columns; row k is the state at the k-th recorded communication point
+    rows : DataFrame or None
+        the record; None where it is too long for memory and only in the file
     scenario : Scenario
         as it was run
     provenance : dict
@@ -50,10 +52,29 @@ class Run:
         what was written
     """
 
-    table: pl.DataFrame
+    rows: pl.DataFrame | None
     scenario: Scenario
     provenance: dict[str, Any]
     files: tuple[Path, ...] = ()
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return self.rows.columns if self.rows is not None else _scan(self.files[0]).collect_schema().names()
+
+    @property
+    def height(self) -> int:
+        """How many rows there are."""
+        return self.rows.height if self.rows is not None else _scan(self.files[0]).select(pl.len()).collect().item()
+
+    @cached_property
+    def table(self) -> pl.DataFrame:
+        """The rows in memory: `time_s` and the recorded columns; row k is the k-th recorded communication point."""
+        return self.rows if self.rows is not None else _scan(self.files[0]).collect()
+
+
+def _scan(file: Path) -> pl.LazyFrame:
+    return pl.scan_csv(file) if file.suffix == ".csv" else pl.scan_parquet(file)
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -62,7 +83,7 @@ def default_folder(scenario: Scenario) -> Path:
     return Path(f"{stem}-run")
 
 
-def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = False) -> Run:
+def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = False, compiled: bool = True) -> Run:
     """Run a scenario.
 
     Parameters
@@ -72,6 +93,8 @@ def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = Fa
         folder for run.parquet or run.csv and run.json; None: nothing is written
     progress : bool
         show a bar on standard error, where that is a terminal
+    compiled : bool
+        the loop over the steps as machine code; False: as plain Python, with the same results
 
     Returns
     -------
@@ -81,43 +104,73 @@ def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = Fa
     ------
     InputError
         whatever the scenario asks for and cannot be done, in one line; then nothing is written
+    KeyboardInterrupt
+        Ctrl-C; what was recorded until then is written, and run.json says that it is not complete
     """
     try:
-        table, provenance = _run(scenario, progress=progress)
+        return _run(scenario, None if out is None else Path(out), progress=progress, compiled=compiled)
     except InputError as error:
         prefix = f"{scenario.source}: " if scenario.source is not None else ""
         raise InputError(f"{prefix}{error}") from error
     except MemoryError as error:
         raise InputError("the run does not fit into memory; raise record.every or record less") from error
-    files = () if out is None else _write(table, provenance, Path(out), scenario.record.format)
-    return Run(table, scenario, provenance, files)
 
 
-def _run(scenario: Scenario, *, progress: bool) -> tuple[pl.DataFrame, dict[str, Any]]:
+def _run(scenario: Scenario, out: Path | None, *, progress: bool, compiled: bool) -> Run:
     sources = Sources(scenario.base_folder)
     with _temporary_folder() as folder:
         loaded = load(scenario, sources, folder)
         interfaces = {name: entry.interface for name, entry in loaded.items()}
         wires = resolve_connections(scenario.connections, interfaces)
-        order = stepping_order(list(interfaces), wires)
+        coupling = _coupling(scenario)
+        groups = stepping_groups(list(interfaces), wires, coupling)
+        check_states(groups, loaded, coupling)
         grid, drives = _resolve_stimuli(scenario, sources, loaded)
         check_single_sources(wires, drives)
         columns = resolve_columns(scenario.record.columns, interfaces)
-        recorded = {name: recorded_variables(columns, name) for name in interfaces}
-        buses = make_buses(order, wires, [drive for _, drive in drives], recorded)
+        ensemble = Ensemble(
+            groups,
+            {name: entry.fmu for name, entry in loaded.items()},
+            interfaces,
+            {name: entry.values.values() for name, entry in loaded.items()},
+            make_buses(
+                interfaces,
+                wires,
+                [drive for _, drive in drives],
+                {name: recorded_variables(columns, name) for name in interfaces},
+                lambda name, variable: value_at_start(variable, loaded[name].values),
+            ),
+            coupling,
+        )
+        provenance = _provenance(scenario, loaded, ensemble.order, sources, grid)
+        journal = Journal(out, provenance)
         every = scenario.record.every
-        with _ticker(show=progress) as ticks:
-            values = run_fmus(
-                order,
-                {name: entry.fmu for name, entry in loaded.items()},
-                {name: entry.values.values() for name, entry in loaded.items()},
-                buses,
-                grid,
-                every,
-                ticks,
-            )
-        table = record_table(columns, values, grid, every)
-    return table, _provenance(scenario, loaded, order, sources, grid)
+        last = grid.steps // every * every
+
+        def keep(ticks: range, values: Values) -> None:
+            nonlocal reached
+            reached = ticks[-1]
+            journal.add(block_table(columns, values, ticks, grid), more=reached < last)
+
+        reached = 0
+        try:
+            with _bar(grid.steps, show=progress) as shown:
+                run_fmus(ensemble, grid, every, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
+        except KeyboardInterrupt:
+            so_far = {"complete": False, "steps": reached, "final_time_s": grid.time(reached)}
+            _, files = journal.finish(scenario.record.format, so_far)
+            where = f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
+            raise KeyboardInterrupt(f"interrupted{where}") from None
+        except BaseException:
+            journal.drop()
+            raise
+        table, files = journal.finish(scenario.record.format, {})
+    return Run(table, scenario, provenance, files)
+
+
+def _coupling(scenario: Scenario) -> Coupling:
+    run, usual = scenario.run, Coupling()
+    return Coupling(run.coupling, run.tolerance or usual.tolerance, run.iterations or usual.iterations)
 
 
 @contextmanager
@@ -182,26 +235,17 @@ def _in(where: str) -> Iterator[None]:
 
 
 @contextmanager
-def _ticker(*, show: bool) -> Iterator[Ticker]:
-    """What wraps the loop over the steps: a progress bar, or nothing."""
+def _bar(steps: int, *, show: bool) -> Iterator[Progress]:
+    """What is told how many steps are made: a progress bar, or nobody."""
     if not show or not sys.stderr.isatty():
-        yield iter
+        yield lambda _: None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress as Bars
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-
-        def ticks(steps: range) -> Iterator[int]:
-            task = bar.add_task("simulating", total=len(steps))
-            shown = time.monotonic()
-            for k in steps:
-                yield k
-                if not k & 255 and time.monotonic() - shown > 0.1:
-                    shown = time.monotonic()
-                    bar.update(task, completed=k + 1)
-
-        yield ticks
+    with Bars(console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task("simulating", total=steps)
+        yield lambda made: bars.update(task, completed=made)
 
 
 def _provenance(
@@ -220,19 +264,3 @@ def _provenance(
         "steps": grid.steps,
         "final_time_s": grid.time(grid.steps),
     }
-
-
-def _write(table: pl.DataFrame, provenance: dict[str, Any], out: Path, form: str) -> tuple[Path, ...]:
-    """Write the table and run.json into a folder, whole or not at all."""
-    data = f"run.{form}"
-    with whole_folder(out) as beside:
-        if form == "csv":
-            table.write_csv(beside / data)
-        else:
-            table.write_parquet(beside / data)
-        text = json.dumps(provenance, indent=2, ensure_ascii=False, allow_nan=False)
-        (beside / "run.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-    # A run of another form that stood here would not be the one that run.json describes.
-    for stale in {"run.csv", "run.parquet"} - {data}:
-        (out / stale).unlink(missing_ok=True)
-    return out / data, out / "run.json"

@@ -1,6 +1,7 @@
 """One running FMU: its library, its instance, its log, and every call with its status looked at."""
 
 import ctypes
+import math
 import os
 import sys
 from collections import deque
@@ -16,24 +17,11 @@ from fmpy.fmi1 import FMICallException
 
 from trihedron.errors import InputError
 from trihedron.orchestrator.archive import UnpackedFmu
-from trihedron.orchestrator.interface import Value, Variable
+from trihedron.orchestrator.interface import Interface, Value, Variable
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-WARNING = 1
 DISCARD = 2
 FATAL = 4
-C_TYPES: dict[str, Any] = {
-    "Real": ctypes.c_double,
-    "Integer": ctypes.c_int,
-    "Boolean": ctypes.c_int,
-    "String": ctypes.c_char_p,
-}
-_POINTER, _SIZE, _REAL, _INT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double, ctypes.c_int
-# Addresses instead of typed pointers: ctypes passes a plain int to a c_void_p fastest.
-_ARGUMENTS = {
-    "fmi2DoStep": [_POINTER, _REAL, _REAL, _INT],
-    **{f"fmi2{verb}{kind}": [_POINTER, _POINTER, _SIZE, _POINTER] for verb in ("Set", "Get") for kind in C_TYPES},
-}
 
 
 def forget_script(fmu: UnpackedFmu) -> None:
@@ -54,20 +42,20 @@ def forget_script(fmu: UnpackedFmu) -> None:
 def _listen(environment: int | None, name: bytes | None, status: int, _category: bytes, text: bytes | None) -> None:
     """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
     message = " ".join((text or b"").decode("utf-8", "replace").split())
-    slave = _LISTENING.get(environment or 0)
+    slave = LISTENING.get(environment or 0)
     called = (name or b"").decode("utf-8", "replace")
-    heard = [slave] if slave else [s for s in _LISTENING.values() if s.name == called] or list(_LISTENING.values())
+    heard = [slave] if slave else [s for s in LISTENING.values() if s.name == called] or list(LISTENING.values())
     for instance in heard:
         instance.hear(status, message)
 
 
-_LISTENING: "WeakValueDictionary[int, Slave]" = WeakValueDictionary()
+LISTENING: "WeakValueDictionary[int, Slave]" = WeakValueDictionary()
 # One logger for all instances, never freed: FMPy's proxy knows only the logger that it was given last.
 _LOGGER = fmi2.fmi2CallbackLoggerTYPE(_listen)
 
 
 class Slave:
-    """An instance of an FMU. A call that fails is an InputError with FMU, call, time and the FMU's own words.
+    """An instance of an FMU of FMI 2.0. A failing call is an InputError with FMU, call, time and the FMU's own words.
 
     Parameters
     ----------
@@ -77,37 +65,46 @@ class Slave:
         what to instantiate
     """
 
+    prefix = "fmi2"
+    set_state, get_state, free_state = "fmi2SetFMUstate", "fmi2GetFMUstate", "fmi2FreeFMUstate"
+
     def __init__(self, name: str, fmu: UnpackedFmu) -> None:
         self.name = name
         self.label = fmu.label
         self._log: deque[tuple[int, str]] = deque(maxlen=64)
-        _LISTENING[id(self)] = self
+        LISTENING[id(self)] = self
         self._dead = False
-        self._instance: fmi2.FMU2Slave | None = None
+        self._instance: Any = None
         forget_script(fmu)
-        interface = fmu.description.coSimulation
-        assert interface is not None
         here = Path.cwd()
         try:
-            self._fmu = fmi2.FMU2Slave(
-                instanceName=name,
-                guid=fmu.description.guid,
-                modelIdentifier=interface.modelIdentifier,
-                unzipDirectory=str(fmu.folder),
-                libraryPath=str(fmu.library),
-            )
+            self._fmu: Any = self._loaded(fmu)
         except Exception as error:  # FMPy raises plain Exception, AttributeError or OSError here
             raise InputError(f"{self}: its library cannot be loaded ({' '.join(str(error).split())})") from error
         finally:
             os.chdir(here)
-        self._callbacks = self._make_callbacks(finished_text=fmu.python_module is not None)
         try:
-            self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
+            self._instantiate(fmu)
         except Exception as error:  # FMPy raises plain Exception when it gets no instance
             self._fmu.freeLibrary()
-            raise InputError(f"{self}: fmi2Instantiate failed{self._said()}") from error
+            raise InputError(f"{self}: {self.prefix}Instantiate failed{self._said()}") from error
         self._instance = self._fmu
-        self.component: int = self._fmu.component  # type: ignore[assignment]
+        self.component: int = self._fmu.component
+
+    def _loaded(self, fmu: UnpackedFmu) -> Any:
+        """The library with FMPy's prototypes of its functions."""
+        assert fmu.description.coSimulation is not None
+        return fmi2.FMU2Slave(
+            instanceName=self.name,
+            guid=fmu.description.guid,
+            modelIdentifier=fmu.description.coSimulation.modelIdentifier,
+            unzipDirectory=str(fmu.folder),
+            libraryPath=str(fmu.library),
+        )
+
+    def _instantiate(self, fmu: UnpackedFmu) -> None:
+        self._callbacks = self._make_callbacks(finished_text=fmu.python_module is not None)
+        self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
 
     def __str__(self) -> str:
         return f"FMU '{self.name}' ({self.label})"
@@ -146,6 +143,11 @@ class Slave:
         when = "before the first step" if time is None else f"at {time:.9g} s"
         raise InputError(f"{self}: {call} {when} ended with {ended}{self._said()}")
 
+    def refuse_not_finite(self, variables: Iterable[Variable], values: Iterable[float], time: float) -> NoReturn:
+        """Refuse the run because one of these outputs is not finite."""
+        found = [(v.name, float(x)) for v, x in zip(variables, values, strict=True) if not math.isfinite(x)]
+        raise InputError(f"{self}: {found[0][0]} is {found[0][1]} at {time:.9g} s")
+
     def call(self, name: str, *arguments: Any, time: float | None = None) -> None:
         """Call an FMI function by name with this instance; a status above Warning is an InputError."""
         try:
@@ -153,33 +155,50 @@ class Slave:
         except FMICallException as error:
             self.fail(name, error.status, time)
 
-    def function(self, name: str) -> Any:
-        """The C function itself, taking addresses as plain integers; the caller looks at the status."""
-        function = self._fmu.dll[name]
-        function.argtypes = _ARGUMENTS[name]
-        function.restype = ctypes.c_int
-        return function
+    def address(self, name: str) -> int:
+        """Where a C function of the library is."""
+        try:
+            found = ctypes.cast(self._fmu.dll[name], ctypes.c_void_p).value
+        except AttributeError as error:
+            raise InputError(f"{self}: its library has no function {name}") from error
+        assert found is not None
+        return found
 
-    def set_values(self, values: Iterable[tuple[Variable, Value]]) -> None:
+    def accessor(self, verb: str, access: str) -> str:
+        """Name of the function that gets or sets values of a type."""
+        return f"{self.prefix}{verb}{'Boolean' if access == 'Boolean2' else access}"
+
+    def set_values(self, values: Iterable[tuple[Variable, Value]], _interface: Interface) -> None:
         """Set variables one by one, as is done before the run."""
         for variable, value in values:
-            c_type = C_TYPES[variable.access]
+            c_type = ctypes.c_char_p if variable.kind == "String" else variable.value_type.c_type
             number = value.encode() if isinstance(value, str) else value
             reference = (ctypes.c_uint * 1)(variable.reference)
             try:
-                self.call(f"fmi2Set{variable.access}", reference, 1, (c_type * 1)(number))
+                self.call(self.accessor("Set", variable.access), reference, 1, (c_type * 1)(number))
             except InputError as error:
                 raise InputError(f"{error} [setting {variable.name} = {value!r}]") from error
+
+    def begin(self, start: float, stop: float) -> None:
+        """Tell the times of the run and enter initialisation."""
+        self.call("fmi2SetupExperiment", 0, 0.0, start, 1, stop)
+        self.call("fmi2EnterInitializationMode")
+
+    def free_state_at(self, place: int) -> None:
+        """Free a state that stands at an address."""
+        if self._instance is not None and not self._dead:
+            free = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(self.address(self.free_state))
+            free(self.component, place)
 
     def close(self, *, finished: bool = False) -> None:
         """Terminate (after a run that came to its end), free, unload; may be called twice."""
         instance, self._instance = self._instance, None
         if instance is None or self._dead:
-            # After Fatal, FMI 2.0 allows no further call.
+            # After Fatal, FMI allows no further call.
             return
         try:
             if finished:
-                self.call("fmi2Terminate")
+                self.call(f"{self.prefix}Terminate")
         finally:
             if not self._dead:
                 instance.freeInstance()

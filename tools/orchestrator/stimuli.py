@@ -19,12 +19,12 @@ ROW_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class Drive:
-    """Values for some inputs of one FMU: over step k, row `rows[k]` of `values`; without `rows`, one for ever."""
+    """Values for some inputs of one FMU: from step `begins[i]` on row i of `values`; without `begins` one for ever."""
 
     fmu: str
     variables: tuple[Variable, ...]
     values: list[list[Value]] | np.ndarray
-    rows: np.ndarray | None
+    begins: np.ndarray | None
 
 
 def input_variables(text: str, interfaces: Mapping[str, Interface]) -> tuple[Interface, tuple[Variable, ...]]:
@@ -53,8 +53,8 @@ def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) ->
     return Drive(interface.name, variables, [[value for _, value in values]], None)
 
 
-def _rows_of_steps(table: NumberTable, grid: Grid, *, at_end: bool, increments: bool) -> np.ndarray:
-    """Which row holds over each step."""
+def _stretches(table: NumberTable, grid: Grid, *, at_end: bool, increments: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The rows that hold over some step, and the step from which each holds."""
     times = table.columns["time_s"]
     back = np.flatnonzero(np.diff(times) <= 0.0)
     if back.size:
@@ -63,42 +63,48 @@ def _rows_of_steps(table: NumberTable, grid: Grid, *, at_end: bool, increments: 
     near = np.round(ticks)
     ticks = np.where(np.abs(ticks - near) <= ROW_TOLERANCE, near, ticks)
     if not at_end:
-        rows = np.searchsorted(ticks, np.arange(grid.steps), side="right") - 1
-        if rows[0] < 0:
+        if ticks[0] > 0.0:
             raise InputError(
                 f"{table.row(0)}: begins at {times[0]:.9g} s, after the run's start {grid.start:.9g} s: "
                 'the input has no value before (stamp = "end" where rows hold up to their time)'
             )
-        return rows
-    rows = np.searchsorted(ticks, np.arange(1, grid.steps + 1), side="left")
-    if rows[-1] >= len(ticks):
+        return _held(np.ceil(ticks), grid)
+    if ticks[-1] < grid.steps:
         raise InputError(
             f"{table.row(len(ticks) - 1)}: ends at {times[-1]:.9g} s, "
             f"before the run's end {grid.time(grid.steps):.9g} s"
         )
     width = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+    # Row i holds over the steps that end after the row before and not after it.
+    rows, begins = _held(np.concatenate([[-math.inf], np.floor(ticks[:-1])]), grid)
     if rows[0] == 0 and ticks[0] - width > ROW_TOLERANCE:
         raise InputError(
             f"{table.row(0)}: its interval ends at {times[0]:.9g} s, "
             f"and nothing covers the run's start {grid.start:.9g} s"
         )
-    jumps = np.diff(rows)
-    lost = np.flatnonzero(jumps > 1)
+    lost = np.flatnonzero(np.diff(rows) > 1)
     if lost.size:
-        step = int(lost[0]) + 1
-        first, last = table.lines[rows[step] - 1], table.lines[rows[step]]
+        at = int(lost[0]) + 1
+        first, last = table.lines[rows[at] - 1], table.lines[rows[at]]
         raise InputError(
             f"{table.label}: rows {first} and {last} both end within the step that ends at "
-            f"{grid.time(step + 1):.9g} s, so that one is lost; take a shorter run.step_s"
+            f"{grid.time(int(begins[at]) + 1):.9g} s, so that one is lost; take a shorter run.step_s"
         )
-    again = np.flatnonzero(jumps == 0)
+    again = np.flatnonzero(np.diff(np.append(begins, grid.steps)) > 1)
     if increments and again.size:
-        row, step = int(rows[again[0]]), int(again[0]) + 1
+        row, step = int(rows[again[0]]), int(begins[again[0]]) + 1
         raise InputError(
             f"{table.row(row)}: an increment would be applied again in the step that ends at "
             f"{grid.time(step + 1):.9g} s; run.step_s must be the rows' interval"
         )
-    return rows
+    return rows, begins
+
+
+def _held(begins: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Of rows that hold from fractional steps on, those that hold over a step, and their first steps."""
+    first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
+    kept = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
+    return kept, first[kept]
 
 
 def resolve_rows(
@@ -136,21 +142,21 @@ def resolve_rows(
         wires.append((interface, variable, column, factor, offset))
     table = read(["time_s", *(column for _, _, column, _, _ in wires)])
     increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in wires)
-    rows = _rows_of_steps(table, grid, at_end=stimulus.stamp == "end", increments=increments)
+    rows, begins = _stretches(table, grid, at_end=stimulus.stamp == "end", increments=increments)
     groups: dict[tuple[str, str], list[tuple[Variable, np.ndarray]]] = {}
     for interface, variable, column, factor, offset in wires:
         values = (table.columns[column] - offset) / factor
         groups.setdefault((interface.name, variable.access), []).append((variable, values))
         _check_column(table, column, variable, values)
     return [
-        Drive(fmu, tuple(v for v, _ in group), np.column_stack([values for _, values in group]), rows)
+        Drive(fmu, tuple(v for v, _ in group), np.column_stack([values for _, values in group])[rows], begins)
         for (fmu, _), group in groups.items()
     ]
 
 
 def _check_column(table: NumberTable, column: str, variable: Variable, values: np.ndarray) -> None:
     """Refuse a value that the variable's type or limits do not take."""
-    if variable.access == "Real":
+    if variable.kind == "Real":
         low = -math.inf if variable.minimum is None else variable.minimum
         high = math.inf if variable.maximum is None else variable.maximum
         suspects = np.flatnonzero((values < low) | (values > high))
@@ -160,6 +166,6 @@ def _check_column(table: NumberTable, column: str, variable: Variable, values: n
         value: Value = float(values[index])
         if variable.kind == "Boolean" and value in (0.0, 1.0):
             value = bool(value)
-        elif variable.access == "Integer" and value == math.floor(value):
+        elif variable.kind in ("Integer", "Enumeration") and value == math.floor(value):
             value = int(value)
         in_limits(value, variable, f"{table.row(index)}, column '{column}'")

@@ -8,10 +8,19 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from trihedron.errors import InputError
-from trihedron.orchestrator.archive import METHODS, MOST_BYTES, MOST_MEMBERS, shown
+from trihedron.orchestrator.archive import MOST_BYTES, MOST_MEMBERS
 from trihedron.ssp.namespaces import STRUCTURE
 
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How SSP lets members be compressed."""
+
+LONGEST_SHOWN = 80
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
+
+
+def shown(name: str) -> str:
+    """A name for a message: shortened, without characters that would move a terminal's cursor."""
+    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
 
 
 def refuse_outside(name: str, label: str) -> None:

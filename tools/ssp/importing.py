@@ -128,10 +128,10 @@ def _names(fmus: list[Part]) -> dict[tuple[str, ...], str]:
 def _run(description: Description, step: float | None, steps: list[float], label: str) -> dict[str, float]:
     if description.stop is None:
         raise InputError(f"{label}: DefaultExperiment has no stopTime, so nothing says when the run ends")
-    chosen = step or description.step or (min(steps) if steps else None)
-    if chosen is None:
+    known = [length for length in (step, description.step, min(steps, default=None)) if length is not None]
+    if not known:
         raise InputError(f"{label}: neither it nor its FMUs say how long a step is; give --step")
-    return {"start_s": description.start or 0.0, "stop_s": description.stop, "step_s": chosen}
+    return {"start_s": description.start or 0.0, "stop_s": description.stop, "step_s": known[0]}
 
 
 def _connections(system: Part, names: Mapping[tuple[str, ...], str]) -> list[dict[str, str]]:
