@@ -245,7 +245,13 @@ def no_library(members: Members, described: str, rng: random.Random) -> bytes:
     return packed({n: content if n.startswith("binaries/") else c for n, c in members.items()})
 
 
-OF_FMUS: tuple[Mutation, ...] = (wrong_description, wrong_platform, no_library)
+def shortened_library(members: Members, described: str, rng: random.Random) -> bytes:
+    """A library that ends before what its headers say is in it: the loader of Linux would kill the process."""
+    share = rng.uniform(0.001, 0.7)
+    return packed({n: c[: int(share * len(c))] if n.startswith("binaries/") else c for n, c in members.items()})
+
+
+OF_FMUS: tuple[Mutation, ...] = (wrong_description, wrong_platform, no_library, shortened_library)
 
 
 def wrong_structure(members: Members, described: str, rng: random.Random) -> bytes:

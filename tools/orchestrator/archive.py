@@ -15,10 +15,12 @@ import fmpy
 from fmpy.model_description import ModelDescription
 
 from trihedron.errors import InputError
+from trihedron.orchestrator.shared_library import refuse_damaged
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
 MOST_DESCRIPTION_BYTES = 128 << 20
+LONGEST_SHOWN = 80
 LONGEST_SHOWN = 80
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """How FMI and SSP let members be compressed."""
@@ -49,6 +51,11 @@ class UnpackedFmu:
     library: Path
     description: ModelDescription
     python_module: str | None
+
+
+def shown(name: str) -> str:
+    """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
+    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
 
 
 def shown(name: str) -> str:
@@ -186,6 +193,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             description = _described(xml, label)
             assert description.coSimulation is not None
             library = _library(set(sizes), str(description.coSimulation.modelIdentifier), label, version)
+            refuse_damaged(archive.read(library), label)
             folder = make_folder(sha256)
             archive.extractall(folder)
     except _DAMAGE as error:

@@ -18,6 +18,7 @@ from trihedron.report.calibration_pictures import residuals, target_intervals
 from trihedron.report.calibration_sections import joint_set_sections, levelling_sections, rest_sections
 from trihedron.report.diagnosis_pictures import candidates, held_out
 from trihedron.report.direction_pictures import next_directions, residuals_over_inputs
+from trihedron.report.judgement_sections import judgement_sections, structure_sections, target_sections
 from trihedron.report.page import Section, Table, Tone, render_page
 from trihedron.report.time_pictures import attitude_error, bench_tour
 from trihedron.summaries import VERDICTS, missing_lines, position_text
@@ -138,6 +139,7 @@ def diagnosis_sections(result: Diagnosis, files: list[Path] | None = None) -> li
                 "Measurement less simulation at the positions that were held out.",
             )
         )
+    sections += [*judgement_sections(result), *target_sections(result), *structure_sections(result)]
     if result.next_positions:
         sections.append(next_section(result))
     if result.excluded:
@@ -194,6 +196,14 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
     told = [cause.sentence.capitalize() + "." for finding in result.findings for cause in finding.causes]
     if same:
         told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
+    if result.mounting is not None:
+        told.append(
+            f"A second mounting, {result.mounting.mounting}, tells apart {' and '.join(result.mounting.separates)}: "
+            f"their correlation falls from {result.mounting.correlation_before:.2f} to "
+            f"{result.mounting.correlation_after:.2f}."
+        )
+    if not result.complete:
+        told.append("The search was cut off: more sets of effects would make the model consistent.")
     return Section(
         "The cause" if result.verdict == "explained" else "Causes that remain",
         told,

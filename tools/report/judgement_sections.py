@@ -1,0 +1,108 @@
+"""What stands behind a named cause on the page of a diagnosis, and what stands in place of one."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from trihedron.diagnosis import Diagnosis
+from trihedron.report.page import Section, Table
+from trihedron.report.svg import drawing, say_empty, short, svg_text
+from trihedron.report.theme import AXES, BAND, INK, WIDTH
+
+MOST_BARS = 18
+
+
+def judgement_sections(result: Diagnosis) -> list[Section]:
+    """Positions and times that were left out, and shuffles; a section, or none."""
+    judgement = result.judgement
+    if judgement is None:
+        return []
+    rows = [
+        [name, part["scored"], part["rms_before"], part["rms_after"], part["max_before"], part["max_after"]]
+        for name, score in (("every fifth position", judgement.folds), ("every quarter of the time", judgement.blocks))
+        if score is not None
+        for part in [score.to_json()]
+    ]
+    said = [
+        "Parts of the record were left out in turn and predicted by the rest, without and with the effects. This is a "
+        "second witness, no evidence: almost any effect improves some of it."
+    ]
+    if judgement.shuffles:
+        said.append(
+            f"Shuffled over the positions, the effects predicted what was left out as well in {judgement.as_good} of "
+            f"{judgement.shuffles} trials."
+        )
+    said += [f"Warning: {warning}." for warning in judgement.warnings]
+    header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
+    return [Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)]
+
+
+def target_sections(result: Diagnosis) -> list[Section]:
+    """What the effects do to the calibration; a section, or none."""
+    if not result.targets:
+        return []
+    names = {row.symbol: row.name for row in result.baseline.parameters}
+    rows = [
+        [
+            target["symbol"],
+            names.get(target["symbol"], ""),
+            target["before"],
+            target["after"],
+            target["after"] - target["before"],
+            target["low"],
+            target["high"],
+        ]
+        for target in result.targets
+    ]
+    header = ["target", "meaning", "without the effects", "with them", "moved by", "low", "high"]
+    return [
+        Section(
+            "What they do to the calibration",
+            ["The estimates without the effects are wrong by what they move; the intervals are those with them."],
+            table=Table(header, rows),
+        )
+    ]
+
+
+def structure_sections(result: Diagnosis) -> list[Section]:
+    """What an unexplained residual depends on; a section, or none."""
+    if not result.residual_structure:
+        return []
+    shown = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
+    return [
+        Section(
+            "What the residual depends on",
+            [
+                "Nothing in the catalogue makes the model consistent, alone or in sets of up to three. This is how "
+                "much of the residual a smooth function of one quantity, or of all angles or inputs, predicts at "
+                "readings that were left out; the band is what is more than noise within its bound."
+            ],
+            shares(shown),
+            "Part of the residual's sum of squares that is predicted.",
+        )
+    ]
+
+
+def shares(entries: Sequence[dict[str, Any]]) -> str:
+    """Bars of what each quantity predicts of the residual, before what is predictable at all (SVG)."""
+    labels = [short(f"accelerometer {entry['accelerometer']}: {entry['on']}") for entry in entries]
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 1.05 + 0.24 * max(len(labels), 2)), layout="constrained")
+        axes = figure.subplots()
+        y = np.arange(len(labels))
+        axes.barh(y, [entry["explainable"] for entry in entries], height=0.86, color=BAND.light, linewidth=0)
+        colours = [AXES[int(entry["accelerometer"]) - 1].light for entry in entries]
+        axes.barh(y, [entry["explained"] for entry in entries], height=0.52, color=colours, linewidth=0)
+        axes.set_yticks(y, labels)
+        axes.tick_params(axis="y", length=0, labelcolor=INK.light)
+        axes.set_ylim(max(len(labels), 2) - 0.4, -0.6)
+        axes.set_xlim(0.0, 1.0)
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel("part of the residual's sum of squares")
+        figure.legend(handles=[Patch(facecolor=BAND.light, label="more than noise")], loc="outside upper left")
+        if not labels:
+            say_empty(axes)
+        return svg_text(figure, "How much of the residual of each accelerometer each quantity predicts")
