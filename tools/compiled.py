@@ -1,4 +1,4 @@
-"""Kernels in restricted Python, compiled by numba for long runs."""
+"""Kernels in restricted Python and other loops, compiled by numba."""
 
 from collections.abc import Callable
 from functools import cache
@@ -27,6 +27,14 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
     linked = {name: compiled(value) if isinstance(value, FunctionType) else value for name, value in names.items()}
     return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__))
+
+
+def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Machine code of a function that calls no kernel, kept on disk where there is a place for it."""
+    try:
+        return numba.njit(cache=True)(function)
+    except RuntimeError:
+        return numba.njit(function)
 
 
 def compile_callee(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -5,9 +5,10 @@ none. Deleting reading a of weight w_a, residual r and leverage h takes r²/(1 -
 the others' weights then sum to 1 - w_a; two readings have a formula of order two.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from trihedron.compiled import compiled_and_kept
 
 WIDTH = 5
 MOST_COLUMNS = 16
@@ -17,7 +18,7 @@ ROUNDS = 30
 """Rounds of Lawson's algorithm before a set is handed to a linear programme."""
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _append(gram, product, first, size, chosen, triangle, solved, count):
     """Extend a Cholesky factor by the columns of one candidate; dependent ones are passed over."""
     for column in range(first, first + size):
@@ -40,7 +41,7 @@ def _append(gram, product, first, size, chosen, triangle, solved, count):
     return count
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _row(columns, row, chosen, triangle, count, solution):
     """One row of the chosen columns, made orthonormal."""
     for m in range(count):
@@ -50,7 +51,7 @@ def _row(columns, row, chosen, triangle, count, solution):
         solution[m] = value / triangle[m, m]
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _without_one(square, residual, leverage, weight):
     left = 1.0 - leverage
     if left <= 1e-9 or weight >= 1.0 - 1e-9:
@@ -58,7 +59,7 @@ def _without_one(square, residual, leverage, weight):
     return max(0.0, square - residual * residual / left) / (1.0 - weight)
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _without_two(square, ra, rb, ha, hb, cross, weight):
     left_a, left_b = 1.0 - ha, 1.0 - hb
     determinant = left_a * left_b - cross * cross
@@ -68,7 +69,7 @@ def _without_two(square, ra, rb, ha, hb, cross, weight):
     return max(0.0, square - taken) / (1.0 - weight)
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def bounds_of(sets, weights, basis, residual, columns, gram, product, starts, sizes):
     """Squared bounds (n,) of sets (n, 5) under one projection."""
     total = 0.0
@@ -113,7 +114,7 @@ def bounds_of(sets, weights, basis, residual, columns, gram, product, starts, si
     return found
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _kept(survivors, count, i, j, k, a, b):
     if count == len(survivors):
         survivors = np.concatenate((survivors, np.empty_like(survivors)))
@@ -121,7 +122,7 @@ def _kept(survivors, count, i, j, k, a, b):
     return survivors
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, gram, product, starts, sizes):
     """All sets (n, 5) of so many effects and outliers whose squared bound is not above the limit."""
     rows, candidates = len(residual), len(starts)
@@ -196,7 +197,7 @@ def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, 
     return survivors[:found]
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def settle(matrix, residual, always, starts, sizes, chosen_set, weights, limit):
     """Lawson's algorithm for one set: (REFUSED, ACCEPTED or UNDECIDED, weights (M,) with which it ended).
 
@@ -270,7 +271,7 @@ def settle(matrix, residual, always, starts, sizes, chosen_set, weights, limit):
     return UNDECIDED, w
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _solve(normal, right, x):
     """Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column) and the solution."""
     count = len(right)
@@ -287,7 +288,7 @@ def _solve(normal, right, x):
     _substitute(normal, right, x)
 
 
-@numba.njit(cache=True)
+@compiled_and_kept
 def _substitute(factor, right, x):
     count = len(right)
     for p in range(count):
