@@ -18,6 +18,7 @@ def components() -> dict[str, "Component"]:
     from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
     from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
     from trihedron.fmus.position_programme import POSITION_PROGRAMME
+    from trihedron.fmus.table_controller import TABLE_CONTROLLER
     from trihedron.fmus.turntable_motion import TURNTABLE_MOTION
 
     every = (
@@ -27,6 +28,7 @@ def components() -> dict[str, "Component"]:
         ACCELEROMETER_BLOCK,
         ACCELEROMETER_COMPENSATION,
         ATTITUDE_COMPUTER,
+        TABLE_CONTROLLER,
     )
     return {c.name: c for c in every}
 

@@ -36,6 +36,7 @@ EXTENDED = {
     "AttitudeComputer": [],
     "HarmonicMotion": [],
     "PositionProgramme": [],
+    "TableController": [],
 }
 NAMES = sorted(EXTENDED)
 

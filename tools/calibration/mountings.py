@@ -52,9 +52,10 @@ def checked_rotation(matrix: Any, where: str) -> NDArray:
         raise InputError(f"{where}: the matrix must be three rows of three numbers")
     if any(isinstance(x, bool) or not isinstance(x, int | float) for row in rows for x in row):
         raise InputError(f"{where}: the matrix must hold numbers only")
-    q = np.array(rows, dtype=float)
-    if not np.isfinite(q).all() or np.abs(q).max() > 2:
+    # compared as they are: an integer may be too large for a float
+    if not all(abs(x) <= 2 for row in rows for x in row):
         raise InputError(f"{where}: every element of a rotation matrix lies between -1 and 1")
+    q = np.array(rows, dtype=float)
     defect = np.abs(q @ q.T - np.eye(3))
     i, j = np.unravel_index(int(defect.argmax()), (3, 3))
     if defect[i, j] > ORTHOGONALITY_TOLERANCE:

@@ -12,6 +12,8 @@ from trihedron.calibration.parametrisation import Parametrisation
 from trihedron.calibration.targets import expression_weights
 from trihedron.errors import InputError
 
+LEAST_LIMIT = 1e-12
+"""The tightest prior, as the least noise bound: below is rounding."""
 FROM_BOUNDS = "bounds"
 """The prior that stands for all: each parameter within u^max or v^0max of (1.7)."""
 
@@ -62,6 +64,8 @@ def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, 
             value = math.nan
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{where}: {limit.strip()[:20]!r} is not a positive number; write X16=1e-3")
+        if value < LEAST_LIMIT:
+            raise InputError(f"{where}: {value:g} is below {LEAST_LIMIT:g}, the least that can be used")
         try:
             weights = expression_weights(expression, p)
         except InputError as error:

@@ -16,13 +16,18 @@ from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.priors import asked_priors, parameter_limits, with_priors
 from trihedron.calibration.programmes import RELATIVE_TOLERANCE, SolverError
 from trihedron.calibration.reading_errors import error_weights, reading_errors
-from trihedron.calibration.result import Calibration, FeasibleSet, Provenance
+from trihedron.calibration.result import Calibration, Estimate, FeasibleSet, Provenance
 from trihedron.calibration.targets import asked_targets, convention_targets
 from trihedron.errors import InputError
 from trihedron.records import PositionRecord
 from trihedron.records.noise import NoiseBound, noise_bound_from
 
 STANDARD_BOUNDS = (3e-3, 1e-2)
+GRAVITIES = (4.9, 14.7)
+"""[m/s²]: half and one and a half times the standard, as readings are taken to be."""
+SCALE_FACTORS = (0.5, 1.5)
+"""What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
+SCALE_TARGETS = dict(zip(("X4", "X5", "X9", "X10", "X14", "X15"), (1, 1, 2, 2, 3, 3), strict=True))
 NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
 ROUNDING = 2e-15
@@ -114,6 +119,7 @@ def calibrate(
         estimates = estimate_targets(bounded, wanted, intervals)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
+    _check_scale_factors(record, estimates)
     missing = tuple(estimate for estimate in estimates if estimate.estimate is None)
     # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.
     falsified = contradicted and noise.complete
@@ -179,8 +185,10 @@ def fit_record(
 ) -> Linearisation:
     """The exact model fitted to a record and linearised at the fit; arguments and errors as for `calibrate`."""
     _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
-    if not (isfinite(gravity) and gravity > 0.0):
-        raise InputError(f"--gravity {gravity:g}: must be positive, as 9.80665 [m/s²]")
+    if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
+        raise InputError(
+            f"--gravity {gravity:g}: must be from {GRAVITIES[0]:g} to {GRAVITIES[1]:g}, as 9.80665 [m/s²]"
+        )
     if len(bounds) != 2 or not all(isfinite(b) and 0.0 <= b < 0.5 for b in bounds):
         raise InputError(f"--bounds {' '.join(f'{b:g}' for b in bounds)}: must be two numbers from 0 to 0.5")
     if len(record.position) == 0:
@@ -220,6 +228,23 @@ def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
             f"where {least:g} to {most:g} can be used; give --noise-bound, a fraction of g, as 1e-5"
         )
     return found
+
+
+def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) -> None:
+    """Refuse readings of an accelerometer that cannot have any usual scale factor."""
+    least, most = SCALE_FACTORS
+    for estimate in estimates:
+        if estimate.symbol not in SCALE_TARGETS or estimate.low is None or estimate.high is None:
+            continue
+        if 1.0 + estimate.high >= least and 1.0 + estimate.low <= most:
+            continue
+        factor = 1.0 + (estimate.low + estimate.high) / 2.0
+        hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
+        hint = hint if factor < least else "are --gravity and the unit right"
+        raise InputError(
+            f"{record.path}: column f{SCALE_TARGETS[estimate.symbol]}_mps2: reads {factor:.3f} times what the table "
+            f"gives, where {least:g} to {most:g} is possible; {hint}, or is --mounting another?"
+        )
 
 
 def _mountings(mounting: Mapping[str, ArrayLike] | str, record: PositionRecord) -> dict[str, NDArray]:

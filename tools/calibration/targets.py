@@ -64,6 +64,7 @@ IN_TARGETS = {
 NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 SYMBOL = re.compile(r"X\d+", re.ASCII)
 MAX_EXPRESSION = 500
+MAX_WEIGHT = 1e9
 
 
 @dataclass(frozen=True)
@@ -171,8 +172,8 @@ class _Expression:
             self._refuse("has a constant term; a target is a linear combination such as X4-X5")
         if constant != 0.0:
             self._refuse("names no parameter; write a combination such as X4-X5")
-        if not np.isfinite(weights).all():
-            self._refuse("its numbers are too large")
+        if not np.abs(weights).max() <= MAX_WEIGHT:
+            self._refuse(f"its numbers are too large; {MAX_WEIGHT:g} is the most")
         return weights
 
     def _refuse(self, what: str):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import coefficient_count, disturbed, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import coefficient_blocks, extended_model, least_squares_step
+from trihedron.diagnosis.extended_fit import ASTRAY, coefficient_blocks, extended_model, least_squares_step
 from trihedron.diagnosis.lawson import Problem
 from trihedron.models.effects import EffectPlace
 
@@ -77,6 +77,8 @@ def centre_of(
         loose = here.bound * np.sqrt(np.maximum(1.0, np.abs(residual / here.bound)))
         step = least_squares_step(jacobian, residual, loose)
         if iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * here.bound.min():
+            return Centre(tuple(fixed), point, coefficients, residual, jacobian)
+        if not np.abs(point + step[: len(point)]).max() <= ASTRAY:
             return Centre(tuple(fixed), point, coefficients, residual, jacobian)
         point, coefficients = point + step[: len(point)], coefficients + step[len(point) :]
     raise AssertionError("the loop returns")

@@ -19,6 +19,8 @@ MAX_ITERATIONS = 12
 MAX_MOVES = 8
 ATTAINED = 1e-10
 """Relative difference between the radius of the programme and the largest misfit where it is attained."""
+ASTRAY = 10.0
+"""No bench has a parameter as large [1], [rad], [g]: a fit that comes there runs away."""
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
 
@@ -215,7 +217,7 @@ def fit_ways(
     Returns
     -------
     ExtendedFit or None
-        None where the fit leaves the way in which an effect acts
+        None where the fit leaves the way in which an effect acts, or runs away
     """
     point, reading = here.point, here.reading.ravel()
     rows = replace(rows_at(here, point, here.positions, circumstances), resolution=resolution)
@@ -236,12 +238,16 @@ def fit_ways(
             break
         point = point + step[: len(point)]
         coefficients = coefficients + step[len(point) :]
+        if _astray(point, coefficients):
+            return None
     estimate = np.append(point, coefficients)
     residual = reading - model.reading
     radius, centre, duals = chebyshev_radius(model.jacobian, residual, model.bound)
     for _ in range(MAX_MOVES):
         # Noise may be at its very bound: then the second order of the step to the centre must not count either.
         point, coefficients = point + centre[: len(point)], coefficients + centre[len(point) :]
+        if _astray(point, coefficients):
+            return None
         there = _model(here, point, places, coefficients, blocks, circumstances, ways, resolution, largest or {})
         if there is None:
             return None
@@ -296,6 +302,11 @@ def fit_nearest(
         limits = [variant.limits[0] for variant in seen]
         ways[place] = int(np.argmin([max(low - value, value - high, 0.0) for low, high in limits]))
     return fit_ways(here, circumstances, places, ways, resolution)
+
+
+def _astray(point: NDArray, coefficients: NDArray) -> bool:
+    """Whether a fit runs away."""
+    return not (np.abs(point).max() <= ASTRAY and np.isfinite(coefficients).all())
 
 
 def _stands(fit: ExtendedFit, rows: Rows) -> bool:

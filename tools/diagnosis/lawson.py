@@ -101,14 +101,19 @@ def project(problem: Problem, weights: NDArray) -> Projection:
         not negative, with sum 1
     """
     root = np.sqrt(weights)
-    basis = weighted_basis(problem.nominal, root)
-    residual = root * problem.residual
-    residual = residual - basis @ (basis.T @ residual)
+    basis, residual = without_nominal(problem, root)
     columns = root[:, None] * problem.columns
     before = np.linalg.norm(columns, axis=0)
     columns = columns - basis @ (basis.T @ columns)
     columns[:, np.linalg.norm(columns, axis=0) < 1e-7 * before] = 0.0
     return Projection(weights, basis, residual, columns, columns.T @ columns, columns.T @ residual)
+
+
+def without_nominal(problem: Problem, root: NDArray) -> tuple[NDArray, NDArray]:
+    """Basis (M, p) of the nominal columns and the residual (M,) without them, rows multiplied by `root` (M,)."""
+    basis = weighted_basis(problem.nominal, root)
+    residual = root * problem.residual
+    return basis, residual - basis @ (basis.T @ residual)
 
 
 def weighted_basis(columns: NDArray, root: NDArray) -> NDArray:
@@ -131,6 +136,6 @@ def sharpened(weights: NDArray, misfit: NDArray) -> NDArray:
 def sharp_weights(problem: Problem, weights: NDArray, rounds: int) -> NDArray:
     """Weights after some rounds for the nominal model alone."""
     for _ in range(rounds):
-        projection = project(problem, weights)
-        weights = sharpened(weights, projection.residual / np.sqrt(np.maximum(weights, 1e-300)))
+        root = np.sqrt(np.maximum(weights, 1e-300))
+        weights = sharpened(weights, without_nominal(problem, root)[1] / root)
     return weights

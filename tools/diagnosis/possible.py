@@ -9,6 +9,10 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.extended_fit import ExtendedFit
 from trihedron.models.effects import CATALOGUE
 
+LARGEST_OF_BENCH = 0.5
+"""No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
+are no bench with an effect."""
+
 
 def is_possible(fit: ExtendedFit) -> bool:
     """Whether the sizes at the centre of a fit are possible."""
@@ -21,6 +25,8 @@ def is_possible(fit: ExtendedFit) -> bool:
 
 def within_possible(fit: ExtendedFit, limit: float) -> ExtendedFit | None:
     """A fit with possible sizes, its own or the nearest; None where none keep the radius at or below the limit."""
+    if np.abs(fit.point).max() > LARGEST_OF_BENCH:
+        return None
     if is_possible(fit):
         return fit
     low, high = coefficient_limits(fit)

@@ -18,7 +18,7 @@ from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_colu
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
 from trihedron.diagnosis.intervals import parameter_intervals
 from trihedron.diagnosis.lawson import Problem
-from trihedron.diagnosis.possible import within_possible
+from trihedron.diagnosis.possible import LARGEST_OF_BENCH, within_possible
 from trihedron.diagnosis.sets import MAX_SET, sets_of_size
 from trihedron.diagnosis.variants import Relaxation, relaxations
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -87,18 +87,21 @@ def linear_sets(
     places: Sequence[EffectPlace],
     bent: Sequence[Relaxation],
     size: int,
+    known: dict[tuple[EffectPlace, ...], list[Centre]],
 ) -> Iterator[frozenset[EffectPlace]]:
     """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
 
     Where the misfit is so large that the linear model may be wrong by much, the sets with an effect that stands out are
-    judged at a fit that has it.
+    judged at a fit that has it; `known` keeps such fits.
     """
     slack = slack_at(centre, here)
     free = [place for place in places if place not in centre.fixed]
     if size > 0 and slack > TOO_MUCH:
-        more = anchors(here, circumstances, centre, free)
+        if centre.fixed not in known:
+            known[centre.fixed] = anchors(here, circumstances, centre, free)
+        more = known[centre.fixed]
         for one in more:
-            yield from linear_sets(here, circumstances, one, places, bent, size - 1)
+            yield from linear_sets(here, circumstances, one, places, bent, size - 1, known)
         free = [place for place in free if place not in {one.fixed[-1] for one in more}]
     part, kept = relaxed(problem_at(here, circumstances, centre, free), here, bent)
     for candidate in sets_of_size(part, size, slack):
@@ -119,12 +122,13 @@ def candidate_sets(
     places: Sequence[EffectPlace],
     bent: Sequence[Relaxation],
     size: int,
+    known: dict[tuple[EffectPlace, ...], list[Centre]],
 ) -> Iterator[tuple[tuple[EffectPlace, ...], tuple[Relaxation, ...]]]:
     """All sets of a size that no bound refuses: linear effects and outliers, and effects that are not linear."""
     for count in range(min(size, len(bent)) + 1):
         for chosen in combinations(bent, count):
             seen = set()
-            for places_of_one in linear_sets(here, circumstances, centre, places, chosen, size - count):
+            for places_of_one in linear_sets(here, circumstances, centre, places, chosen, size - count, known):
                 if places_of_one not in seen:
                     seen.add(places_of_one)
                     yield tuple(sorted(places_of_one, key=lambda place: place.title)), chosen
@@ -163,16 +167,19 @@ def smallest_explanations(
     Found
     """
     centre = centre_of(here, circumstances, ())
+    if np.abs(centre.point).max() > LARGEST_OF_BENCH:
+        return Found(())
     here = moved(here, centre)
     rows = replace(rows_at(here, here.point, here.positions, circumstances), resolution=resolution)
     untold = [place for place in classes.places if added_bound([place], rows).any()]
     places = [place for place in classes.places if place not in untold]
     softened = relaxations(here, rows, [*untold, *bent])
+    known: dict[tuple[EffectPlace, ...], list[Centre]] = {}
     console = Console(stderr=True)
     for size in range(1, MAX_SET + 1):
         found: list[ExtendedFit] = []
         candidates = track(
-            candidate_sets(here, circumstances, centre, places, softened, size),
+            candidate_sets(here, circumstances, centre, places, softened, size, known),
             f"sets of {size}",
             total=None,
             console=console,

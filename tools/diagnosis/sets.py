@@ -14,8 +14,8 @@ MAX_SET = 3
 MOST_OUTLIERS = 2
 FEW = 32
 """For so few sets their own bounds cost less than another projection."""
-ROUNDS_AT_FIRST = (2, 8, 20)
-"""Rounds of Lawson's algorithm for the nominal model, whose weights every set is tried with first."""
+ROUNDS_AT_FIRST = (2, 6, 12)
+"""Rounds of Lawson's algorithm for the nominal model, one after the other: every set is tried with their weights."""
 
 
 @dataclass(frozen=True, order=True)
@@ -50,8 +50,11 @@ def sets_of_size(problem: Problem, size: int, slack: float) -> Iterator[EffectSe
         about the most promising first
     """
     limit = (1.0 + slack) ** 2
-    uniform = np.full(len(problem.residual), 1.0 / len(problem.residual))
-    projections = [project(problem, sharp_weights(problem, uniform, rounds)) for rounds in ROUNDS_AT_FIRST]
+    weights = np.full(len(problem.residual), 1.0 / len(problem.residual))
+    projections = []
+    for rounds in ROUNDS_AT_FIRST:
+        weights = sharp_weights(problem, weights, rounds)
+        projections.append(project(problem, weights))
     starts, sizes = problem.starts, problem.sizes
     for outliers in range(min(size, MOST_OUTLIERS) + 1):
         if size - outliers > len(problem.blocks):

@@ -58,11 +58,6 @@ def shown(name: str) -> str:
     return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
 
 
-def shown(name: str) -> str:
-    """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
-    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
-
-
 def _check_member(member: zipfile.ZipInfo, label: str) -> None:
     """Refuse a name that could land outside the folder, a link and an encrypted member."""
     # orig_filename still has the backslashes that zipfile turns into slashes on some platforms.

@@ -6,7 +6,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from trihedron.errors import InputError, nearest
 from trihedron.orchestrator.interface import Interface, Variable, refer
-from trihedron.orchestrator.quantities import same_unit
+from trihedron.orchestrator.quantities import between
 from trihedron.orchestrator.stimuli import Drive, input_variables
 from trihedron.scenario import Connection
 
@@ -51,13 +51,23 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
     ends = f"'{connection.source}' -> '{connection.target}'"
     if len(outputs) != len(inputs):
         raise InputError(f"{ends}: {len(outputs)} and {len(inputs)} elements; their lengths must agree")
-    scales = {**source.scales, **target.scales}
     for output, input_ in zip(outputs, inputs, strict=True):
         if output.kind != input_.kind:
             raise InputError(f"{ends}: types differ, {output.kind} and {input_.kind}")
-        if not same_unit(output.unit, input_.unit, scales):
+        relative = output.relative or input_.relative
+        conversion = between(output.unit, input_.unit, source.scales, target.scales, relative=relative)
+        if conversion is None:
             raise InputError(f"{ends}: units differ, {output.unit} and {input_.unit}")
-        yield Wire(source.name, output, target.name, input_)
+        if output.kind == "Integer":
+            _check_span(ends, output, input_)
+        yield Wire(source.name, output, target.name, input_, *(conversion if output.kind == "Real" else (1.0, 0.0)))
+
+
+def _check_span(ends: str, output: Variable, input_: Variable) -> None:
+    """Refuse to pass whole numbers on to a type that does not take them all."""
+    (low, high), (least, most) = output.value_type.whole_span, input_.value_type.whole_span
+    if low < least or high > most:
+        raise InputError(f"{ends}: {input_.access} does not take every {output.access}")
 
 
 def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]]) -> None:
@@ -96,7 +106,8 @@ def stepping_order(names: Sequence[str], wires: Iterable[Wire]) -> list[str]:
         first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
         cycle = [*cycle[first:], *cycle[:first]]
         named = " -> ".join([*cycle, cycle[0]])
-        raise InputError(f"connections form a cycle: {named}; feedback is not possible, take one out") from error
+        say = 'take one out, or say how it is taken: run.coupling = "jacobi" or "iterate"'
+        raise InputError(f"connections form a cycle: {named}; {say}") from error
     order: list[str] = []
     ready: set[str] = set()
     while sorter.is_active():

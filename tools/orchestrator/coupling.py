@@ -26,7 +26,7 @@ class Coupling:
     """
 
     kind: Literal["jacobi", "iterate"] | None = None
-    tolerance: float = 1e-9
+    tolerance: float = 1e-12
     iterations: int = 50
 
 

@@ -169,8 +169,11 @@ def _add_iteration(
     add_comparisons(program, group, buses, coupling)
     place = Place(group.members[0], group=group)
     program.add(place, op.REPEAT, again, coupling.iterations)
+    nothing = program.reserve(1)
     for name, state in states.items():
         _add_state(program, slaves[name], slaves[name].free_state, op.STATE, state)
+        # FMI wants it to be NULL then; PythonFMU leaves it.
+        program.add(Place(name), op.MOVE8, state, nothing)
 
 
 def _add_state(program: Program, slave: Slave, name: str, code: int, state: int) -> None:

@@ -35,12 +35,41 @@ _SCALES = _known_scales()
 _SUFFIXES = column_units()
 
 
-def same_unit(first: str | None, second: str | None, scales: Mapping[str, Scale]) -> bool:
-    """Whether two declared units are one and the same; a variable without a unit goes with every unit."""
-    if first is None or second is None or first == second:
-        return True
-    table = {**scales, **_SCALES}
-    return first in table and table[first] == table.get(second)
+SAME = 1e-6
+"""Factors of one unit that agree so far are the same: some tools write few digits."""
+
+
+def between(
+    first: str | None, second: str | None, scales: Mapping[str, Scale], others: Mapping[str, Scale], *, relative: bool
+) -> tuple[float, float] | None:
+    """How a value in one unit becomes a value in another: factor and offset.
+
+    Parameters
+    ----------
+    first, second : str or None
+        declared units; a variable without a unit goes with every unit
+    scales, others : mapping
+        what the FMU of the first and that of the second define; what they leave open is as in our table
+    relative : bool
+        the value is a difference: no offset
+
+    Returns
+    -------
+    tuple or None
+        second value = factor * first value + offset; None where the units are not of one dimension
+    """
+    if first is None or second is None:
+        return 1.0, 0.0
+    mine, theirs = scales.get(first) or _SCALES.get(first), others.get(second) or _SCALES.get(second)
+    if mine is None or theirs is None:
+        return (1.0, 0.0) if first == second else None
+    if mine.exponents != theirs.exponents:
+        return None
+    factor = mine.factor / theirs.factor
+    offset = 0.0 if relative else (mine.offset - theirs.offset) / theirs.factor
+    if abs(factor - 1.0) <= (SAME if first == second else 1e-12) and abs(offset) <= SAME:
+        return 1.0, 0.0
+    return factor, offset
 
 
 def is_angle(unit: str | None, scales: Mapping[str, Scale]) -> bool:
