@@ -16,6 +16,7 @@ def components() -> dict[str, "Component"]:
     from trihedron.fmus.accelerometer_block import ACCELEROMETER_BLOCK
     from trihedron.fmus.accelerometer_compensation import ACCELEROMETER_COMPENSATION
     from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
+    from trihedron.fmus.gyro_block import GYRO_BLOCK
     from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
     from trihedron.fmus.position_programme import POSITION_PROGRAMME
     from trihedron.fmus.table_controller import TABLE_CONTROLLER
@@ -27,6 +28,7 @@ def components() -> dict[str, "Component"]:
         HARMONIC_MOTION,
         ACCELEROMETER_BLOCK,
         ACCELEROMETER_COMPENSATION,
+        GYRO_BLOCK,
         ATTITUDE_COMPUTER,
         TABLE_CONTROLLER,
     )

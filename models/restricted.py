@@ -38,3 +38,12 @@ INPUT = 9
 """inputs of the accelerometers [g] (three places)"""
 CONTEXT_SIZE = 12
 """length of the context"""
+
+STEP_LENGTH = 12
+"""length of the last step [s], 1 before the first; of the gyro block's context alone, as what follows"""
+PREVIOUS_RATE = 13
+"""mean rates [rad/s] over the steps before the last one, the newest first, three places each"""
+PREVIOUS_STEPS = 8
+"""steps before the last one whose rates are kept"""
+GYRO_CONTEXT_SIZE = 37
+"""length of the gyro block's context"""

@@ -78,6 +78,26 @@ def test_a_mounting_that_is_no_rotation_is_refused():
             calibrate(record(READING, ALPHA, BETA), noise_bound=SIGMA, mounting={"q": matrix})
 
 
+def test_readings_written_too_coarsely_for_the_noise_bound_are_said_to_be():
+    force = np.round(READING * 9.80665, 2)
+    result = calibrate(record(force / 9.80665, ALPHA, BETA, resolution=0.005), noise_bound=SIGMA)
+    assert result.verdict == "consistent"
+    assert result.radius > 1.0
+    assert "half a last digit is 0.00051 g" in result.warnings[-1]
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(0.0, "0.000 times what the table gives.*dead"), (-1.0, "-1.00.*its sign"), (2.0, "the unit")]
+)
+@pytest.mark.parametrize("baseline", ["asymmetric", "symmetric"])
+def test_a_dead_or_reversed_accelerometer_is_refused(factor, said, baseline):
+    reading = READING * [1.0, factor, 1.0] + np.random.default_rng(3).uniform(-SIGMA, SIGMA, READING.shape)
+    with pytest.raises(InputError, match=f"column f2_mps2: reads {said}" if factor < 1.0 else f"f2_mps2.*{said}"):
+        calibrate(
+            record(reading, ALPHA, BETA), noise_bound=1e-2 if baseline == "symmetric" else SIGMA, baseline=baseline
+        )
+
+
 def test_gross_errors_and_readings_near_zero_input_are_unbiased():
     """Scale factors wrong by 5 %, inputs at and near zero: without noise the estimates are the truth."""
     from trihedron.models.bench import ELEMENTARY, target_values

@@ -42,7 +42,18 @@ def test_expressions_are_read(text, expected):
     "text",
     [
         *("", " ", "X", "X0", "X19", "X04", "x4", "4", "X4+1", "X4*X5", "1/X4", "X4/0", "X4-X4", "X4 X5", "X4+", "(X4"),
-        *("X4)", "X4;X5", "__import__('os')", "X4**2", "X4@b", "X4@identity", "1e400*X4", "1e300*1e300*X4", "X" * 600),
+        *(
+            "X4)",
+            "X4;X5",
+            "__import__('os')",
+            "X4**2",
+            "X4@b",
+            "X4@identity",
+            "1e400*X4",
+            "1e300*1e300*X4",
+            "1e10*X4",
+            "X" * 600,
+        ),
         *("(" * 80 + "X4" + ")" * 80, "-" * 400 + "X4", "X111", "nan*X4", "X4,X5", "X٤", "2X4"),
     ],
 )
@@ -139,6 +150,7 @@ def test_presets_and_the_column_mounting():
         ("[a]\nmatrix = 3", "three rows"),
         ('[a]\nmatrix = [[1,0,0],[0,"1",0],[0,0,1]]', "numbers"),
         ("[a]\nmatrix = [[1,0,0],[0,nan,0],[0,0,1]]", "between"),
+        (f"[a]\nmatrix = [[1{'0' * 400},0,0],[0,1,0],[0,0,1]]", "between"),
         ("[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,1.00001]]", "row 3 has length 1.00001"),
         ("[a]\nmatrix = [[1,0,0],[0,1,0],[0.00001,0,1]]", "not perpendicular"),
         ("[a]\nmatrix = [[0,1,0],[1,0,0],[0,0,1]]", "reflection"),

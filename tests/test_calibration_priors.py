@@ -84,6 +84,7 @@ def test_the_result_names_its_priors():
         ("X4=", "is not a positive number"),
         ("X4=0", "is not a positive number"),
         ("X4=nan", "is not a positive number"),
+        ("X4=1e-300", "1e-300 is below 1e-12"),
         ("X4=-1e-3", "is not a positive number"),
         ("X19=1", "--prior 'X19': there is no X19"),
         ("=1", "--prior ''"),

@@ -153,6 +153,8 @@ def test_bench_parameters_refuse_what_is_no_consistent_calibration():
         ({"noise_bound": 1.0}, "--noise-bound 1: must be"),
         ({"gravity": 0.0}, "--gravity"),
         ({"gravity": float("inf")}, "--gravity"),
+        ({"gravity": 1e-300}, "--gravity 1e-300: must be from 4.9 to 14.7"),
+        ({"gravity": float("nan")}, "--gravity"),
         ({"convention": "A3"}, "--convention A3: must be A1 or A2"),
         ({"baseline": "linear"}, "--baseline linear"),
         ({"bounds": (0.1, float("nan"))}, "--bounds"),

@@ -34,6 +34,7 @@ EXTENDED = {
     ],
     "AccelerometerCompensation": [],
     "AttitudeComputer": [],
+    "GyroBlock": [],
     "HarmonicMotion": [],
     "PositionProgramme": [],
     "TableController": [],
@@ -77,7 +78,7 @@ def draw_parameters(component: Component, rng: random.Random) -> dict[str, float
                 values[element] = rng.uniform(0.01, 0.5)
             elif v.name == "period":
                 values[element] = rng.choice([0.0, 0.02])
-            elif v.name in ("held_fraction", "noise_bound"):
+            elif v.name in ("held_fraction", "noise_bound", "quantum"):
                 values[element] = rng.uniform(0.0, 0.1)
             elif v.name == "encoder_fluctuation_bound":
                 values[element] = rng.uniform(0.0, 1e-5)

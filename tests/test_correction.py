@@ -180,6 +180,9 @@ def test_own_errors_of_the_readings_widen_the_bound_by_themselves():
         ({"reading_errors": []}, "reading_errors are not complete"),
         ({"reading_errors": 3}, "reading_errors are not as the schema says"),
         ({"parameters": []}, "lacks 'X4'"),
+        ({"convention": "A3"}, "its convention is 'A3'"),
+        ({"baseline": "symmetric"}, "has no X5"),
+        ({"gravity_mps2": 1e-300}, "gravity_mps2 is 1e-300; 4.9 to 14.7"),
     ],
 )
 def test_what_is_no_calibration_is_refused(tmp_path, change, said):
@@ -188,6 +191,27 @@ def test_what_is_no_calibration_is_refused(tmp_path, change, said):
     write_position_record(simulated(np.zeros(24)), tmp_path / "p.csv")
     with pytest.raises(InputError, match=said):
         apply_calibration(tmp_path / "c.json", tmp_path / "p.csv")
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "said"),
+    [
+        ("parameters", {"estimate": 5.0}, "X4: its estimate, .* exclude one another"),
+        ("parameters", {"estimate": float("nan")}, "X4 is nan"),
+        ("parameters", {"estimate": 10**400}, r"X4 is 10*\.\.\., not a number"),
+        ("parameters", {"symbol": "X5"}, "X5 twice"),
+        ("reading_errors", {"low": 10**400}, "not as the schema says"),
+        ("reading_errors", {"low": -1e300}, "between -1 and 1"),
+        ("reading_errors", {"low": 0.5, "high": 0.4}, "low <= high"),
+        ("reading_errors", {"accelerometer": float("inf")}, "not as the schema says"),
+    ],
+)
+def test_a_calibration_edited_by_hand_is_refused(part, change, said):
+    content = json.loads(json.dumps(calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).to_json()))
+    entry = next(e for e in content[part] if e.get("symbol", "X4") == "X4")
+    entry |= change
+    with pytest.raises(InputError, match=said):
+        correction_of(content, "here")
 
 
 def test_another_convention_gives_the_same_correction():

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from simulated_bench import GRAVITY, random_bench, simulated
+from simulated_bench import record as position_record
 from trihedron.calibration import calibrate
+from trihedron.diagnosis import diagnose
 from trihedron.diagnosis.centre import anchors, centre_of, slack_at
 from trihedron.diagnosis.circumstances import circumstances_of
 from trihedron.diagnosis.disturbance import is_linear
@@ -11,6 +14,7 @@ from trihedron.diagnosis.extended_fit import fit_extended
 from trihedron.diagnosis.possible import is_possible, within_possible
 from trihedron.diagnosis.search import catalogue_places
 from trihedron.diagnosis.sizes import SureSizes
+from trihedron.errors import InputError
 from trihedron.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
 from trihedron.hidden_suite.benches import Bench, draw_bench
 from trihedron.hidden_suite.cases import Hidden, SuiteCase
@@ -25,6 +29,44 @@ WOBBLE = EffectPlace("axis-wobble", "outer-axis", 2)
 DRIFT_2 = EffectPlace("bias-drift", "accelerometer-2")
 SAG = EffectPlace("sag", "inner-axis")
 TWICE = EffectPlace("axis-wobble", "inner-axis", 2)
+
+
+@pytest.mark.parametrize("swapped", [(0, 1), (1, 2), (0, 2)])
+def test_swapped_accelerometers_are_named_nothing(swapped):
+    """Reversed mountings come near them, and then any effect seems to mend the rest."""
+    rng = np.random.default_rng(5)
+    bench = random_bench(rng)
+    reading = simulated(bench, noise=rng.uniform(-NOISE_BOUND, NOISE_BOUND, (24, 3))).specific_force / GRAVITY
+    reading[:, swapped] = reading[:, swapped[::-1]]
+    if swapped == (1, 2):
+        with pytest.raises(InputError, match="is its sign, or that of an angle, reversed"):
+            diagnose(position_record(reading), noise_bound=NOISE_BOUND)
+        return
+    result = diagnose(position_record(reading), noise_bound=NOISE_BOUND)
+    assert result.verdict == "unexplained"
+    assert result.findings == ()
+    assert any("far from an aligned bench" in warning for warning in result.baseline.warnings)
+
+
+def test_readings_of_other_positions_are_named_nothing():
+    rng = np.random.default_rng(6)
+    reading = simulated(random_bench(rng)).specific_force / GRAVITY
+    assert diagnose(position_record(np.roll(reading, 1, axis=0)), noise_bound=NOISE_BOUND).verdict == "unexplained"
+
+
+def test_outliers_of_a_whole_g_are_found_although_they_turn_the_signs_of_other_inputs():
+    rng = np.random.default_rng(5)
+    bench = random_bench(rng)
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, 40))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (40, 3))
+    noise[3, 1] += 1.0
+    for size, places in ((0.0, [place_of(4, 2)]), (-2.0, [place_of(11, 3), place_of(4, 2)])):
+        noise[10, 2] += size
+        result = diagnose(simulated(bench, alpha, beta, noise), noise_bound=NOISE_BOUND)
+        assert result.verdict == "explained"
+        assert [cause.place for cause in result.causes] == places
+        low, high = result.causes[-1].intervals[0]
+        assert low <= 1.0 <= high
 
 
 def case_with(effects: Effects, seed: int, *, positions: int = 60, noise: str = "edge") -> SuiteCase:

@@ -11,7 +11,7 @@ import fmpy
 import polars as pl
 import pytest
 
-from foreign_fmus import build_foreign
+from foreign_fmus import build_foreign, rewritten
 from trihedron.errors import InputError
 from trihedron.fmus import build
 from trihedron.fmus.native.compiler import host_compiler
@@ -210,3 +210,40 @@ def test_a_failing_fmu_of_fmi_3_is_named_with_its_own_words(everything, compiled
     with pytest.raises(InputError) as refused:
         simulate(scenario, compiled=compiled)
     assert str(refused.value) == f"FMU 'b' (Everything.fmu): {says}"
+
+
+@pytest.mark.parametrize(("inside", "fits"), [("0.125", True), ("0.25", True), ("0.1", False), ("0.5", False)])
+def test_a_step_is_a_multiple_of_what_an_fmu_makes_inside(everything, tmp_path, inside: str, fits: bool) -> None:
+    def declare(name: str, content: bytes) -> tuple[str, bytes]:
+        flag = f'modelIdentifier="everything" fixedInternalStepSize="{inside}"'.encode()
+        return name, content.replace(b'modelIdentifier="everything"', flag) if name.endswith(".xml") else content
+
+    rewritten(everything / "Everything.fmu", tmp_path / "Fixed.fmu", declare)
+    data = {"run": {"stop_s": 1.0, "step_s": 0.25}, "fmus": {"a": {"fmu": "Fixed.fmu"}}, "base_folder": tmp_path}
+    if fits:
+        assert simulate(Scenario.model_validate(data)).table.height == 5
+        return
+    with pytest.raises(InputError, match=rf"0\.25 is no multiple of the {inside} s by which 'a' \(Fixed\.fmu\)"):
+        simulate(Scenario.model_validate(data))
+
+
+def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from trihedron.orchestrator import machine_code
+
+    expected = simulate(bench(folder, ("native-2",) * 3)).table
+
+    def fails() -> None:
+        raise RuntimeError("no compiler for this processor")
+
+    monkeypatch.setattr(machine_code, "compiled_march", fails)
+    assert simulate(bench(folder, ("native-2",) * 3)).table.equals(expected)
+
+
+def test_a_record_with_strings_runs_as_plain_python(folder: Path) -> None:
+    data = {
+        "base_folder": folder,
+        "run": {"stop_s": 0.5, "step_s": 0.1},
+        "fmus": {"g": {"fmu": "Gain.fmu", "parameters": {"label": "a "}}},
+        "stimuli": [{"to": "g.word", "constant": "b"}],
+    }
+    assert simulate(Scenario.model_validate(data)).table["g.said"].to_list() == ["a b"] * 6

@@ -14,7 +14,7 @@ from trihedron.scenario import Scenario
 
 RUN = {
     "run": {"stop_s": 1.0, "step_s": 0.1},
-    "fmus": {"table": {"component": "TurntableMotion"}},
+    "fmus": {"table": {"component": "TurntableMotion", "flavour": "python"}},
     "record": {"format": "csv", "columns": {"alpha_deg": "table.angle[1]"}},
 }
 

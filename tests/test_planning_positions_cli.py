@@ -109,6 +109,22 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
         (["--positions", "12", "--keep-out", "gamma:1:2"], "alpha:LOW:HIGH"),
         (["--positions", "12", "--keep-out", "alpha:9:2"], "HIGH must be above LOW"),
         (["--positions", "12", "--keep-out", "alpha:a:b"], "numbers of degrees"),
+        (["--positions", "12", "--keep-out", "alpha:0:200", "--keep-out", "alpha:190:365"], "nothing of alpha is left"),
+        (
+            [
+                "--positions",
+                "6",
+                "--starts",
+                "1",
+                "--cuts",
+                "0",
+                "--keep-out",
+                "alpha:0:359",
+                "--keep-out",
+                "beta:0:359",
+            ],
+            "leave more angles by --keep-out",
+        ),
         (["--positions", "12", "--starts", "0"], "--starts 0"),
         (["--positions", "12", "--extra", "-1"], "--extra -1"),
         (["--positions", "12", "--seed", "-1"], "--seed -1"),
@@ -141,6 +157,14 @@ def test_a_check_file_without_its_columns(tmp_path: Path, capsys: pytest.Capture
     path.write_text("alpha_deg,beta_deg\n1,2\n", encoding="utf-8")
     assert main(["plan", "--check", str(path)]) == 2
     assert "planned_alpha_deg" in capsys.readouterr().err
+
+
+def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
+    options = ["--positions", "8", "--starts", "1", "--cuts", "0", "--json", str(tmp_path / "plan.json")]
+    assert main(["plan", *options, "--keep-out", "alpha:40:250", "--keep-out", "beta:100:450"]) == 0
+    for position in json.loads((tmp_path / "plan.json").read_text())["positions"]:
+        assert not 40.0 < position["alpha_deg"] % 360.0 < 250.0
+        assert 90.0 <= position["beta_deg"] % 360.0 <= 100.0
 
 
 def test_keep_outs_bound_every_move() -> None:

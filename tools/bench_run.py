@@ -10,6 +10,8 @@ from trihedron.records.rests import average_rests, find_rests
 from trihedron.scenario import Scenario, read_scenario
 
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
+MOST_ROWS = 20_000_000
+"""A raw record of more rows is not averaged: it is read whole."""
 
 
 def run_scenario(path: Path, out: Path | None, *, progress: bool, step: float | None = None) -> list[Path]:
@@ -50,6 +52,8 @@ def _run(scenario: Scenario, out: Path | None, *, progress: bool) -> list[Path]:
     (folder / "positions.csv").unlink(missing_ok=True)
     if set(run.columns) >= RAW_COLUMNS:
         try:
+            if run.height > MOST_ROWS:
+                raise InputError(f"{run.height} rows are too many to average here; raise record.every")
             write_position_record(averaged(files[0]), folder / "positions.csv")
             files.append(folder / "positions.csv")
         except InputError as error:

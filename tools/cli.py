@@ -12,6 +12,7 @@ from trihedron import (
 )
 from trihedron.errors import InputError
 from trihedron.exit_status import exit_status
+from trihedron.fmpy_commands import fmpy_input
 from trihedron.hidden_commands import hidden
 from trihedron.options import (
     Baseline,
@@ -29,6 +30,7 @@ from trihedron.outputs import distinct_files, ordinary_file
 from trihedron.planning_commands import plan
 from trihedron.reproduce_commands import reproduce
 from trihedron.ssp_commands import export_ssp
+from trihedron.strapdown_commands import inspect
 
 app = App(
     name="trihedron",
@@ -264,7 +266,9 @@ def apply(
 
 
 app.command(export_ssp)
+app.command(fmpy_input)
 app.command(hidden)
+app.command(inspect)
 app.command(plan)
 app.command(reproduce)
 

@@ -43,8 +43,8 @@ def exit_status(command: Callable[[], object]) -> int:
         return refuse(str(error))
     except CycloptsError as error:
         return refuse(str(error))
-    except KeyboardInterrupt:
-        print("trihedron: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        print(f"trihedron: {str(error) or 'interrupted'}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         drop_output()

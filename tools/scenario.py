@@ -97,6 +97,7 @@ class FmuSetting(_Section):
     """One FMU of the scenario: a component of ours or a file, its effects and its parameters."""
 
     component: str | None = None
+    flavour: Literal["native", "python"] | None = None
     fmu: PathText | None = None
     parameters_from: PathText | None = None
     parameters: dict[str, Plain] = Field(default_factory=dict)
@@ -106,6 +107,8 @@ class FmuSetting(_Section):
     def _one_origin(self) -> "FmuSetting":
         if (self.component is None) == (self.fmu is None):
             raise ValueError('give either component = "..." or fmu = "...", one of the two')
+        if self.flavour is not None and self.component is None:
+            raise ValueError("flavour belongs to a component, not to an fmu file")
         if self.effects and self.component is None:
             raise ValueError("effects can be added to a component only, not to an fmu file")
         return self
@@ -249,6 +252,20 @@ def first_problem(error: ValidationError) -> str:
     if problem["type"] != "value_error" and len(shown) < 60:
         message += f", not {shown}"
     return " ".join((f"{name}: {message}" if name else message).split())
+
+
+def checked_scenario(data: Mapping[str, Any]) -> Scenario:
+    """A scenario from what would stand in a file.
+
+    Raises
+    ------
+    InputError
+        a field that is missing, unknown or wrong
+    """
+    try:
+        return Scenario.model_validate(dict(data))
+    except ValidationError as error:
+        raise InputError(first_problem(error)) from error
 
 
 def read_scenario(path: Path | str) -> Scenario:

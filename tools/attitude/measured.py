@@ -65,7 +65,7 @@ def attitude_of_record(
         attitude begins, or turns by more than the algorithm takes in one sample
     """
     chosen = _algorithm_named(algorithm)
-    first, start = _start(record)
+    first, start = starting_attitude(record)
     increments = coarser(increments_from(record, first, rates, gyro_bias), rate_divisor)
     _check_range(record, chosen, increments, first, rate_divisor)
     run = simulate(_scenario(record, increments, chosen.number, start), out, progress=progress)
@@ -123,7 +123,7 @@ def _check_range(
         )
 
 
-def _start(record: StrapdownRecord) -> tuple[int, list[float]]:
+def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
     """Index of the row to begin at, and the attitude there."""
     if record.attitude is not None:
         known = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))

@@ -82,10 +82,12 @@ def _reading_errors(calibration: Mapping[str, Any], where: str) -> tuple[NDArray
             place = (int(entry["accelerometer"]) - 1, *(int(x) + 1 for x in entry["input"]))
             ends[(slice(None), *place)] = float(entry["low"]), float(entry["high"])
         known = [ends[(slice(None), p - 1, *(x + 1 for x in n))] for p, n in corners()]
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         raise InputError(f"{where}: its reading_errors are not as the schema says; calibrate again") from error
     if not np.isfinite(known).all():
         raise InputError(f"{where}: its reading_errors are not complete; calibrate again")
+    if not all(-1.0 <= low <= high <= 1.0 for low, high in known):
+        raise InputError(f"{where}: its reading_errors are not low <= high, between -1 and 1; calibrate again")
     return ends[0], ends[1]
 
 

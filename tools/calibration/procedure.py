@@ -18,13 +18,12 @@ from trihedron.calibration.programmes import RELATIVE_TOLERANCE, SolverError
 from trihedron.calibration.reading_errors import error_weights, reading_errors
 from trihedron.calibration.result import Calibration, Estimate, FeasibleSet, Provenance
 from trihedron.calibration.targets import asked_targets, convention_targets
+from trihedron.calibration.values import GRAVITIES
 from trihedron.errors import InputError
 from trihedron.records import PositionRecord
 from trihedron.records.noise import NoiseBound, noise_bound_from
 
 STANDARD_BOUNDS = (3e-3, 1e-2)
-GRAVITIES = (4.9, 14.7)
-"""[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 SCALE_FACTORS = (0.5, 1.5)
 """What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
 SCALE_TARGETS = dict(zip(("X4", "X5", "X9", "X10", "X14", "X15"), (1, 1, 2, 2, 3, 3), strict=True))
@@ -135,6 +134,12 @@ def calibrate(
     mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
     if unbounded:
         mend += repeats(here)
+    coarse = []
+    if not contradicted and radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
+        coarse = [
+            f"the readings are written too coarsely for this noise bound: half a last digit is {resolution:.2g} g, and "
+            f"the verdict and the intervals allow for it, so that a radius of {radius:.3f} falsifies nothing"
+        ]
     repeated = []
     if here.deficient and noise.complete:
         # what the readings leave open hides it from the radius
@@ -154,7 +159,7 @@ def calibrate(
         tuple(estimates),
         missing,
         tuple(mend),
-        (*record.warnings, *_remarks(here, falsified and bool(missing), unbounded), *repeated),
+        (*record.warnings, *_remarks(here, falsified and bool(missing), unbounded), *coarse, *repeated),
         here,
         tuple((prior.text.rpartition("=")[0], prior.limit) for prior in known_before),
         reading_errors(intervals[len(wanted) :]),
@@ -186,9 +191,7 @@ def fit_record(
     """The exact model fitted to a record and linearised at the fit; arguments and errors as for `calibrate`."""
     _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
-        raise InputError(
-            f"--gravity {gravity:g}: must be from {GRAVITIES[0]:g} to {GRAVITIES[1]:g}, as 9.80665 [m/s²]"
-        )
+        raise InputError(f"--gravity {gravity:g}: must be from {GRAVITIES[0]:g} to {GRAVITIES[1]:g}, as 9.80665 [m/s²]")
     if len(bounds) != 2 or not all(isfinite(b) and 0.0 <= b < 0.5 for b in bounds):
         raise InputError(f"--bounds {' '.join(f'{b:g}' for b in bounds)}: must be two numbers from 0 to 0.5")
     if len(record.position) == 0:
@@ -238,7 +241,7 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) 
             continue
         if 1.0 + estimate.high >= least and 1.0 + estimate.low <= most:
             continue
-        factor = 1.0 + (estimate.low + estimate.high) / 2.0
+        factor = round(1.0 + (estimate.low + estimate.high) / 2.0, 3) + 0.0
         hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
         hint = hint if factor < least else "are --gravity and the unit right"
         raise InputError(

@@ -7,6 +7,8 @@ from trihedron.errors import InputError
 from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
 
 SCHEMA = "trihedron.calibration/1"
+GRAVITIES = (4.9, 14.7)
+"""[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 BLOCK_TARGETS = tuple(t for t in TARGETS if t not in ("X1", "X2", "X3", "X8", "-X12", "X13"))
 """The targets of case (A1) that belong to the block itself; the others are the bench's and the mounting's."""
 
@@ -32,6 +34,9 @@ def checked_calibration(calibration: Any, where: str) -> Mapping[str, Any]:
     verdict = calibration.get("verdict")
     if verdict != "consistent":
         raise InputError(f"{where}: the calibration's verdict is {verdict!r}; only a consistent one gives parameters")
+    for key, known in (("convention", ("A1", "A2")), ("baseline", ("asymmetric", "symmetric"))):
+        if calibration.get(key) not in known:
+            raise InputError(f"{where}: its {key} is {calibration.get(key)!r}; it must be {' or '.join(known)}")
     return calibration
 
 
@@ -45,12 +50,15 @@ def target_estimates(calibration: Mapping[str, Any], where: str) -> dict[str, fl
     KeyError
         for a combination that is needed and missing
     """
+    value: dict[str, float] = {}
     try:
-        value = {
-            str(entry["symbol"]): number(entry["estimate"], f"{where}: {entry['symbol']}")
-            for entry in calibration["parameters"]
-            if entry["estimate"] is not None
-        }
+        for entry in calibration["parameters"]:
+            symbol = str(entry["symbol"])
+            if symbol in value:
+                raise InputError(f"{where}: the calibration has {symbol} twice")
+            if entry["estimate"] is not None:
+                value[symbol] = number(entry["estimate"], f"{where}: {symbol}")
+                _check_interval(entry, value[symbol], f"{where}: {symbol}")
     except TypeError as error:
         raise InputError(f"{where}: the calibration's parameters are not as its schema says") from error
     if calibration.get("convention") == "A2":
@@ -62,6 +70,8 @@ def target_estimates(calibration: Mapping[str, Any], where: str) -> dict[str, fl
                 "X13": value["(X13-X11)/2"] + value["(X11+X13)/2"],
             }
     if calibration.get("baseline") == "symmetric":
+        if doubled := [minus for _, minus in SYMMETRIC_PAIRS if minus in value]:
+            raise InputError(f"{where}: its baseline is symmetric, which has no {doubled[0]}; was it edited?")
         value |= {minus: value[plus] for plus, minus in SYMMETRIC_PAIRS}
     return value
 
@@ -93,13 +103,27 @@ def calibrated_block(calibration: Any, where: str) -> dict[str, float | list[flo
     content = checked_calibration(calibration, where)
     try:
         gravity = number(content["gravity_mps2"], f"{where}: gravity_mps2")
+        if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
+            raise InputError(f"{where}: gravity_mps2 is {gravity:g}; {GRAVITIES[0]:g} to {GRAVITIES[1]:g} is possible")
         return block_parameters(target_estimates(content, where), gravity)
     except KeyError as error:
         raise InputError(f"{where}: the calibration lacks {error.args[0]!r}") from error
 
 
+def _check_interval(entry: Mapping[str, Any], estimate: float, what: str) -> None:
+    """Refuse an estimate that its own interval and guaranteed error exclude; where they are given."""
+    ends = [entry.get(key) for key in ("low", "high", "guaranteed_error")]
+    if any(end is None for end in ends):
+        return
+    low, high, error = (number(end, f"{what}: {key}") for end, key in zip(ends, ("low", "high", "error"), strict=True))
+    room = error + 1e-9
+    if not low <= high or estimate - room > high or estimate + room < low:
+        raise InputError(f"{what}: its estimate, guaranteed error, low and high exclude one another; was it edited?")
+
+
 def number(value: Any, what: str) -> float:
     """The value, when it is a number of a possible size."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
-        raise InputError(f"{what} is {value!r}, not a number")
+        shown = repr(value)
+        raise InputError(f"{what} is {shown if len(shown) <= 40 else shown[:37] + '...'}, not a number")
     return float(value)

@@ -1,17 +1,20 @@
 """Where the search linearises the bench: fits that few readings cannot draw, with effects that stand out in them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation, linearise
+from trihedron.calibration.open_signs import widening
+from trihedron.calibration.parametrisation import predicted_input
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import coefficient_count, disturbed, rows_at, signature_columns
 from trihedron.diagnosis.extended_fit import ASTRAY, coefficient_blocks, extended_model, least_squares_step
 from trihedron.diagnosis.lawson import Problem
 from trihedron.models.effects import EffectPlace
+from trihedron.models.regressors import admissible, nominal_input
 
 USUAL = 0.9
 """The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""
@@ -140,6 +143,35 @@ def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[Effect
             part = np.linalg.svd(columns[:, kept], full_matrices=False)[0].T @ target
             gains.append((-float(part @ part), place.title, place))
     return [place for _, _, place in sorted(gains, key=lambda gain: gain[:2])]
+
+
+def with_usual_signs(
+    here: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
+) -> Linearisation:
+    """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model at its fit
+    circumstances : Circumstances
+    noise_bound : float
+        σ, as a fraction of g
+    bounds : (float, float)
+        u^max and v^0max of (1.7)
+    """
+    p, at = here.parametrisation, here.positions
+    point = centre_of(here, circumstances, ()).point
+    sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
+    if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):
+        return here
+    there = linearise(p, at, here.reading, point, np.full_like(here.bound, noise_bound), sign)
+    if p.symmetric:
+        return there
+    matrices = p.matrices[at.mounting]
+    certain = admissible(at.alpha, at.beta, matrices, bounds=bounds)
+    certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (sign > 0)
+    return replace(there, bound=noise_bound + widening(there, certain, noise_bound, bounds))
 
 
 def moved(here: Linearisation, centre: Centre) -> Linearisation:

@@ -12,6 +12,7 @@ from trihedron.calibration.next_positions import repeats
 from trihedron.calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
 from trihedron.calibration.programmes import SolverError
 from trihedron.calibration.result import Calibration
+from trihedron.diagnosis.centre import with_usual_signs
 from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.classes import Classes, classes_of, same_space
 from trihedron.diagnosis.disturbance import is_linear
@@ -106,7 +107,8 @@ def cause_of(
     progress: bool,
 ) -> Diagnosis:
     """The diagnosis of a record that the nominal model cannot explain; arguments as for `diagnose`."""
-    here, resolution = nominal.linearised, record.resolution / gravity
+    here = with_usual_signs(nominal.linearised, circumstances, nominal.noise_bound, bounds)
+    resolution = record.resolution / gravity
     room = reading_uncertainty(resolution)
     limit = radius_limit(nominal.noise_bound, resolution) + FIT_TOLERANCE
     every = catalogue_places(nominal.baseline, circumstances)

@@ -190,7 +190,9 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             library = _library(set(sizes), str(description.coSimulation.modelIdentifier), label, version)
             refuse_damaged(archive.read(library), label)
             folder = make_folder(sha256)
-            archive.extractall(folder)
+            # Sources and documentation are nothing that an FMU may read when it runs.
+            needed = [m for m in members if not m.filename.startswith(("sources/", "documentation/"))]
+            archive.extractall(folder, needed)
     except _DAMAGE as error:
         raise InputError(f"{label}: is not a readable FMU archive ({error})") from error
     script = folder / "resources" / "slavemodule.txt"

@@ -1,7 +1,7 @@
 """The variables of an FMU: found by name, with arrays put together from `name[1]`, `name[2]`, ..."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -145,13 +145,11 @@ def _start(kind: str, text: object) -> Value | None:
     return float(str(text)) if kind == "Real" else int(str(text))
 
 
-def _starts(kind: str, entry: ModelVariable, size: int) -> list[Value | None]:
+def _starts(kind: str, entry: ModelVariable, size: int) -> Sequence[Value | None]:
     """Start values of all elements; one value stands for all."""
     if not size or kind not in ("Real", "Integer", "Enumeration", "Boolean"):
         return [_start(kind, entry.start)] * max(size, 1)
-    found: list[Value | None] = [None]
-    if entry.start is not None:
-        found = [_start(kind, text) for text in str(entry.start).split()]
+    found = [_start(kind, text) for text in str(entry.start).split()] if entry.start is not None else [None]
     if len(found) not in (1, size):
         raise ValueError(f"{len(found)} start values for {size} elements")
     return found * size if len(found) == 1 else found

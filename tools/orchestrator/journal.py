@@ -128,7 +128,10 @@ class Journal:
             return pl.concat(self._tables, rechunk=True), ()
         try:
             self._wait()
-            return self._written(self._out, form, {**self._provenance, **more})
+            written = self._written(self._out, form, {**self._provenance, **more})
+            # Of this run, or of one that was killed here.
+            shutil.rmtree(self.folder, ignore_errors=True)
+            return written
         except pl.exceptions.PolarsError as error:
             raise InputError(f"{self._out}: cannot be written ({error})") from error
         finally:

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from trihedron.errors import InputError, nearest
-from trihedron.fmus import build, component_names
+from trihedron.fmus import component_names
+from trihedron.fmus.native.compiler import BuildError
 from trihedron.models.effects import EffectPlace, parameter_name, place_from_mapping
 from trihedron.orchestrator.archive import UnpackedFmu, unpack
+from trihedron.orchestrator.built import component_fmu
 from trihedron.orchestrator.coupling import Coupling, Group
 from trihedron.orchestrator.interface import Interface, Value, Variable, interface_of
 from trihedron.orchestrator.parameters import calibrated_parameters, resolve_parameters
@@ -47,7 +49,7 @@ class Loaded:
 def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded]:
     """Build or find, check and unpack every FMU; resolve its parameters."""
     unpacked: dict[str, UnpackedFmu] = {}
-    built: dict[tuple[str, tuple[EffectPlace, ...]], Path] = {}
+    built: dict[tuple[str, tuple[EffectPlace, ...], str | None], Path] = {}
     loaded: dict[str, Loaded] = {}
     single: dict[str, str] = {}
     for name, setting in scenario.fmus.items():
@@ -59,14 +61,16 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
             if label not in component_names():
                 known = nearest(label, list(component_names()))
                 raise InputError(f"fmus.{name}.component: there is no component '{label}'; {known}")
-            key = (label, places)
+            key = (label, places, setting.flavour)
             if key not in built:
                 target = folder / f"built-{len(built)}"
                 target.mkdir()
                 try:
-                    built[key] = build(label, target, places)
+                    built[key] = component_fmu(label, places, setting.flavour, target)
                 except ValueError as error:
                     raise InputError(f"fmus.{name}.effects: {error}") from error
+                except BuildError as error:
+                    raise InputError(f"fmus.{name}.flavour: {error}") from error
             path = built[key]
         fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(unpacked)}")
         unpacked[name] = fmu
@@ -100,6 +104,19 @@ def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling
                 f"run.coupling = \"iterate\": '{name}' ({loaded[name].fmu.label}) cannot get and set its state; "
                 'coupling = "jacobi" needs no state'
             )
+
+
+def check_steps(loaded: Mapping[str, Loaded], step: float) -> None:
+    """Refuse a step that is no multiple of the one which an FMU of FMI 3.0 says that it makes inside."""
+    for name, entry in loaded.items():
+        said = getattr(entry.fmu.description.coSimulation, "fixedInternalStepSize", None)
+        try:
+            inside = 0.0 if said is None else float(said)
+        except ValueError as error:
+            raise InputError(f"{entry.fmu.label}: modelDescription.xml, fixedInternalStepSize: {error}") from error
+        if inside > 0.0 and (round(step / inside) < 1 or abs(step / inside - round(step / inside)) > 1e-9):
+            whom = f"'{name}' ({entry.fmu.label})"
+            raise InputError(f"run.step_s = {step!r} is no multiple of the {inside!r} s by which {whom} steps inside")
 
 
 def _effects(name: str, setting: FmuSetting) -> tuple[tuple[EffectPlace, ...], dict[str, float]]:

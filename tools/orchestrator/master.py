@@ -7,7 +7,7 @@ those that step after it (Gauss-Seidel), so an increment over a step is there wh
 import ctypes
 import time as clocks
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import NoReturn
 
 import numpy as np
@@ -98,7 +98,11 @@ class _Loop:
         self.clock = np.array([grid.start, grid.step, 0.0])
         self.state[op.EVERY], self.state[op.ROWS], self.state[op.AT] = every, len(program.rows), -1
         self.state[op.RECORDS] = len(blocks.records)
-        self._march = self._compiled() if compiled and not blocks.has_text else self._plain
+        self._march = self._plain
+        if compiled and not blocks.has_text:
+            # Where nothing can be compiled the plain loop does the same.
+            with suppress(ImportError, RuntimeError):
+                self._march = self._compiled()
 
     def _compiled(self) -> Callable[[], int]:
         from trihedron.orchestrator.machine_code import compiled_march

@@ -22,7 +22,7 @@ from trihedron.orchestrator.ensemble import Ensemble
 from trihedron.orchestrator.grid import Grid, make_grid
 from trihedron.orchestrator.interface import Value, Variable
 from trihedron.orchestrator.journal import Journal
-from trihedron.orchestrator.loading import Loaded, Sources, check_states, load
+from trihedron.orchestrator.loading import Loaded, Sources, check_states, check_steps, load
 from trihedron.orchestrator.master import Progress, run_fmus
 from trihedron.orchestrator.parameters import value_at_start
 from trihedron.orchestrator.programme import Programme, drive_of_programme, resolve_programme
@@ -125,6 +125,7 @@ def _run(scenario: Scenario, out: Path | None, *, progress: bool, compiled: bool
         coupling = _coupling(scenario)
         groups = stepping_groups(list(interfaces), wires, coupling)
         check_states(groups, loaded, coupling)
+        check_steps(loaded, scenario.run.step_s)
         grid, drives = _resolve_stimuli(scenario, sources, loaded)
         check_single_sources(wires, drives)
         columns = resolve_columns(scenario.record.columns, interfaces)

@@ -177,12 +177,16 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         progress=progress,
     )
     if result is None:
-        raise InputError(f"--positions {count}: no set was found that determines every target; give more, or --starts")
+        less = ", or leave more angles by --keep-out" if request.keep_out else ""
+        raise InputError(
+            f"--positions {count}: no set was found that determines every target; give more, or --starts{less}"
+        )
     found, detection = result.best, None
     if request.resolution_deg is not None:
         found = rounded(task, found, request.resolution_deg, request.criterion)
-        if not found.determined.all():
-            raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target")
+        if not (found.determined.all() and allowed(task, found.places.angle).all()):
+            where = " outside the keep-outs" if request.keep_out else ""
+            raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
     bound, interrupted = None, result.interrupted
     if request.cuts and not interrupted and not (effects and request.extra):
         try:

@@ -6,6 +6,7 @@ the admissible set, at every angle that an error of setting may lead to.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,6 +216,19 @@ def allowed(task: Task, angle: NDArray) -> NDArray:
             inside = np.mod(angle[:, axis] - low, 2.0 * np.pi)
             free &= ~((inside > 1e-12) & (inside < high - low - 1e-12))
     return free
+
+
+def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """What an axis' keep-outs leave of a turn: arcs [rad] (low, high), low < high; none where they leave nothing."""
+    turn = 2.0 * np.pi
+    if not intervals:
+        return [(0.0, turn)]
+    ends = np.unique(np.mod(np.ravel(intervals), turn))
+    return [
+        (float(a), float(b))
+        for a, b in pairwise([*ends, ends[0] + turn])
+        if b - a > 1e-9 and not any((0.5 * (a + b) - low) % turn < high - low for low, high in intervals)
+    ]
 
 
 def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray]:

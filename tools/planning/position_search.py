@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from trihedron.planning.improvement import improve, merit
-from trihedron.planning.places import Places, Task, allowed
+from trihedron.planning.places import Places, Task, allowed, free_arcs
 from trihedron.planning.position_costs import NOT_DETERMINED, Costs, costs
 
 ELITE = 6
@@ -149,7 +149,20 @@ def drawn(task: Task, count: int, rng: np.random.Generator) -> Places:
         if not wrong.any():
             break
         angle[wrong] = _random_angles(int(wrong.sum()), rng, False)
+    else:
+        wrong = ~allowed(task, angle)
+        angle[wrong] = _free_angles(task, int(wrong.sum()), rng)
     return Places(angle, rng.integers(0, len(task.parametrisation.mountings), count))
+
+
+def _free_angles(task: Task, count: int, rng: np.random.Generator) -> NDArray:
+    """Random angles outside keep-outs that leave little: an arc by its width, then anywhere on it."""
+    angle = np.zeros((count, 2))
+    for axis, intervals in enumerate(task.keep_out):
+        low, high = np.array(free_arcs(intervals)).T
+        arc = rng.choice(len(low), count, p=(high - low) / (high - low).sum())
+        angle[:, axis] = rng.uniform(low[arc], high[arc])
+    return angle
 
 
 def _random_angles(count: int, rng: np.random.Generator, near_axes: bool) -> NDArray:

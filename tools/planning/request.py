@@ -16,7 +16,7 @@ from trihedron.calibration.targets import convention_targets
 from trihedron.errors import InputError
 from trihedron.planning.forms import DEFAULT_BOUNDS
 from trihedron.planning.optimum import UndeterminedError
-from trihedron.planning.places import Places, Task, task_of
+from trihedron.planning.places import Places, Task, free_arcs, task_of
 from trihedron.planning.waiting import shown_status
 
 
@@ -57,6 +57,9 @@ def requested_task(request: Request, *, progress: bool = False) -> Task:
     for text in request.keep_out:
         axis, low, high = parsed_keep_out(text)
         keep_out[axis].append((low, high))
+    for axis, name in enumerate(("alpha", "beta")):
+        if not free_arcs(keep_out[axis]):
+            raise InputError(f"--keep-out: nothing of {name} is left; leave some of its angles free")
     options: dict[str, Any] = {"bounds": request.bounds, "rule": request.admissible, "keep_out": keep_out}
     try:
         with shown_status("optima of the targets", progress):

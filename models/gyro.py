@@ -1,0 +1,259 @@
+"""The gyro block: scale factors and misalignment, bias, bounded errors, increments in whole quanta.
+
+The stages are those of the accelerometer block, on the mean rate ω over a step: reading = ω + Γ ω + b + what effects
+add + error, then the last stage; the increment is the reading's integral, rounded, with its remainder carried on.
+
+Source: P. Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd ed. 2013,
+section 4.4.
+"""
+
+import math
+
+from trihedron.models.random_numbers import seed_generator, symmetric
+from trihedron.models.restricted import (
+    GYRO_CONTEXT_SIZE,
+    HOURS,
+    INPUT,
+    PREVIOUS_RATE,
+    PREVIOUS_STEPS,
+    STEP_LENGTH,
+    TEMPERATURE,
+    Vector,
+)
+
+HELD_RATES = 2.0
+"""Kind of input: rates that hold over the step."""
+INSTANTANEOUS_RATES = 3.0
+"""Kind of input: rates at the end of the step; their mean is the trapezoid's."""
+
+
+def reading_effects(context: Vector, rate: Vector, effect: Vector, added: Vector) -> None:
+    """Stage "reading": what effects add to the readings (3,) [rad/s]; the nominal block adds nothing."""
+    added[0] = 0.0
+    added[1] = 0.0
+    added[2] = 0.0
+
+
+def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector) -> None:
+    """Last stage: what changes the finished readings (3,) [rad/s], errors included; nominally nothing.
+
+    `own` (3,) [rad/s] is what each gyro's own input adds to its reading.
+    """
+
+
+def read_rates(
+    temperature: float,
+    specific_force: Vector,
+    gravity: float,
+    scale_misalignment: Vector,
+    bias: Vector,
+    effect: Vector,
+    error: Vector,
+    hours: Vector,
+    last_step: Vector,
+    rate_of_step: Vector,
+    previous_rates: Vector,
+    rate_reading: Vector,
+    context: Vector,
+    added: Vector,
+    own: Vector,
+) -> None:
+    """Readings (3,) [rad/s] at the mean rate `rate_of_step` (3,) [rad/s], with the error [rad/s] that was drawn."""
+    for i in range(GYRO_CONTEXT_SIZE):
+        context[i] = 0.0
+    context[HOURS] = hours[0]
+    context[TEMPERATURE] = temperature
+    # Before the first step the body turns steadily: any length will do, but none that cannot divide.
+    context[STEP_LENGTH] = 1.0
+    if last_step[0] > 0.0:
+        context[STEP_LENGTH] = last_step[0]
+    for p in range(3):
+        context[INPUT + p] = specific_force[p] / gravity
+    for i in range(3 * PREVIOUS_STEPS):
+        context[PREVIOUS_RATE + i] = previous_rates[i]
+    reading_effects(context, rate_of_step, effect, added)
+    for p in range(3):
+        value = rate_of_step[p]
+        for q in range(3):
+            value = value + scale_misalignment[3 * p + q] * rate_of_step[q]
+        own[p] = rate_of_step[p] + scale_misalignment[4 * p] * rate_of_step[p]
+        rate_reading[p] = value + bias[p] + added[p] + error[p]
+    final_effects(context, own, effect, rate_reading)
+
+
+def draw_error(noise_bound: float, generator: Vector, error: Vector) -> None:
+    """Draw the error (3,) [rad/s] of a sample, uniform within ± `noise_bound`."""
+    for p in range(3):
+        error[p] = noise_bound * symmetric(generator)
+
+
+def initialise(
+    time: float,
+    rate: Vector,
+    temperature: float,
+    specific_force: Vector,
+    gravity: float,
+    scale_misalignment: Vector,
+    bias: Vector,
+    noise_bound: float,
+    seed: float,
+    effect: Vector,
+    rate_reading: Vector,
+    increment_reading: Vector,
+    error: Vector,
+    generator: Vector,
+    start: Vector,
+    hours: Vector,
+    last_step: Vector,
+    last_rate: Vector,
+    rate_of_step: Vector,
+    previous_rates: Vector,
+    carried: Vector,
+    context: Vector,
+    added: Vector,
+    own: Vector,
+) -> int:
+    """Read the rates at the start; there are no increments yet. Returns 0 or the number of a message."""
+    if not gravity > 0.0:
+        return 1
+    start[0] = time
+    hours[0] = 0.0
+    last_step[0] = 0.0
+    seed_generator(seed, 4.0, generator)
+    for p in range(3):
+        if not math.fabs(rate[p]) < 1e300:
+            return 3
+        last_rate[p] = rate[p]
+        rate_of_step[p] = rate[p]
+        carried[p] = 0.0
+        increment_reading[p] = 0.0
+        for k in range(PREVIOUS_STEPS):
+            previous_rates[3 * k + p] = rate[p]
+    draw_error(noise_bound, generator, error)
+    read_rates(
+        temperature,
+        specific_force,
+        gravity,
+        scale_misalignment,
+        bias,
+        effect,
+        error,
+        hours,
+        last_step,
+        rate_of_step,
+        previous_rates,
+        rate_reading,
+        context,
+        added,
+        own,
+    )
+    return 0
+
+
+def keep_rate(first: int, rate_of_step: Vector, previous_rates: Vector) -> None:
+    """Move the rate of the step before into the history; before the first step the body turned as in it."""
+    for k in range(PREVIOUS_STEPS):
+        at = PREVIOUS_STEPS - 1 - k
+        for p in range(3):
+            if first == 1 or at == 0:
+                previous_rates[3 * at + p] = rate_of_step[p]
+            else:
+                previous_rates[3 * at + p] = previous_rates[3 * at - 3 + p]
+
+
+def mean_rate(
+    step: float, input_kind: float, rate: Vector, increment: Vector, last_rate: Vector, rate_of_step: Vector
+) -> None:
+    """Mean rate (3,) [rad/s] over a step, from what the input is."""
+    for p in range(3):
+        if input_kind == HELD_RATES:
+            rate_of_step[p] = rate[p]
+        elif input_kind == INSTANTANEOUS_RATES:
+            rate_of_step[p] = 0.5 * (last_rate[p] + rate[p])
+        else:
+            rate_of_step[p] = increment[p] / step
+        last_rate[p] = rate[p]
+
+
+def take_increment(
+    step: float, quantum: float, rate_reading: Vector, carried: Vector, increment_reading: Vector
+) -> None:
+    """Increments (3,) [rad] over a step, in whole quanta; what is left of one is carried to the next."""
+    for p in range(3):
+        angle = rate_reading[p] * step + carried[p]
+        increment_reading[p] = angle
+        if quantum > 0.0:
+            increment_reading[p] = quantum * math.floor(angle / quantum + 0.5)
+        carried[p] = angle - increment_reading[p]
+
+
+def step(
+    time: float,
+    step: float,
+    input_kind: float,
+    rate: Vector,
+    increment: Vector,
+    temperature: float,
+    specific_force: Vector,
+    gravity: float,
+    scale_misalignment: Vector,
+    bias: Vector,
+    quantum: float,
+    noise_bound: float,
+    effect: Vector,
+    rate_reading: Vector,
+    increment_reading: Vector,
+    error: Vector,
+    generator: Vector,
+    start: Vector,
+    hours: Vector,
+    last_step: Vector,
+    last_rate: Vector,
+    rate_of_step: Vector,
+    previous_rates: Vector,
+    carried: Vector,
+    context: Vector,
+    added: Vector,
+    own: Vector,
+) -> int:
+    """Read the rates and the increments over (time, time + step]; returns 0 or the number of a message.
+
+    A step of 1e-14 s, with which some masters end, is no sample.
+    """
+    if step <= 1e-9 * last_step[0]:
+        return 0
+    for p in range(3):
+        # Infinity and NaN fail the comparison.
+        if not math.fabs(specific_force[p]) < 1e300:
+            return 2
+        if not math.fabs(rate[p]) < 1e300:
+            return 3
+        if not math.fabs(increment[p]) < 1e300:
+            return 4
+    if last_step[0] > 0.0:
+        keep_rate(0, rate_of_step, previous_rates)
+    mean_rate(step, input_kind, rate, increment, last_rate, rate_of_step)
+    if last_step[0] == 0.0:
+        keep_rate(1, rate_of_step, previous_rates)
+    last_step[0] = step
+    hours[0] = (time + step - start[0]) / 3600.0
+    draw_error(noise_bound, generator, error)
+    read_rates(
+        temperature,
+        specific_force,
+        gravity,
+        scale_misalignment,
+        bias,
+        effect,
+        error,
+        hours,
+        last_step,
+        rate_of_step,
+        previous_rates,
+        rate_reading,
+        context,
+        added,
+        own,
+    )
+    take_increment(step, quantum, rate_reading, carried, increment_reading)
+    return 0

@@ -1,0 +1,71 @@
+"""Simulated strapdown records: a block moved by hand from rest to rest, with known errors."""
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from trihedron.records import StrapdownRecord
+
+G = 9.80665
+PERIOD = 0.01
+POSES = np.array(
+    [
+        *(sign * row for row in np.eye(3) for sign in (1.0, -1.0)),
+        *np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1], [-1, 1, 0], [-1, 0, 1], [0, -1, 1], [1, 1, -1], [-1, -1, 1]])
+        / np.sqrt([[2], [2], [2], [2], [2], [2], [3], [3]]),
+    ]
+)
+"""Directions of the vertical in the block."""
+
+
+def true_motion(poses: np.ndarray = POSES, rest: float = 3.0, move: float = 1.5, period: float = PERIOD):
+    """Times (N,), rates (N, 3) [rad/s] and inputs (N, 3) [g]: smooth turns between rests."""
+    rates, inputs = [], []
+    still = round(rest / period)
+    for k, (before, after) in enumerate(pairwise([*poses, None])):
+        rates.append(np.zeros((still, 3)))
+        inputs.append(np.tile(before, (still, 1)))
+        if after is None:
+            break
+        axis = np.cross(before, after)
+        if np.linalg.norm(axis) < 1e-9:
+            axis = np.cross(before, np.roll(before, 1) + np.array([0.3, 0.1, -0.2]))
+        axis = -axis / np.linalg.norm(axis)
+        angle = np.arccos(np.clip(before @ after, -1.0, 1.0))
+        s = (np.arange(round(move / period)) + 0.5) * period / move
+        turn = angle * (s - np.sin(2.0 * np.pi * s) / (2.0 * np.pi))
+        speed = angle / move * (1.0 - np.cos(2.0 * np.pi * s))
+        # The block also turns about the vertical, by half a turn at most, first.
+        spin = (0.5 + 0.4 * (k % 3)) * np.sin(2.0 * np.pi * s)
+        vertical = Rotation.from_rotvec(-turn[:, None] * axis).apply(before)
+        rates.append(speed[:, None] * axis + spin[:, None] * vertical)
+        inputs.append(vertical)
+    rate, n = np.vstack(rates), np.vstack(inputs)
+    return period * np.arange(1, len(rate) + 1), rate, n
+
+
+def strapdown_record(
+    motion=None,
+    *,
+    seed: int = 0,
+    gamma: np.ndarray | None = None,
+    bias_g: np.ndarray | None = None,
+    gyro_bias: np.ndarray | None = None,
+    drift: np.ndarray | None = None,
+    sensitivity: np.ndarray | None = None,
+    force_noise: float = 0.03,
+    rate_noise: float = 1e-3,
+    **more,
+) -> StrapdownRecord:
+    """A record of a motion: Γ and b [g] of the accelerometers, bias [rad/s], drift [rad/s/h] and G [rad/s/g]."""
+    time, rate, n = true_motion() if motion is None else motion
+    rng = np.random.default_rng(seed)
+    reading = n @ (np.eye(3) + (np.zeros((3, 3)) if gamma is None else gamma)).T
+    reading = G * (reading + (np.zeros(3) if bias_g is None else bias_g)) + force_noise * rng.standard_normal(n.shape)
+    measured = rate + (np.zeros(3) if gyro_bias is None else gyro_bias) + rate_noise * rng.standard_normal(n.shape)
+    if drift is not None:
+        measured = measured + time[:, None] / 3600.0 * drift
+    if sensitivity is not None:
+        measured = measured + n @ sensitivity.T
+    return StrapdownRecord(time_s=time, rate=measured, increment=None, specific_force=reading, **more)

@@ -1,0 +1,113 @@
+"""A record as FMPy's input: FMPy alone gives the numbers of the orchestrator."""
+
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import polars as pl
+import pytest
+from fmpy.util import read_csv
+
+import trihedron as th
+from trihedron import cli
+from trihedron.attitude import attitude_of_record
+from trihedron.errors import InputError
+from trihedron.fmpy_input import fmpy_input, write_fmpy_input
+from trihedron.records import StrapdownRecord, read_record
+
+PERIOD = 0.01
+
+
+@pytest.fixture
+def strapdown(tmp_path: Path) -> Path:
+    """A strapdown record whose attitude is known at its third row."""
+    rng = np.random.default_rng(5)
+    count = 200
+    columns = {"time_s": 2.0 + PERIOD * np.arange(count)}
+    columns |= {f"w{i}_radps": rng.uniform(-1.0, 1.0, count) for i in (1, 2, 3)}
+    columns |= {"f1_mps2": np.zeros(count), "f2_mps2": np.zeros(count), "f3_mps2": np.full(count, 9.80665)}
+    truth = [[None] * 2 + [value] + [None] * (count - 3) for value in (0.6, 0.0, 0.8, 0.0)]
+    columns |= {f"q{i}": values for i, values in enumerate(truth)}
+    path = tmp_path / "motion.csv"
+    pl.DataFrame(columns).write_csv(path)
+    return path
+
+
+def test_fmpy_gives_the_attitude_of_the_orchestrator(strapdown: Path, tmp_path: Path, fmu_folder: Path) -> None:
+    made = write_fmpy_input(strapdown, tmp_path / "input.csv")
+    found = fmpy.simulate_fmu(
+        str(fmu_folder / "AttitudeComputer.fmu"),
+        stop_time=made.stop,
+        output_interval=made.step,
+        input=read_csv(tmp_path / "input.csv"),
+        start_values=made.start_values,
+    )
+    record = read_record(strapdown)
+    assert isinstance(record, StrapdownRecord)
+    run = attitude_of_record(record)
+    updated = found["updated"] != 0
+    attitude = np.column_stack([found[f"attitude[{i}]"] for i in (1, 2, 3, 4)])[updated]
+    assert len(attitude) == 99
+    assert (attitude == run.attitude).all()
+
+
+def test_fmpy_compensates_readings_as_the_orchestrator_does(tmp_path: Path, fmu_folder: Path) -> None:
+    rng = np.random.default_rng(6)
+    force = rng.uniform(-9.0, 9.0, (50, 3))
+    force *= 9.80665 / np.linalg.norm(force, axis=1, keepdims=True)
+    columns = {"time_s": 0.1 * np.arange(50), "alpha_deg": np.full(50, 10.0), "beta_deg": np.full(50, 20.0)}
+    columns |= {f"f{i + 1}_mps2": force[:, i] for i in range(3)}
+    pl.DataFrame(columns).write_csv(tmp_path / "raw.csv")
+    made = write_fmpy_input(tmp_path / "raw.csv", tmp_path / "input.csv")
+    parameters = {"bias[1]": 1e-3, "scale_error_plus[3]": 2e-3, "gamma_21": 5e-3}
+    found = fmpy.simulate_fmu(
+        str(fmu_folder / "AccelerometerCompensation.fmu"),
+        stop_time=made.stop,
+        output_interval=made.step,
+        input=read_csv(tmp_path / "input.csv"),
+        start_values=parameters,
+    )
+    run = th.simulate(
+        {
+            "base_folder": tmp_path,
+            "run": {"stop_s": made.stop, "step_s": made.step},
+            "fmus": {"c": {"component": "AccelerometerCompensation", "parameters": parameters}},
+            "stimuli": [
+                {"csv": "raw.csv", "columns": {f"c.reading[{i}]": f"f{i}_mps2" for i in (1, 2, 3)}},
+            ],
+        }
+    )
+    for i in (1, 2, 3):
+        assert found[f"specific_force[{i}]"].tolist() == run[f"c.specific_force[{i}]_mps2"].to_list()
+
+
+def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "in.csv"
+    assert cli.main(["fmpy-input", "--help"]) == 0
+    assert "Example: trihedron fmpy-input" in " ".join(capsys.readouterr().out.split())
+    assert cli.main(["fmpy-input", str(strapdown), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(
+        f"fmpy simulate AttitudeComputer.fmu --input-file {out} --stop-time 1.97 --output-interval 0.01"
+    )
+    assert "initial_attitude[1]' 0.6" in said
+    assert pl.read_csv(out).columns == ["time", "increment[1]", "increment[2]", "increment[3]"]
+
+
+def test_records_that_have_no_steps_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2\n1,1,0,0,0,0,9.8\n")
+    with pytest.raises(InputError, match=r"p\.csv: is a position record, which has no steps"):
+        fmpy_input(tmp_path / "p.csv")
+    rows = [f"{t},10,20,0,0,9.8" for t in (0.0, 0.1, 0.25, 0.3)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2", *rows, ""]))
+    with pytest.raises(InputError, match=r"r\.csv, row 4: is 0\.5 rows off a uniform sampling of 0\.1 s"):
+        fmpy_input(tmp_path / "r.csv")
+
+
+def test_one_call_gives_the_run_as_a_table(tmp_path: Path) -> None:
+    scenarios = Path(__file__).resolve().parents[1] / "scenarios"
+    table = th.simulate(scenarios / "table-attitude.toml", out=tmp_path / "run")
+    assert table.equals(pl.read_csv(tmp_path / "run" / "run.csv", schema=table.schema))
+    assert table.height == 1201
+    with pytest.raises(InputError, match=r"^run\.step: unknown key; did you mean 'step_s'\?$"):
+        th.simulate({"run": {"step": 1.0, "step_s": 1.0}, "fmus": {"t": {"component": "TurntableMotion"}}})

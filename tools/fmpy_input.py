@@ -1,0 +1,115 @@
+"""A record as the table of inputs that FMPy's `simulate_fmu` takes."""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from trihedron.attitude.measured import starting_attitude
+from trihedron.attitude.sampling import increments_from
+from trihedron.errors import InputError
+from trihedron.records import RawRecord, StrapdownRecord, read_record
+from trihedron.writing import whole_file
+
+UNIFORM = 1e-3
+"""How far a row's time may be off a uniform one, in steps."""
+
+
+@dataclass(frozen=True)
+class FmpyInput:
+    """Inputs of a component over a run that begins at time 0.
+
+    Attributes
+    ----------
+    component : str
+        which component takes them
+    table : DataFrame
+        `time` [s] and the inputs: FMPy applies a row at the start of a step, so each row has the time at which its
+        step begins
+    step, stop : float
+        length of a step and end of the run [s]
+    start_values : dict
+        parameters of the component that go with the record
+    """
+
+    component: str
+    table: pl.DataFrame
+    step: float
+    stop: float
+    start_values: dict[str, float]
+
+    def command(self, file: Path) -> str:
+        """The command of FMPy that runs it."""
+        words = ["fmpy", "simulate", f"{self.component}.fmu", "--input-file", str(file)]
+        words += ["--stop-time", repr(self.stop), "--output-interval", repr(self.step)]
+        if self.start_values:
+            words += [
+                "--start-values",
+                *(word for name, value in self.start_values.items() for word in (name, repr(value))),
+            ]
+        return shlex.join(words)
+
+
+def fmpy_input(path: Path, *, rates: str = "instantaneous") -> FmpyInput:
+    """Inputs from a record: increments for the AttitudeComputer, or readings for the AccelerometerCompensation.
+
+    Parameters
+    ----------
+    path : Path
+        a strapdown record or a raw record of a table
+    rates : str
+        "instantaneous" or "averaged": what a rate in the record means
+
+    Raises
+    ------
+    InputError
+        another record, or one that is not uniformly sampled
+    """
+    record = read_record(path)
+    if isinstance(record, StrapdownRecord):
+        first, start = starting_attitude(record)
+        increments = increments_from(record, first, rates)
+        names = [f"increment[{i}]" for i in (1, 2, 3)]
+        start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(start, start=1)}
+        start_values["sample_period"] = float(increments.period)
+        # The increment that ends at a row's time is of the step that begins one row before.
+        return _input("AttitudeComputer", names, increments.angle, float(increments.period), start_values)
+    if isinstance(record, RawRecord):
+        return _input(
+            "AccelerometerCompensation",
+            [f"reading[{i}]" for i in (1, 2, 3)],
+            record.specific_force,
+            _period(record),
+            {},
+        )
+    raise InputError(f"{path}: is a position record, which has no steps; a strapdown or a raw record is needed")
+
+
+def _period(record: RawRecord) -> float:
+    count = len(record.time_s)
+    if count < 2:
+        raise InputError(f"{record.path}: has one row; at least two are needed")
+    period = float(record.time_s[-1] - record.time_s[0]) / (count - 1)
+    off = np.abs(record.time_s - record.time_s[0] - period * np.arange(count)) / period
+    if off.max() > UNIFORM:
+        row = int(record.row[int(off.argmax())])
+        raise InputError(f"{record.path}, row {row}: is {off.max():.3g} rows off a uniform sampling of {period:.9g} s")
+    return period
+
+
+def _input(
+    component: str, names: list[str], values: np.ndarray, period: float, start_values: dict[str, float]
+) -> FmpyInput:
+    steps = len(values)
+    columns = {"time": period * np.arange(steps), **dict(zip(names, values.T, strict=True))}
+    return FmpyInput(component, pl.DataFrame(columns), period, period * steps, start_values)
+
+
+def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> FmpyInput:
+    """Write the table of inputs of a record as the CSV file that FMPy reads; see `fmpy_input`."""
+    made = fmpy_input(path, rates=rates)
+    with whole_file(out) as beside:
+        made.table.write_csv(beside)
+    return made
