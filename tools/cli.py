@@ -39,6 +39,7 @@ app = App(
     default_parameter=Parameter(negative=(), negative_iterable=()),
     help_format="plaintext",
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 
 
