@@ -23,11 +23,9 @@ def true_motion(poses: np.ndarray = POSES, rest: float = 3.0, move: float = 1.5,
     """Times (N,), rates (N, 3) [rad/s] and inputs (N, 3) [g]: smooth turns between rests."""
     rates, inputs = [], []
     still = round(rest / period)
-    for k, (before, after) in enumerate(pairwise([*poses, None])):
+    for k, (before, after) in enumerate(pairwise(poses)):
         rates.append(np.zeros((still, 3)))
         inputs.append(np.tile(before, (still, 1)))
-        if after is None:
-            break
         axis = np.cross(before, after)
         if np.linalg.norm(axis) < 1e-9:
             axis = np.cross(before, np.roll(before, 1) + np.array([0.3, 0.1, -0.2]))
@@ -41,7 +39,8 @@ def true_motion(poses: np.ndarray = POSES, rest: float = 3.0, move: float = 1.5,
         vertical = Rotation.from_rotvec(-turn[:, None] * axis).apply(before)
         rates.append(speed[:, None] * axis + spin[:, None] * vertical)
         inputs.append(vertical)
-    rate, n = np.vstack(rates), np.vstack(inputs)
+    rate = np.vstack([*rates, np.zeros((still, 3))])
+    n = np.vstack([*inputs, np.tile(poses[-1], (still, 1))])
     return period * np.arange(1, len(rate) + 1), rate, n
 
 

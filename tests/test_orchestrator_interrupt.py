@@ -50,6 +50,18 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_ctrl_c_before_the_first_row_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from trihedron.orchestrator import master
+
+    def struck(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(master, "initialise", struck)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(Scenario.model_validate({**RUN, "base_folder": tmp_path}), tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_second_ctrl_c_acts_at_once():
     """An FMU that never returns to the loop must not make the program immortal."""
 

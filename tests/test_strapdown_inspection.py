@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -100,7 +101,7 @@ def test_constant_gyros_are_constant_and_nothing_is_named_on_clean_records():
         ("temperature", {"gyro_bias": None}),
     ],
 )
-def test_what_the_gyros_depend_on_at_rest_is_named(name, effect):
+def test_what_the_gyros_depend_on_at_rest_is_named(name: str, effect: dict[str, Any]):
     motion = true_motion()
     time = motion[0]
     warmth = 25.0 + 4.0 * np.sin(time / 9.0)

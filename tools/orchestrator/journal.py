@@ -51,6 +51,11 @@ class Journal:
         return self._out is not None and time.monotonic() - self._flushed > FLUSH_SECONDS
 
     @property
+    def empty(self) -> bool:
+        """Whether there are no rows yet."""
+        return not self._tables and not self._parts
+
+    @property
     def folder(self) -> Path:
         """Where the rows are while the run goes on."""
         assert self._out is not None

@@ -158,6 +158,9 @@ def _run(scenario: Scenario, out: Path | None, *, progress: bool, compiled: bool
             with _bar(grid.steps, show=progress) as shown:
                 run_fmus(ensemble, grid, every, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
         except KeyboardInterrupt:
+            if journal.empty:
+                journal.drop()
+                raise
             so_far = {"complete": False, "steps": reached, "final_time_s": grid.time(reached)}
             _, files = journal.finish(scenario.record.format, so_far)
             where = f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from trihedron.records import StrapdownRecord
 from trihedron.records.allan import allan_deviation
+from trihedron.report.choosing_pictures import power_of_ten
 from trihedron.report.svg import drawing, say_empty, svg_text
 from trihedron.report.theme import AXES, DASHES, MUTED, WIDTH
 from trihedron.strapdown.rests import Rests
@@ -15,17 +16,20 @@ from trihedron.strapdown.sampling import rates_of
 
 PER_OCTAVE = 4
 """Averaging times in each octave."""
+FEWEST_PAIRS = 4
+"""Of averages side by side that do not overlap; fewer show chance."""
 
 
 def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[NDArray, NDArray]:
     """Averaging times (m,) [s] and Allan deviations (m, 3) of readings (N, 3), all rests together.
 
-    The longest time is half the longest rest; there is none where no rest holds two rows.
+    The longest is the one of which the rests hold four pairs of averages; there is none where they hold too few rows.
     """
     pieces = [values[r] for r in rows]
     longest = max((len(piece) for piece in pieces), default=0) // 2
     octaves = np.arange(0.0, np.log2(longest) + 1e-9, 1.0 / PER_OCTAVE) if longest else np.zeros(0)
     sizes = np.unique(np.round(2.0**octaves).astype(int))
+    sizes = [size for size in sizes if sum(len(piece) // (2 * size) for piece in pieces) >= FEWEST_PAIRS]
     found = [(size * period, d) for size in sizes if (d := allan_deviation(pieces, int(size))) is not None]
     if not found:
         return np.zeros(0), np.zeros((0, 3))
@@ -65,12 +69,16 @@ def allan_picture(record: StrapdownRecord, rests: Rests, period: float) -> str:
             for p in range(3):
                 some = visible[:, p]
                 axes.plot(times[some], deviation[some, p], color=AXES[p].light, linestyle=DASHES[p], label=f"{p + 1}")
+            axes.yaxis.set_major_formatter(power_of_ten)
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axes.minorticks_off()
             dwell = float(np.median(lengths))
             axes.axvline(dwell, color=MUTED.light, linewidth=0.9)
             axes.text(
                 dwell,
                 0.97,
-                f" median rest, {dwell:.2g} s",
+                f"median rest, {dwell:.2g} s ",
+                ha="right",
                 transform=axes.get_xaxis_transform(),
                 va="top",
                 fontsize=8.0,

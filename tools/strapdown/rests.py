@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from trihedron.records import StrapdownRecord
@@ -26,6 +25,8 @@ SETTLING = 0.2
 """Dropped at both ends of a rest [s]."""
 SLOW = 3.0
 """A rest whose thirds differ by so many times the noise of a sample is a slow turn."""
+FAR = 10.0
+"""A rest whose mean rate is so many times the noise of a sample from the median rest's is a steady turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,15 +92,16 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
         return _averaged(record, rate, (), np.zeros(6), 0)
     scatter = _scatter(channels, size)
     apart = channels[lag:] - channels[:-lag]
-    differences = np.sqrt(0.5 * sliding_window_view(apart**2, size - lag, axis=0).mean(axis=2))[: len(scatter)]
+    sums = np.vstack([np.zeros((1, 6)), np.cumsum(apart**2, axis=0)])
+    differences = np.sqrt(0.5 * np.maximum(sums[size - lag :] - sums[: lag - size], 0.0) / (size - lag))
     most = max(1, round(QUIETEST * len(scatter)))
     noise = np.sort(differences, axis=0)[:most].max(axis=0)
     # A channel that is dead, or shows steps wider than its noise, decides nothing.
     noise = np.where(noise > 0.0, noise, np.inf)
-    quiet = (scatter <= QUIET * noise).all(axis=1)
-    resting = np.zeros(len(record), dtype=bool)
-    for start in np.flatnonzero(quiet):
-        resting[start : start + size] = True
+    quiet = np.all(scatter <= QUIET * noise, axis=1)
+    begun = np.concatenate([[0], np.cumsum(quiet)])
+    at = np.arange(len(record))
+    resting = begun[np.minimum(at + 1, len(scatter))] > begun[np.clip(at + 1 - size, 0, len(scatter))]
     kept, turning = [], 0
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, record.time_s, sampling.period):
@@ -112,9 +114,9 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
             kept.append(rows)
     if kept:
         means = np.array([rate[rows].mean(axis=0) for rows in kept])
-        far = (np.abs(means - np.median(means, axis=0)) > 10.0 * noise[:3]).any(axis=1)
+        far = np.any(np.abs(means - np.median(means, axis=0)) > FAR * noise[:3], axis=1)
         turning += int(far.sum())
-        kept = [rows for rows, out in zip(kept, far, strict=True) if not out]
+        kept = [rows for k, rows in enumerate(kept) if not far[k]]
     return _averaged(record, rate, tuple(kept), np.where(np.isfinite(noise), noise, 0.0), turning)
 
 
