@@ -11,7 +11,7 @@ READY = $(VENV)/.ready
 WORKERS ?= 2
 PYTEST = $(BIN)/python -m pytest
 
-.PHONY: demo test acceptance bench lint docs setup clean
+.PHONY: demo test acceptance bench lint docs setup wheel clean
 
 demo: $(READY)
 	$(BIN)/trihedron demo --out demo-results
@@ -47,6 +47,16 @@ build/typing/trihedron: $(wildcard tools/*) pyproject.toml
 	mkdir -p build/typing/trihedron
 	for entry in tools/*; do ln -s "../../../$$entry" build/typing/trihedron/; done
 	for name in models fmus scenarios; do ln -s "../../../$$name" build/typing/trihedron/; done
+
+# The wheel holds native FMUs of every component for all platforms, which ziglang compiles; the checkout has none.
+WHEEL = build/wheel
+wheel: $(READY)
+	rm -rf $(WHEEL)/source dist
+	mkdir -p $(WHEEL)/source
+	cp -R models fmus tools scenarios pyproject.toml README.md LICENSE $(WHEEL)/source
+	test -d $(WHEEL)/zig || $(BIN)/python -m pip install --quiet --disable-pip-version-check --target $(WHEEL)/zig "ziglang>=0.13"
+	PYTHONPATH=$(CURDIR)/$(WHEEL)/zig $(BIN)/python -m trihedron.fmus.native.prebuilt $(WHEEL)/source/fmus/prebuilt
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist $(WHEEL)/source
 
 clean:
 	rm -rf $(VENV) build demo-results .pytest_cache .hypothesis .ruff_cache *.egg-info

@@ -17,6 +17,7 @@ def components() -> dict[str, "Component"]:
     from trihedron.fmus.accelerometer_compensation import ACCELEROMETER_COMPENSATION
     from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
     from trihedron.fmus.gyro_block import GYRO_BLOCK
+    from trihedron.fmus.gyro_compensation import GYRO_COMPENSATION
     from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
     from trihedron.fmus.position_programme import POSITION_PROGRAMME
     from trihedron.fmus.table_controller import TABLE_CONTROLLER
@@ -29,6 +30,7 @@ def components() -> dict[str, "Component"]:
         ACCELEROMETER_BLOCK,
         ACCELEROMETER_COMPENSATION,
         GYRO_BLOCK,
+        GYRO_COMPENSATION,
         ATTITUDE_COMPUTER,
         TABLE_CONTROLLER,
     )

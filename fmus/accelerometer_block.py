@@ -114,6 +114,14 @@ ACCELEROMETER_BLOCK = Component(
             nominal=10.0,
             follows=("specific_force", "temperature"),
         ),
+        Variable(
+            "rate",
+            "true angular rate at the end of the step, which effects of the block's size read",
+            "input",
+            3,
+            "rad/s",
+            "deg/s",
+        ),
         Variable("error", "error of the sample [g]", size=3),
         Variable("held", "error held over the rest, as a fraction of its bound", size=3),
         Variable("generator", "state of the random numbers", size=GENERATOR_SIZE),
@@ -122,6 +130,7 @@ ACCELEROMETER_BLOCK = Component(
         Variable("hours", "time since the start [h]", size=1),
         Variable("senses", "senses of the last changes of the inputs", size=3),
         Variable("previous_input", "specific force at its last change", size=3),
+        Variable("turning", "rate at the end of the last step, angular acceleration over it", size=6),
         Variable("n", "inputs in g", "work", 3),
         Variable("context", "the circumstances that effects read", "work", CONTEXT_SIZE),
         Variable("added", "what effects add", "work", 3),
@@ -133,6 +142,7 @@ ACCELEROMETER_BLOCK = Component(
     messages=(
         "gravity must be positive",
         "specific_force is not finite",
+        "rate is not finite",
     ),
     equations=(
         "n = specific force / g",

@@ -92,6 +92,8 @@ ATTITUDE_COMPUTER = Component(
         Variable("slopes", "derivative of the attitude at the nodes of an iteration", "work", WORK_SIZE),
         Variable("part", "quaternion of a part of the step", "work", 4),
         Variable("turned", "quaternion of the step", "work", 4),
+        Variable("before", "the increment before", size=3),
+        Variable("added", "what effects add to an increment", "work", 3),
     ),
     initialise=attitude.initialise,
     step=attitude.step,

@@ -93,6 +93,8 @@ class Component:
         of the default experiment [s]
     effects : tuple of EffectPlace
         the effects that it is extended with; their parameters stand last
+    undoes : str
+        name of the component whose inverse it is: effects that add to that one's readings extend it too
     """
 
     name: str
@@ -107,6 +109,7 @@ class Component:
     step_size: float
     stop_time: float
     effects: tuple[EffectPlace, ...] = field(default=())
+    undoes: str = ""
 
     @property
     def kernels(self) -> dict[str, Callable[..., int | None]]:

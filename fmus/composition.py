@@ -28,11 +28,16 @@ def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
     Raises
     ------
     ValueError
-        an effect that belongs to another component, has no kernel, or is there already
+        an effect that belongs to another component, has no kernel, has no inverse, or is there already
     """
     for i, place in enumerate(effects):
         effect = CATALOGUE[place.effect]
-        if effect.component != component.name:
+        undone = effect.component == component.undoes and effect.component is not None
+        if undone and effect.stage != "reading_effects":
+            raise ValueError(
+                f"effect {place.title} has no inverse: it is not a sum that {component.name} could take out"
+            )
+        if not undone and effect.component != component.name:
             home = effect.component or "no component"
             raise ValueError(f"effect {place.title} extends {home}, not {component.name}")
         if place in component.effects or place in effects[:i]:

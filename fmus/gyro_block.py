@@ -30,6 +30,13 @@ GYRO_BLOCK = Component(
         Variable("specific_force", "true specific force in block axes", "input", 3, "m/s2", "g", nominal=10.0),
         Variable("temperature", "temperature of the block", "input", unit="degC", start=20.0),
         Variable(
+            "interval",
+            "length of the last step by the time stamps of the record; 0: the step itself",
+            "input",
+            unit="s",
+            variability="discrete",
+        ),
+        Variable(
             "input_kind",
             "which input counts: increments; rates that hold over the step; rates at its end, joined by the trapezoid "
             "rule",
@@ -131,6 +138,7 @@ GYRO_BLOCK = Component(
         "specific_force is not finite",
         "rate is not finite",
         "increment is not finite",
+        "interval is not finite",
     ),
     equations=(
         "ω: mean of the true rate over the step, increment / h",

@@ -7,7 +7,16 @@ input of accelerometer p. Γ and the bias are fractions of gravity's model value
 import math
 
 from trihedron.models.random_numbers import seed_generator, symmetric
-from trihedron.models.restricted import CONTEXT_SIZE, HOURS, INPUT, SENSE_INPUT, TEMPERATURE, Vector
+from trihedron.models.restricted import (
+    CONTEXT_SIZE,
+    GRAVITY,
+    HOURS,
+    INPUT,
+    RATE,
+    SENSE_INPUT,
+    TEMPERATURE,
+    Vector,
+)
 
 ROUNDING = 1e-12
 """Change of an input [g] that may be rounding."""
@@ -71,6 +80,7 @@ def respond(
     error: Vector,
     hours: Vector,
     senses: Vector,
+    turning: Vector,
     n: Vector,
     context: Vector,
     added: Vector,
@@ -83,6 +93,10 @@ def respond(
         context[i] = 0.0
     context[HOURS] = hours[0]
     context[TEMPERATURE] = temperature
+    context[GRAVITY] = gravity
+    for i in range(6):
+        # Rate and angular acceleration stand side by side.
+        context[RATE + i] = turning[i]
     for p in range(3):
         context[INPUT + p] = n[p]
         context[SENSE_INPUT + p] = senses[p]
@@ -125,10 +139,20 @@ def follow_input(p: int, specific_force: float, gravity: float, senses: Vector, 
         previous_input[p] = specific_force
 
 
+def follow_rate(step: float, rate: Vector, turning: Vector) -> None:
+    """Keep the rate at the end of a step, and the angular acceleration over it, in `turning` (6,)."""
+    for p in range(3):
+        turning[3 + p] = 0.0
+        if step > 0.0:
+            turning[3 + p] = (rate[p] - turning[p]) / step
+        turning[p] = rate[p]
+
+
 def initialise(
     time: float,
     specific_force: Vector,
     dwell: float,
+    rate: Vector,
     gravity: float,
     noise_bound: float,
     held_fraction: float,
@@ -141,6 +165,7 @@ def initialise(
     hours: Vector,
     senses: Vector,
     previous_input: Vector,
+    turning: Vector,
 ) -> int:
     """Draw the first errors; returns 0 or the number of a message."""
     if not gravity > 0.0:
@@ -154,6 +179,7 @@ def initialise(
         senses[p] = 0.0
         previous_input[p] = 0.0
         follow_input(p, specific_force[p], gravity, senses, previous_input)
+    follow_rate(0.0, rate, turning)
     held_dwell[0] = dwell
     draw_error(noise_bound, held_fraction, held, generator, error)
     return 0
@@ -164,6 +190,7 @@ def step(
     step: float,
     specific_force: Vector,
     dwell: float,
+    rate: Vector,
     gravity: float,
     noise_bound: float,
     held_fraction: float,
@@ -175,13 +202,19 @@ def step(
     hours: Vector,
     senses: Vector,
     previous_input: Vector,
+    turning: Vector,
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
         # Infinity and NaN fail the comparison.
         if not math.fabs(specific_force[p]) < 1e300:
             return 2
+        if not math.fabs(rate[p]) < 1e300:
+            return 3
         follow_input(p, specific_force[p], gravity, senses, previous_input)
+    # A step of 1e-14 s, with which some masters end, tells no acceleration.
+    if step > 1e-9:
+        follow_rate(step, rate, turning)
     hours[0] = (time + step - start[0]) / 3600.0
     if dwell != held_dwell[0]:
         held_dwell[0] = dwell

@@ -10,6 +10,13 @@ from trihedron.models.rotation import multiply, normalise
 __all__ = ["ALGORITHMS", "MAX_INCREMENT", "Algorithm", "initialise", "step"]
 
 
+def increment_effects(before: Vector, increment: Vector, effect: Vector, added: Vector) -> None:
+    """Stage "increment": what effects add to an increment (3,) [rad], by the one before it; nominally nothing."""
+    added[0] = 0.0
+    added[1] = 0.0
+    added[2] = 0.0
+
+
 def initialise(
     time: float,
     algorithm: float,
@@ -26,6 +33,7 @@ def initialise(
     previous: Vector,
     table: Vector,
     half_table: Vector,
+    before: Vector,
 ) -> int:
     """Begin at the initial attitude; returns 0 or the number of a message."""
     square = 0.0
@@ -41,6 +49,8 @@ def initialise(
     samples[0] = 0.0
     waiting[0] = 0.0
     known[0] = 0.0
+    for i in range(3):
+        before[i] = 0.0
     for i in range(STEP_SIZE):
         collected[i] = 0.0
         previous[i] = 0.0
@@ -53,6 +63,7 @@ def step(
     step: float,
     increment: Vector,
     algorithm: float,
+    effect: Vector,
     renormalise: float,
     attitude: Vector,
     updated: Vector,
@@ -73,6 +84,8 @@ def step(
     slopes: Vector,
     part: Vector,
     turned: Vector,
+    before: Vector,
+    added: Vector,
 ) -> int:
     """Take the increment over (time, time + step] and update the attitude when a step of the algorithm is full.
 
@@ -94,9 +107,15 @@ def step(
     chosen = int(algorithm) - 1
     if size > longest_increment[chosen] * longest_increment[chosen]:
         return 4
+    if samples[0] == 0.0:
+        # Before the first step the body turned as in it.
+        for i in range(3):
+            before[i] = increment[i]
+    increment_effects(before, increment, effect, added)
     at = 3 * int(waiting[0])
     for i in range(3):
-        collected[at + i] = increment[i]
+        collected[at + i] = increment[i] + added[i]
+        before[i] = increment[i]
     samples[0] = samples[0] + 1.0
     waiting[0] = waiting[0] + 1.0
     updated[0] = 0.0

@@ -14,6 +14,7 @@ from trihedron.models.restricted import (
     GYRO_CONTEXT_SIZE,
     HOURS,
     INPUT,
+    INTERVAL,
     PREVIOUS_RATE,
     PREVIOUS_STEPS,
     STEP_LENGTH,
@@ -41,9 +42,38 @@ def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector)
     """
 
 
+def describe_step(
+    temperature: float,
+    specific_force: Vector,
+    interval: float,
+    gravity: float,
+    hours: Vector,
+    last_step: Vector,
+    previous_rates: Vector,
+    context: Vector,
+) -> None:
+    """Write the circumstances of a step into `context` (38,), for the effects."""
+    for i in range(GYRO_CONTEXT_SIZE):
+        context[i] = 0.0
+    context[HOURS] = hours[0]
+    context[TEMPERATURE] = temperature
+    # Before the first step the body turns steadily: any length will do, but none that cannot divide.
+    context[STEP_LENGTH] = 1.0
+    if last_step[0] > 0.0:
+        context[STEP_LENGTH] = last_step[0]
+    context[INTERVAL] = context[STEP_LENGTH]
+    if interval > 0.0 and last_step[0] > 0.0:
+        context[INTERVAL] = interval
+    for p in range(3):
+        context[INPUT + p] = specific_force[p] / gravity
+    for i in range(3 * PREVIOUS_STEPS):
+        context[PREVIOUS_RATE + i] = previous_rates[i]
+
+
 def read_rates(
     temperature: float,
     specific_force: Vector,
+    interval: float,
     gravity: float,
     scale_misalignment: Vector,
     bias: Vector,
@@ -59,18 +89,7 @@ def read_rates(
     own: Vector,
 ) -> None:
     """Readings (3,) [rad/s] at the mean rate `rate_of_step` (3,) [rad/s], with the error [rad/s] that was drawn."""
-    for i in range(GYRO_CONTEXT_SIZE):
-        context[i] = 0.0
-    context[HOURS] = hours[0]
-    context[TEMPERATURE] = temperature
-    # Before the first step the body turns steadily: any length will do, but none that cannot divide.
-    context[STEP_LENGTH] = 1.0
-    if last_step[0] > 0.0:
-        context[STEP_LENGTH] = last_step[0]
-    for p in range(3):
-        context[INPUT + p] = specific_force[p] / gravity
-    for i in range(3 * PREVIOUS_STEPS):
-        context[PREVIOUS_RATE + i] = previous_rates[i]
+    describe_step(temperature, specific_force, interval, gravity, hours, last_step, previous_rates, context)
     reading_effects(context, rate_of_step, effect, added)
     for p in range(3):
         value = rate_of_step[p]
@@ -92,6 +111,7 @@ def initialise(
     rate: Vector,
     temperature: float,
     specific_force: Vector,
+    interval: float,
     gravity: float,
     scale_misalignment: Vector,
     bias: Vector,
@@ -133,6 +153,7 @@ def initialise(
     read_rates(
         temperature,
         specific_force,
+        interval,
         gravity,
         scale_misalignment,
         bias,
@@ -195,6 +216,7 @@ def step(
     increment: Vector,
     temperature: float,
     specific_force: Vector,
+    interval: float,
     gravity: float,
     scale_misalignment: Vector,
     bias: Vector,
@@ -230,6 +252,8 @@ def step(
             return 3
         if not math.fabs(increment[p]) < 1e300:
             return 4
+    if not math.fabs(interval) < 1e300:
+        return 5
     if last_step[0] > 0.0:
         keep_rate(0, rate_of_step, previous_rates)
     mean_rate(step, input_kind, rate, increment, last_rate, rate_of_step)
@@ -241,6 +265,7 @@ def step(
     read_rates(
         temperature,
         specific_force,
+        interval,
         gravity,
         scale_misalignment,
         bias,

@@ -36,7 +36,13 @@ SENSE_INPUT = 6
 """senses of the last change of each accelerometer's input (three places)"""
 INPUT = 9
 """inputs of the accelerometers [g] (three places)"""
-CONTEXT_SIZE = 12
+RATE = 12
+"""angular rate [rad/s] at the end of the last step (three places); of the accelerometer block's context, as what follows"""
+ANGULAR_ACCELERATION = 15
+"""angular acceleration [rad/s²] over the last step (three places)"""
+GRAVITY = 18
+"""model value of gravity [m/s²]"""
+CONTEXT_SIZE = 19
 """length of the context"""
 
 STEP_LENGTH = 12
@@ -45,5 +51,7 @@ PREVIOUS_RATE = 13
 """mean rates [rad/s] over the steps before the last one, the newest first, three places each"""
 PREVIOUS_STEPS = 8
 """steps before the last one whose rates are kept"""
-GYRO_CONTEXT_SIZE = 37
+INTERVAL = 37
+"""length of the last step [s] by the record's time stamps, which may jitter while the sampling does not"""
+GYRO_CONTEXT_SIZE = 38
 """length of the gyro block's context"""

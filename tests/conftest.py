@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,23 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
     os.environ.setdefault("TRIHEDRON_CACHE", str(shared / "cache"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _interpreters_let_go_in_time() -> Iterator[None]:
+    """PythonFMU's library writes into freed memory at the end of a process, unless it has let go of Python before."""
+    import fmpy.fmi1
+
+    unload = fmpy.fmi1._FMU.freeLibrary
+
+    def let_go(fmu: fmpy.fmi1._FMU) -> None:
+        with suppress(AttributeError):
+            fmu.dll["finalizePythonInterpreter"]()
+        unload(fmu)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fmpy.fmi1._FMU, "freeLibrary", let_go)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ from trihedron.orchestrator import simulate
 from trihedron.records import read_record, write_position_record, write_raw_record
 from trihedron.records.reading import read_table_run
 from trihedron.records.rests import find_rests
-from trihedron.report.results import calibration_page
+from trihedron.report.calibration_page import calibration_page
 from trihedron.scenario import Scenario
 
 SIGMA = 1e-5
@@ -114,7 +114,8 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
     page = calibration_page(calibrate(run_.record, noise_bound=SIGMA), run_)
     for text in ("Possible together: accelerometer 3", "What it bought", "Rests that were left out", "drifts linearly"):
         assert text in page
-    assert page.count("<svg ") == 1 + 4 + 1
+    # Where it was measured, residuals, what is possible jointly, rests.
+    assert page.count("<svg xmlns") == 1 + 1 + 4 + 1
     assert "24 rests were found, 22 are used, 2 are not." in page
 
 

@@ -13,6 +13,20 @@ from trihedron.fmus.composition import extend
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
+GYRO_EFFECTS = [
+    EffectPlace(name, "gyro-block")
+    for name in (
+        "latency",
+        "gyro-bias",
+        "gyro-bias-drift",
+        "gyro-scale-misalignment",
+        "gyro-scale-asymmetry",
+        "gyro-g-sensitivity",
+        "gyro-g-squared",
+        "jitter",
+    )
+]
+
 EXTENDED = {
     "TurntableMotion": [
         EffectPlace("encoder-harmonic", "outer-axis", 2),
@@ -33,8 +47,9 @@ EXTENDED = {
         EffectPlace("quantisation", "accelerometer-3"),
     ],
     "AccelerometerCompensation": [],
-    "AttitudeComputer": [],
-    "GyroBlock": [],
+    "AttitudeComputer": [EffectPlace("undersampling", "attitude-computer")],
+    "GyroBlock": [*GYRO_EFFECTS, EffectPlace("gyro-quantisation", "gyro-block")],
+    "GyroCompensation": GYRO_EFFECTS,
     "HarmonicMotion": [],
     "PositionProgramme": [],
     "TableController": [],

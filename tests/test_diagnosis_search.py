@@ -1,5 +1,7 @@
 """The search with the exact model: sets of three, what is not linear beside what is, noise at its very bound."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -129,6 +131,31 @@ def test_what_is_not_linear_is_named_beside_a_linear_effect(bent, values):
     cause = next(c for f in result.findings for c in f.causes if c.place == bent)
     low, high = cause.intervals[0]
     assert low <= values[0] <= high
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name(seed):
+    """Every error is at its bound: what rounding adds is beyond it."""
+    place = EffectPlace("temperature-bias", "accelerometer-1")
+    case = case_with({place: (6e-5,)}, seed)
+    record = measure_case(case)
+    assert record.temperature is not None
+    digit = np.deg2rad(1e-6)
+    rounded = replace(
+        record,
+        temperature=np.round(record.temperature, 2),
+        temperature_resolution=0.005,
+        alpha=digit * np.round(record.alpha / digit),
+        beta=digit * np.round(record.beta / digit),
+        angle_resolution=0.5 * digit,
+    )
+    result = diagnosed(case, rounded)
+    assert result.verdict == "explained"
+    assert [cause.place for cause in result.causes] == [place]
+    low, high = result.causes[0].intervals[0]
+    assert low <= 6e-5 <= high
+    told = replace(rounded, temperature_resolution=0.0, angle_resolution=0.0)
+    assert diagnosed(case, told).verdict == "unexplained"
 
 
 def test_an_effect_of_a_large_size_does_not_hide_a_small_one():

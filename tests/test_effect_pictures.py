@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS
 from trihedron.report.effect_pictures import change_along, effect_sheet, shown_place, sweep_of
 
 
-@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=lambda effect: effect.name)
+@pytest.mark.parametrize("effect", POSITION_EFFECTS.values(), ids=lambda effect: effect.name)
 def test_each_effect_shows_along_its_sweep(effect):
     place = shown_place(effect)
     sweep = sweep_of(effect, place)

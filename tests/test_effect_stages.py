@@ -13,7 +13,7 @@ from trihedron.diagnosis.disturbance import rows_at
 from trihedron.diagnosis.senses import input_senses
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
-from trihedron.models.effects.quantisation import common_step
+from trihedron.models.effects.quantisation import common_step, noisy_step
 from trihedron.records import PositionRecord
 
 WOBBLES = {
@@ -253,6 +253,20 @@ def test_the_step_of_averaged_readings_is_found_and_none_where_there_is_none(see
     rounded = (step * np.floor(samples / step + 0.5)).mean(axis=1)
     assert common_step(np.round(rounded * G, 9) / G, 1e-10, 2e-6) == pytest.approx(step, rel=1e-6)
     assert common_step(np.round(n * G, 9) / G, 1e-10, 2e-6) is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_step_that_noise_came_on_top_of_is_found_and_none_where_there_is_none(seed):
+    rng = np.random.default_rng(seed)
+    count, step, sigma = int(rng.integers(12, 90)), 10.0 ** rng.uniform(-3.5, -2.1), 1e-5
+    n = rng.uniform(-1.0, 1.0, count)
+    noise = sigma * rng.choice([-1.0, 1.0], count)
+    limits = noisy_step(step * np.round(n / step) + noise, sigma + 1e-10)
+    assert limits is not None
+    assert limits[0] <= step * (1 + 1e-12)
+    assert limits[1] >= step * (1 - 1e-12)
+    assert limits[1] - limits[0] < 1e-3 * step + 2.0 * sigma / np.abs(n / step).max()
+    assert noisy_step(n + noise, sigma + 1e-10) is None
 
 
 def test_a_record_without_approach_columns_gives_senses_from_the_row_before():

@@ -4,7 +4,6 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from importlib import util
 from pathlib import Path
 from typing import Any
 
@@ -255,12 +254,10 @@ def test_fmpy_compiles_the_sources_again(component, fmi, tmp_path):
 
 @needs_compiler
 @pytest.mark.acceptance
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(("flavour", "fmi"), [("python", 2), ("native", 2), ("native", 3)])
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
-def test_fmutool_finds_nothing(component, fmi, tmp_path):
-    if util.find_spec("fmu_manipulation_toolbox") is None:
-        pytest.skip("skipped: no fmu-manipulation-toolbox")
-    path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi)
+def test_fmutool_finds_nothing(component, flavour, fmi, tmp_path):
+    path = build(component.name, tmp_path, component.effects, flavour=flavour, fmi=fmi)
     code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
     done = subprocess.run([sys.executable, "-c", code, "-input", path, "-check"], capture_output=True, text=True)
     said = done.stdout + done.stderr

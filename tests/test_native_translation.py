@@ -111,6 +111,7 @@ def test_order_and_grouping_of_operations_stay_as_they_are():
 def test_names_of_c_and_vectors_that_are_only_read():
     text = translated("double = v[0]\nw[i] = double\nreturn double")
     assert "double_ = v[0];" in text
+    assert "whole_ = (double)whole(x);" in translated("whole = float(int(x))\nreturn whole")
     assert "const double *v, double *w" in text
     passed = translated("return draw(w)", before=DRAW)
     assert "kernel_kernel(double x, int64_t i, const double *v, double *w)" in passed

@@ -101,7 +101,6 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
         (["--reserve", "1"], "--reserve: goes with --positions"),
         (["--positions", "12", "--noise-bound", "1e-5"], "--noise-bound: does not go with --positions"),
         (["--curve", "6", "8", "--order", "tour"], "--order: does not go with --curve"),
-        (["--curve", "6", "8", "--json", "x.json"], "--json: does not go with --curve"),
         (["--curve", "9", "8"], "--curve 9 8"),
         (["--positions", "12", "--reserve", "-1"], "--reserve -1"),
         (["--positions", "12", "--reserve", "nan"], "--reserve nan"),

@@ -165,6 +165,17 @@ def test_resolution_is_half_a_last_digit_of_the_largest_reading(form, half_digit
         assert error <= resolution * (1 + 1e-9)
 
 
+@pytest.mark.parametrize(("angle", "expected"), [("359.9999999", 0.5e-7), ("12.34", 0.0), ("90", 0.0)])
+def test_digits_of_angles_are_roundings_where_they_are_many(record_of, angle, expected):
+    """Few digits are a setting, which the encoders reached."""
+    text = f"{POSITION_HEADER},temperature_degC\n1,10.0,{angle},0.0,0.01,0.02,9.80665,21.50\n"
+    record = record_of(text)
+    assert isinstance(record, PositionRecord)
+    assert record.angle_resolution == pytest.approx(np.deg2rad(expected), rel=1e-12)
+    assert record.temperature_resolution == pytest.approx(0.005, rel=1e-12)
+    assert record.written_to(9.80665) == pytest.approx(0.5e-5 / 9.80665 + 2.0 * np.deg2rad(expected), rel=1e-12)
+
+
 def test_arrays_of_different_lengths_are_no_record():
     with pytest.raises(ValueError, match="beta"):
         RawRecord(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros((3, 3)))

@@ -7,44 +7,54 @@ from trihedron.calibration import calibrate
 from trihedron.diagnosis import diagnose
 from trihedron.hidden import measure
 from trihedron.hidden_cases import NOISE_BOUND, draw_case
+from trihedron.report.diagnosis_sections import diagnosis_page
 from trihedron.report.judgement_sections import judgement_sections, shares, structure_sections, target_sections
-from trihedron.report.results import diagnosis_page
 
 
 @pytest.fixture(scope="module")
-def explained():
-    return diagnose(measure(draw_case(501, effects=["quadratic"]), 501), noise_bound=NOISE_BOUND, rerun=False)
+def explained_record():
+    return measure(draw_case(501, effects=["quadratic"]), 501)
 
 
 @pytest.fixture(scope="module")
-def unexplained():
+def explained(explained_record):
+    return diagnose(explained_record, noise_bound=NOISE_BOUND, rerun=False)
+
+
+@pytest.fixture(scope="module")
+def strange_record():
     record = measure(draw_case(5, effects=[]), 5)
     n = calibrate(record, noise_bound=NOISE_BOUND).linearised.input
     record.specific_force[:, 0] += 9.80665 * 5e-3 * n[:, 0] ** 5
-    return diagnose(record, noise_bound=NOISE_BOUND)
+    return record
 
 
-def test_the_page_of_a_cause_has_the_second_witness_and_what_it_does_to_the_calibration(explained):
-    page = diagnosis_page(explained, "record.csv")
+@pytest.fixture(scope="module")
+def unexplained(strange_record):
+    return diagnose(strange_record, noise_bound=NOISE_BOUND)
+
+
+def test_the_page_of_a_cause_has_the_second_witness_and_what_it_does_to_the_calibration(explained, explained_record):
+    page = diagnosis_page(explained, explained_record)
     assert "Left out, and shuffled" in page
-    assert "What they do to the calibration" in page
+    assert "Targets, and what the effects do to them" in page
     table = target_sections(explained)[0].table
     assert table is not None
-    moved = {row[0]: row[4] for row in table.rows}
+    moved = {row[0]: float(getattr(row[3], "text", "").replace("−", "-")) for row in table.rows}
     assert len(moved) == 18
     # A quadratic term passes for scale-factor errors of opposite signs.
     size = explained.causes[0].values[0]
     plus = {1: "X4", 2: "X9", 3: "X14"}[explained.causes[0].place.index + 1]
-    assert abs(float(str(moved[plus]))) == pytest.approx(abs(size), rel=0.3)
+    assert abs(moved[plus]) == pytest.approx(abs(size), rel=0.3)
     left_out = judgement_sections(explained)[0].table
     assert left_out is not None
     assert [row[0] for row in left_out.rows] == ["every fifth position", "every quarter of the time"]
     assert structure_sections(explained) == []
 
 
-def test_the_page_without_a_cause_says_what_the_residual_depends_on(unexplained):
+def test_the_page_without_a_cause_says_what_the_residual_depends_on(unexplained, strange_record):
     assert unexplained.verdict == "unexplained"
-    assert "What the residual depends on" in diagnosis_page(unexplained, "record.csv")
+    assert "What the residual depends on" in diagnosis_page(unexplained, strange_record)
     assert judgement_sections(unexplained) == []
     assert target_sections(unexplained) == []
     first = unexplained.residual_structure[0]

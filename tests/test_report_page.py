@@ -97,7 +97,7 @@ def test_files_are_linked_relative_to_the_page() -> None:
 def test_numbers_stand_to_the_right_and_what_is_missing_is_a_dash() -> None:
     page = full_page()
     assert '<td class="number">−0.00015</td>' in page
-    assert '<td class="number">−2.5e−15</td>' in page
+    assert '<td class="number">−2.5·10⁻¹⁵</td>' in page
     assert '<td class="number">12</td>' in page
     assert page.count('<td class="number">–</td>') == 2
     assert "<td>X4</td>" in page
@@ -107,9 +107,9 @@ def test_numbers_stand_to_the_right_and_what_is_missing_is_a_dash() -> None:
     ("values", "written"),
     [
         ([0.0100002, -0.00299948, 0.0], ["0.0100002", "−0.0029995", "0.0000000"]),
-        ([1.155361e-5, 3.5e-5], ["1.15536e−5", "3.50000e−5"]),
-        ([3.14159265, 1e-5], ["3.14159", "1e−5"]),
-        ([1234567.0, 2e6], ["1.23457e6", "2.00000e6"]),
+        ([1.155361e-5, 3.5e-5], ["1.15536·10⁻⁵", "3.50000·10⁻⁵"]),
+        ([3.14159265, 1e-5], ["3.14159", "10⁻⁵"]),
+        ([1234567.0, 2e6], ["1.23457·10⁶", "2.00000·10⁶"]),
         ([12345.678, float("inf")], ["12345.7", "inf"]),
         ([-3, 4], ["−3", "4"]),
         ([True, False], ["yes", "no"]),

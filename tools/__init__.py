@@ -17,62 +17,74 @@ components to the reference. ``alpha`` is the angle of the outer axis, ``beta`` 
 points up at rest: a level block reads (0, 0, +g).
 
 Packages import one way: ``trihedron.models`` (physics) <- ``trihedron.fmus`` (components) <- ``trihedron`` (tools).
+
+In a notebook: ``import trihedron as th``, then ``th.simulate``, ``th.plan``, ``th.calibrate``, ``th.diagnose``,
+``th.export``, ...: see ``dir(th)``. Nothing is imported before it is used.
 """
 
-from collections.abc import Mapping
-from importlib.metadata import version as _version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from polars import DataFrame
+    from trihedron.library import (
+        Check,
+        Exported,
+        InputError,
+        Installation,
+        Simulation,
+        apply,
+        attitude_of_record,
+        calibrate,
+        check,
+        diagnose,
+        doctor,
+        export,
+        hide,
+        inspect,
+        new,
+        plan,
+        plan_positions,
+        read_record,
+        simulate,
+    )
 
-    from trihedron.scenario import Scenario
+    __version__: str
 
-__version__ = _version("trihedron")
+__all__ = [
+    "Check",
+    "Exported",
+    "InputError",
+    "Installation",
+    "Simulation",
+    "__version__",
+    "apply",
+    "attitude_of_record",
+    "calibrate",
+    "check",
+    "diagnose",
+    "doctor",
+    "export",
+    "hide",
+    "inspect",
+    "new",
+    "plan",
+    "plan_positions",
+    "read_record",
+    "simulate",
+]
 
 
-def simulate(
-    scenario: "str | Path | Mapping[str, Any] | Scenario", *, out: str | Path | None = None, progress: bool = False
-) -> "DataFrame":
-    """Run a scenario and return the run as a table in memory.
+def __getattr__(name: str) -> Any:
+    """What is asked for, imported when it is."""
+    if name == "__version__":
+        from importlib.metadata import version
 
-    Parameters
-    ----------
-    scenario : path, mapping or Scenario
-        a scenario file (TOML), an .ssp, or what would stand in the file; relative paths in a mapping begin here
-    out : path, optional
-        folder that the run is written to besides
-    progress : bool
-        show a bar on standard error, where that is a terminal
+        return version("trihedron")
+    if name in __all__:
+        from trihedron import library
 
-    Returns
-    -------
-    DataFrame
-        `time_s` and the recorded columns; row k is the k-th recorded communication point
+        return getattr(library, name)
+    raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
 
-    Raises
-    ------
-    trihedron.errors.InputError
-        whatever cannot be done, in one line
 
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> run = th.simulate("scenarios/table-attitude.toml")
-    >>> run["q0"].max()
-    """
-    from trihedron.orchestrator import simulate as run
-    from trihedron.scenario import Scenario, checked_scenario, read_scenario
-
-    folder = None if out is None else Path(out)
-    if isinstance(scenario, Scenario):
-        return run(scenario, folder, progress=progress).table
-    if isinstance(scenario, Mapping):
-        return run(checked_scenario(scenario), folder, progress=progress).table
-    if Path(scenario).suffix.lower() == ".ssp":
-        from trihedron.ssp.importing import scenario_of_ssp
-
-        with scenario_of_ssp(Path(scenario)) as imported:
-            return run(imported.scenario, folder, progress=progress).table
-    return run(read_scenario(scenario), folder, progress=progress).table
+def __dir__() -> list[str]:
+    return [*__all__, *(name for name in globals() if name.startswith("__"))]

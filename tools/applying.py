@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from trihedron.calibration.correction import (
     Correction,
     Levelling,
     corrected,
+    correction_of,
     equation_lines,
     levelling,
     read_correction,
@@ -26,10 +28,20 @@ from trihedron.records import (
     write_strapdown_record,
 )
 from trihedron.records.rests import average_rests, find_rests
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+    from trihedron.calibration import Calibration
+
+SCHEMA = "trihedron.correction/1"
+LATITUDE_DEG = 55.75
+"""Where the azimuth's error is told when nothing else is asked for."""
 
 
-@dataclass(frozen=True)
-class Application:
+@dataclass(frozen=True, repr=False)
+class Application(Shown):
     """A corrected record.
 
     Attributes
@@ -48,14 +60,44 @@ class Application:
     at: str
     levelling: Levelling
 
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.correction/1: the correction's numbers, what it is worth."""
+        c = self.correction
+        before, after = self.levelling.worst
+        return {
+            "schema": SCHEMA,
+            "gravity_mps2": c.gravity,
+            "scale_plus": c.plus.tolist(),
+            "scale_minus": c.minus.tolist(),
+            "gamma": c.gamma.tolist(),
+            "bias_g": c.bias.tolist(),
+            "rows": len(self.record),
+            "levelled_at": self.at,
+            "levelling_error_rad": {"as_read": before, "corrected_at_most": after},
+            "warnings": list(self.record.warnings),
+        }
 
-def apply_calibration(calibration: Path, record: Path, *, noise_bound: float = 0.0) -> Application:
+    def lines(self) -> list[str]:
+        """The equation with its numbers, what the correction is worth."""
+        return application_summary(self, LATITUDE_DEG).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """The corrected readings: time_s, f1_mps2, f2_mps2, f3_mps2."""
+        import polars as pl
+
+        force = {f"f{p + 1}_mps2": self.record.specific_force[:, p] for p in range(3)}
+        return pl.DataFrame({"time_s": self.record.time_s, **force})
+
+
+def apply_calibration(
+    calibration: "str | Path | Calibration", record: Path, *, noise_bound: float = 0.0
+) -> Application:
     """Correct the readings of a record by a calibration's file.
 
     Parameters
     ----------
-    calibration : Path
-        of `trihedron calibrate --json`
+    calibration : Path or Calibration
+        of `trihedron calibrate --json`, or the value
     record : Path
         position, raw or strapdown record
     noise_bound : float
@@ -68,7 +110,10 @@ def apply_calibration(calibration: Path, record: Path, *, noise_bound: float = 0
     """
     if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
         raise InputError(f"--noise-bound {noise_bound:g}: must be a fraction of g from 0 to 0.01, as 1e-5")
-    correction = read_correction(calibration)
+    if isinstance(calibration, str | Path):
+        correction = read_correction(Path(calibration))
+    else:
+        correction = correction_of(calibration.to_json(), "calibration")
     measured = read_record(record)
     at, still = "positions" if isinstance(measured, PositionRecord) else "rows", measured
     if isinstance(measured, RawRecord):

@@ -24,8 +24,10 @@ from trihedron.hidden import write_hidden_record
 from trihedron.hidden_cases import NOISE_BOUND
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, target_values
 from trihedron.records import StrapdownRecord, read_position_record, read_record
+from trihedron.report.diagnosis_sections import diagnosis_sections
 from trihedron.report.page import Section, render_page
-from trihedron.report.results import attitude_section, calibration_section, diagnosis_sections, run_section
+from trihedron.report.run_sections import attitude_section, run_section
+from trihedron.report.target_sections import calibration_section
 from trihedron.scenario import Scenario, read_scenario
 from trihedron.summaries import calibration_summary, diagnosis_summary
 from trihedron.writing import write_text
@@ -73,7 +75,8 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     write_hidden_record(measured, seed, answer_file, effects=EXTENDING_EFFECTS, progress=True)
 
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
-    diagnosis = diagnose(read_position_record(measured), noise_bound=NOISE_BOUND, progress=True)
+    measured_record = read_position_record(measured)
+    diagnosis = diagnose(measured_record, noise_bound=NOISE_BOUND, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = export_extended([cause.place for cause in diagnosis.causes], out / "extended")
     print(diagnosis_summary(diagnosis))
@@ -99,7 +102,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
             ],
             files=[measured, answer_file],
         ),
-        *diagnosis_sections(diagnosis, [out / "diagnosis.json", *extended]),
+        *diagnosis_sections(diagnosis, measured_record, [out / "diagnosis.json", *extended]),
         attitude,
     ]
     page = out / "index.html"

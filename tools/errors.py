@@ -1,11 +1,31 @@
 """What is said to a user whose input cannot be used."""
 
+from pathlib import Path
+
 
 class InputError(Exception):
     """The input cannot be used; the message is the one line that the user reads (exit status 2).
 
     It names the file, the row and the column, or the option, and says what would be right.
     """
+
+
+def nearest_file(path: Path) -> str:
+    """What follows "no such file": "; did you mean 'x'?" where a file beside it is called much the same."""
+    from difflib import get_close_matches
+
+    try:
+        beside = [entry.name for entry in path.parent.iterdir() if entry.name != path.name]
+    except OSError:
+        return ""
+    close = get_close_matches(path.name, beside, n=1, cutoff=0.6)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def unreadable(path: Path, error: OSError) -> str:
+    """Why a file cannot be read, and which file may be meant."""
+    meant = nearest_file(path) if isinstance(error, FileNotFoundError) else ""
+    return f"cannot be read ({error.strerror}){meant}"
 
 
 def nearest(name: str, known: list[str] | tuple[str, ...]) -> str:

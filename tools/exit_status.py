@@ -18,13 +18,13 @@ INTERRUPTED = 130
 """128 and the number of the signal, as shells count."""
 
 
-def exit_status(command: Callable[[], object]) -> int:
+def exit_status(command: Callable[[], int]) -> int:
     """Run a command.
 
     Parameters
     ----------
     command : callable
-        prints its results
+        prints its results; gives 0, or another status where it has found something wrong
 
     Returns
     -------
@@ -36,9 +36,10 @@ def exit_status(command: Callable[[], object]) -> int:
         # A terminal or pipe that knows no Greek gets \u03c3 for σ instead of nothing at all.
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        command()
+        status = command()
         if sys.stdout is not None:
             sys.stdout.flush()
+        return status
     except InputError as error:
         return refuse(str(error))
     except CycloptsError as error:
@@ -60,7 +61,6 @@ def exit_status(command: Callable[[], object]) -> int:
         return int(stop.code or 0)
     except Exception as error:
         return fault(error)
-    return 0
 
 
 def drop_output() -> None:

@@ -1,17 +1,103 @@
 """Components written as FMUs."""
 
+import hashlib
 import sys
+import zipfile
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from trihedron.errors import InputError, nearest
 from trihedron.fmus import build, component_names, components
 from trihedron.fmus.native.compiler import BuildError, chosen_platforms
 from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.shown import Shown
 from trihedron.writing import whole_folder
 
+if TYPE_CHECKING:
+    from polars import DataFrame
+
 Flavour = Literal["python", "native"]
+SCHEMA = "trihedron.export/1"
+
+
+@dataclass(frozen=True)
+class ExportedFmu:
+    """An FMU that was written.
+
+    Attributes
+    ----------
+    component, file : str
+    fmi : int
+    flavour : str
+    platforms : tuple of str
+        the folders of its binaries
+    sha256 : str
+    """
+
+    component: str
+    file: str
+    fmi: int
+    flavour: str
+    platforms: tuple[str, ...]
+    sha256: str
+
+
+@dataclass(frozen=True, repr=False)
+class Exported(Shown):
+    """FMUs that were written, and by which effects they were extended."""
+
+    fmus: tuple[ExportedFmu, ...]
+    effects: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> list[Path]:
+        """The FMUs."""
+        return [Path(fmu.file) for fmu in self.fmus]
+
+    def lines(self) -> list[str]:
+        """Their names."""
+        return [fmu.file for fmu in self.fmus]
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each FMU."""
+        import polars as pl
+
+        return pl.DataFrame([{**vars(fmu), "platforms": ", ".join(fmu.platforms)} for fmu in self.fmus])
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.export/1."""
+        fmus = [{**vars(fmu), "platforms": list(fmu.platforms)} for fmu in self.fmus]
+        return {"schema": SCHEMA, "effects": list(self.effects), "fmus": fmus}
+
+
+def export(
+    *components: str,
+    out: str | Path = "fmus-exported",
+    flavour: Flavour = "python",
+    fmi: int = 2,
+    platform: str | None = None,
+    effects: Sequence[str] = (),
+) -> Exported:
+    """Write components as FMUs into a folder; all of them when none is named.
+
+    Parameters are those of `export_components`.
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.export("AccelerometerBlock", out="fmus", effects=["quadratic accelerometer-3"])  # doctest: +SKIP
+    """
+    paths = export_components(components, Path(out), flavour, fmi, platform, effects)
+    return Exported(tuple(_described(path, flavour, fmi) for path in paths), tuple(effects))
+
+
+def _described(path: Path, flavour: str, fmi: int) -> ExportedFmu:
+    with zipfile.ZipFile(path) as archive:
+        folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return ExportedFmu(path.stem, str(path), fmi, flavour, tuple(sorted(folders)), digest)
 
 
 def effect_places(titles: Sequence[str]) -> list[EffectPlace]:

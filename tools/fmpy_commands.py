@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from trihedron.answers import Answer, answer
+from trihedron.options import JsonFile
 from trihedron.outputs import distinct_files, ordinary_file
 
 
@@ -16,12 +18,14 @@ def fmpy_input(
         Literal["instantaneous", "averaged"], Parameter(help="What a rate in the record means.")
     ] = "instantaneous",
     out: Annotated[Path, Parameter(help="The table of inputs (CSV).", validator=ordinary_file)] = Path("input.csv"),
-) -> None:
+    json: JsonFile = None,
+) -> Answer:
     """Write a record as the table of inputs that FMPy's simulate_fmu takes; print FMPy's command for it.
 
     Example: trihedron fmpy-input motion.csv --out input.csv
     """
-    distinct_files({"the record": record, "--out": out})
+    distinct_files({"the record": record, "--out": out, "--json": json})
     from trihedron.fmpy_input import write_fmpy_input
 
-    print(write_fmpy_input(record, out, rates=rates).command(out))
+    made = write_fmpy_input(record, out, rates=rates)
+    return answer(made.command(out), json, made.to_json(out))

@@ -3,6 +3,7 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -39,6 +40,18 @@ class FmpyInput:
     step: float
     stop: float
     start_values: dict[str, float]
+
+    def to_json(self, file: Path) -> dict[str, Any]:
+        """The object of schema trihedron.fmpy-input/1, for a table that was written to `file`."""
+        return {
+            "schema": "trihedron.fmpy-input/1",
+            "component": self.component,
+            "input_file": str(file),
+            "step_s": self.step,
+            "stop_s": self.stop,
+            "start_values": self.start_values,
+            "command": self.command(file),
+        }
 
     def command(self, file: Path) -> str:
         """The command of FMPy that runs it."""

@@ -3,9 +3,9 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,11 @@ from trihedron.orchestrator import simulate
 from trihedron.records import PositionRecord, RawRecord, write_position_record
 from trihedron.records.rests import average_rests, find_rests
 from trihedron.scenario import Scenario
+from trihedron.shown import Shown
 from trihedron.writing import write_text
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 ENCODER_FLUCTUATION = math.radians(0.4 / 3600.0)
 """Bound of the fluctuation of each encoder [rad]; its effect on a reading stays below it, to 3 %."""
@@ -172,6 +176,32 @@ def check_seed(seed: int) -> None:
         raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
 
 
+@dataclass(frozen=True, repr=False)
+class HiddenRecord(Shown):
+    """A "measured" record, and what was hidden in it; printed, it keeps its secret."""
+
+    record: PositionRecord
+    secret: dict[str, Any]
+
+    def lines(self) -> list[str]:
+        """The record alone."""
+        return self.record.lines()
+
+    def to_polars(self) -> "DataFrame":
+        """The record."""
+        return self.record.to_polars()
+
+
+def hidden_record(
+    seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False, progress: bool = False
+) -> HiddenRecord:
+    """Draw a case and measure it; arguments as for `write_hidden_record`."""
+    check_seed(seed)
+    case = draw_case(seed, effects=effects, symmetric=symmetric)
+    secret = {"hidden": case.answer(), "seed": seed, "truth": case.truth}
+    return HiddenRecord(measure(case, seed, progress=progress), secret)
+
+
 def write_hidden_record(
     path: Path,
     seed: int,
@@ -194,14 +224,11 @@ def write_hidden_record(
     effects, symmetric
         as for `draw_case`
     """
-    check_seed(seed)
-    case = draw_case(seed, effects=effects, symmetric=symmetric)
-    record = measure(case, seed, progress=progress)
+    hidden = hidden_record(seed, effects=effects, symmetric=symmetric, progress=progress)
     if answer is not None:
-        secret = {"hidden": case.answer(), "seed": seed, "truth": case.truth}
-        write_text(answer, json.dumps(secret, indent=2) + "\n")
+        write_text(answer, json.dumps(hidden.secret, indent=2) + "\n")
     try:
-        write_position_record(record, path, decimals=RECORD_DECIMALS)
+        write_position_record(hidden.record, path, decimals=RECORD_DECIMALS)
     except InputError:
         if answer is not None:
             answer.unlink(missing_ok=True)

@@ -14,7 +14,7 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.circumstances import Circumstances, senses_of
 from trihedron.diagnosis.disturbance import coefficient_count, rows_at, signature_columns
 from trihedron.errors import InputError, nearest
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from trihedron.models.effects.outlier import place_of
 
 NOISE_BOUND = 1e-5
@@ -137,7 +137,7 @@ def visible_places(here: Linearisation, circumstances: Circumstances, baseline: 
     rows = rows_at(here, here.point, here.positions, circumstances)
     basis, _ = np.linalg.qr(here.jacobian)
     found = []
-    for effect in CATALOGUE.values():
+    for effect in POSITION_EFFECTS.values():
         for place in effect.places if effect.within != baseline and effect.variants is None else ():
             columns = signature_columns([place], rows)
             if np.linalg.norm(columns - basis @ (basis.T @ columns)) > 1e-9:
@@ -171,7 +171,9 @@ def draw_case(seed: int, *, effects: Sequence[str] | None = None, symmetric: boo
     here = faultless_bench(alpha, beta, symmetric=symmetric)
     circumstances = expected_circumstances(alpha, beta)
     visible = visible_places(here, circumstances, baseline)
-    usable = [e.name for e in CATALOGUE.values() if e.name == "outlier" or any(p.effect == e.name for p in visible)]
+    usable = [
+        e.name for e in POSITION_EFFECTS.values() if e.name == "outlier" or any(p.effect == e.name for p in visible)
+    ]
     for name in effects or ():
         if name not in usable:
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
-from trihedron.options import Baseline
+from trihedron.options import Baseline, JsonFile
 from trihedron.outputs import distinct_files, ordinary_file
 
 
@@ -18,12 +19,13 @@ def hidden(
     /,
     *,
     seed: int | None = None,
-    answer: Annotated[Path | None, Parameter(validator=ordinary_file)] = None,
+    secret: Annotated[Path | None, Parameter(name="--answer", validator=ordinary_file)] = None,
     effect: Annotated[
         tuple[str, ...],
         Parameter(name=("--effect", "--effects"), help="Draw from these effects only; may be repeated."),
     ] = (),
     clean: bool = False,
+    strapdown: bool = False,
     baseline: Baseline | None = None,
     cases: Annotated[int | None, Parameter(allow_leading_hyphen=True)] = None,
     suite: str | None = None,
@@ -33,7 +35,8 @@ def hidden(
     noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
     out: Path | None = None,
     jobs: int = 1,
-) -> None:
+    json: JsonFile = None,
+) -> Answer:
     """Make a "measured" record with one hidden effect, or with --cases a suite: many records, diagnosed and counted.
 
     Example: trihedron hidden measured.csv --seed 7 --answer answer.json
@@ -42,14 +45,18 @@ def hidden(
 
     Example: trihedron hidden --suite quick-single
 
+    Example: trihedron hidden moved.csv --strapdown --seed 7 --answer answer.json
+
     Parameters
     ----------
     seed
         Decides truth, effect, size and noise; 0 by default.
-    answer
+    secret
         Of one record: where the secret is written; without it nobody will know.
     clean
         Hide nothing.
+    strapdown
+        A record of gyros and accelerometers that are moved by hand, in place of one of a table's positions.
     baseline
         Of one record: whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
     cases
@@ -73,18 +80,21 @@ def hidden(
     """
     if clean and (effect or mode not in (None, "clean")):
         raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
+    if strapdown:
+        only = {"--baseline": baseline, "--suite": suite, "--mode": mode, "--positions": positions, "--noise": noise}
+        refuse(only, "is of records of a table's positions; leave it out with --strapdown")
+        return of_strapdown_records(record, seed or 0, secret, effect, cases, size, out, jobs, json, clean=clean)
     drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}
     if cases is None and suite is None:
         refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
         if record is None:
             raise InputError("hidden: give the file of one record, as measured.csv, or --cases for a suite")
-        one_record(record, seed or 0, answer, effect, clean=clean, baseline=baseline or "asymmetric")
-        return
-    only = {"the record": record, "--answer": answer, "--baseline": baseline}
+        return one_record(record, seed or 0, secret, effect, json, clean=clean, baseline=baseline or "asymmetric")
+    only = {"the record": record, "--answer": secret, "--baseline": baseline}
     refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
     from trihedron.hidden_suite.cases import SuiteOptions
     from trihedron.hidden_suite.suite import NamedSuite, named_suite, run_suite
-    from trihedron.hidden_suite.summary import suite_text, write_suite
+    from trihedron.hidden_suite.summary import write_suite
 
     if suite is not None:
         refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
@@ -100,9 +110,42 @@ def hidden(
         jobs=jobs,
         progress=True,
     )
-    print(suite_text(done))
-    for file in write_suite(done, out) if out is not None else ():
-        print(file)
+    files = write_suite(done, out) if out is not None else ()
+    return answer([*done.lines(), *map(str, files)], json, done.to_json())
+
+
+def of_strapdown_records(
+    record: Path | None,
+    seed: int,
+    secret: Path | None,
+    effect: tuple[str, ...],
+    cases: int | None,
+    size: tuple[float, float] | None,
+    out: Path | None,
+    jobs: int,
+    json: Path | None,
+    *,
+    clean: bool,
+) -> Answer:
+    """One strapdown record with a secret, or a suite of them."""
+    if cases is None:
+        refuse({"--size": size, "--out": out}, "is of a suite; give --cases too, as --cases 100")
+        if record is None:
+            raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
+        distinct_files({"the record": record, "--answer": secret, "--json": json})
+        from trihedron.hidden_strapdown.one_record import write_hidden_strapdown
+
+        write_hidden_strapdown(record, seed, secret, effects=effect, clean=clean)
+        return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
+    refuse({"the record": record, "--answer": secret}, "is of one record, --cases of many; give one of the two")
+    from trihedron.hidden_strapdown.cases import SIZES
+    from trihedron.hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
+    from trihedron.hidden_strapdown.summary import suite_json, suite_text, write_suite
+
+    options = StrapdownOptions(clean=clean, effects=effect, sizes=size or SIZES)
+    done = run_strapdown_suite(options, cases, seed, records=records_folder(out), jobs=jobs, progress=True)
+    files = write_suite(done, out) if out is not None else ()
+    return answer([*suite_text(done).split("\n"), *map(str, files)], json, suite_json(done))
 
 
 def refuse(given: Mapping[str, object], why: str) -> None:
@@ -113,15 +156,22 @@ def refuse(given: Mapping[str, object], why: str) -> None:
 
 
 def one_record(
-    record: Path, seed: int, answer: Path | None, effect: tuple[str, ...], *, clean: bool, baseline: Baseline
-) -> None:
+    record: Path,
+    seed: int,
+    secret: Path | None,
+    effect: tuple[str, ...],
+    json: Path | None,
+    *,
+    clean: bool,
+    baseline: Baseline,
+) -> Answer:
     """Write one record with a secret."""
-    distinct_files({"the record": record, "--answer": answer})
+    distinct_files({"the record": record, "--answer": secret, "--json": json})
     from trihedron.hidden import write_hidden_record
 
     chosen = () if clean else effect or None
-    write_hidden_record(record, seed, answer, effects=chosen, symmetric=baseline == "symmetric", progress=True)
-    print(record)
+    write_hidden_record(record, seed, secret, effects=chosen, symmetric=baseline == "symmetric", progress=True)
+    return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
 
 
 def records_folder(out: Path | None) -> Path | None:

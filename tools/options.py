@@ -5,9 +5,17 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.outputs import ordinary_file
+from trihedron.outputs import json_file, ordinary_file
+from trihedron.printing import report_file
 
 Baseline = Literal["asymmetric", "symmetric"]
+DiagnosisBaseline = Annotated[
+    Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None,
+    Parameter(
+        help="Of a position record: asymmetric (the default) or symmetric scale factors. Of a strapdown record: the "
+        "gyros calibrated (the default where gravity is the reference) or nominal (where the true attitude is known)."
+    ),
+]
 Record = Annotated[Path, Parameter(help="Position record or raw record, CSV or Parquet.")]
 NoiseBound = Annotated[
     float | None,
@@ -24,11 +32,16 @@ Bounds = Annotated[
 Mounting = Annotated[str, Parameter(help="Name of a preset, or a TOML file with [name] matrix = [[...], ...].")]
 JsonFile = Annotated[
     Path | None,
-    Parameter(name="--json", help="Write the result as JSON to this file.", validator=ordinary_file),
+    Parameter(
+        name="--json",
+        allow_leading_hyphen=True,
+        help="Write the result as JSON to this file; - is standard output, in place of the text.",
+        validator=json_file,
+    ),
 ]
 ReportFile = Annotated[
     Path | None,
-    Parameter(name="--report", help="Write a page with pictures to this HTML file.", validator=ordinary_file),
+    Parameter(name="--report", help="Write a page with pictures to this file, .html or .pdf.", validator=report_file),
 ]
 SsvFile = Annotated[
     Path | None,

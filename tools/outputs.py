@@ -12,6 +12,14 @@ def ordinary_file(_: object, path: Path | None) -> None:
         raise InputError(f"{path}: is not a regular file; give the name of a file")
 
 
+def json_file(_: object, path: Path | None) -> None:
+    """Refuse an option where the name of a file for JSON should stand; "-" is standard output."""
+    if path is not None and str(path).startswith("-") and str(path) != "-":
+        raise InputError(f"--json {path}: is an option; give the name of a file, or - for standard output")
+    if str(path) != "-":
+        ordinary_file(None, path)
+
+
 def distinct_files(files: dict[str, Path | None]) -> None:
     """Refuse a result that would be written over the record or over another result."""
     given = [(name, path) for name, path in files.items() if path is not None]

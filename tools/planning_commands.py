@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
 from trihedron.options import Baseline, Bounds, JsonFile, Mounting, ReportFile
 from trihedron.outputs import distinct_files, ordinary_file
@@ -42,7 +43,7 @@ def plan(
         Parameter(help="Write the paper's figure, for one target, to this SVG file.", validator=ordinary_file),
     ] = None,
     common: Annotated[PositionOptions, Parameter(name="*")] = NO_POSITIONS,
-) -> None:
+) -> Answer:
     """Find the table positions and weights that estimate each target best, with the proof that none are better.
 
     Or one set of N positions for all targets; what sets of more positions gain; or what setting errors do to a plan.
@@ -54,17 +55,17 @@ def plan(
     distinct_files({"--json": json, "--report": report, "--picture": picture})
     settings = {"admissible": admissible, "bounds": bounds, "convention": convention, "baseline": baseline}
     others = {"--target": target, "--grid": grid, "--continuum": continuum, "--report": report, "--picture": picture}
-    if plan_common(common, {**settings, "mounting": mounting}, others, json):
-        return
+    done = plan_common(common, {**settings, "mounting": mounting}, others, json)
+    if done is not None:
+        return done
     if continuum and grid is not None:
         raise InputError("--grid and --continuum: give one of the two")
     if picture is not None and len(target) != 1:
         raise InputError("--picture: is of one target; give one --target")
-    from trihedron.planning.plan import json_text, plan_summary, plan_targets
-    from trihedron.writing import write_text
+    from trihedron import library
 
-    plans = plan_targets(
-        target,
+    plans = library.plan(
+        *target,
         grid=None if continuum else 1.0 if grid is None else grid,
         admissible=admissible,
         bounds=bounds,
@@ -73,13 +74,13 @@ def plan(
         mounting=mounting,
         progress=True,
     )
-    if json is not None:
-        write_text(json, json_text(plans))
     if report is not None or picture is not None:
+        from trihedron.printing import write_report
         from trihedron.report.plan_page import plan_page, plan_picture
+        from trihedron.writing import write_text
 
         if report is not None:
-            write_text(report, plan_page(plans))
+            write_report(report, plan_page(plans.plans))
         if picture is not None:
             write_text(picture, plan_picture(plans[0]))
-    print(plan_summary(plans))
+    return answer(plans.lines(), json, plans.json_text())

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
-from trihedron.outputs import ordinary_file
 
 Signed = Parameter(allow_leading_hyphen=True)
 
@@ -84,8 +84,10 @@ FOR = {
 IN_REQUEST = {"reserve": "reserve_deg", "resolution": "resolution_deg"}
 
 
-def plan_common(options: PositionOptions, common: dict[str, Any], others: dict[str, object], json: Path | None) -> bool:
-    """Do what these options ask for; False where they ask for nothing.
+def plan_common(
+    options: PositionOptions, common: dict[str, Any], others: dict[str, object], json: Path | None
+) -> Answer | None:
+    """Do what these options ask for; None where they ask for nothing.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ def plan_common(options: PositionOptions, common: dict[str, Any], others: dict[s
     if not uses:
         if given:
             raise InputError(f"--{_dashed(next(iter(given)))}: goes with --positions, --curve or --check")
-        return False
+        return None
     use = uses[0]
     for name in given:
         if name != use and name not in FOR[use]:
@@ -116,12 +118,9 @@ def plan_common(options: PositionOptions, common: dict[str, Any], others: dict[s
     for name, value in others.items():
         if value:
             raise InputError(f"{name}: does not go with --{use}; a common set serves all targets, at any angles")
-    if json is not None and use != "positions":
-        raise InputError(f"--json: does not go with --{use}")
     if "mountings" in given and common["mounting"] != "identity":
         raise InputError("--mounting and --mountings: give one of the two")
-    ACTIONS[use](options, given, common, json)
-    return True
+    return ACTIONS[use](options, given, common, json)
 
 
 def _dashed(name: str) -> str:
@@ -136,36 +135,28 @@ def _request(given: dict[str, Any], common: dict[str, Any]) -> Any:
     return Request(**{"mountings": (common["mounting"],), **basis, **own})
 
 
-def _positions(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> None:
+def _positions(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> Answer:
     from trihedron.planning.common_plan import plan_positions
-    from trihedron.planning.common_summary import plan_summary
     from trihedron.planning.position_files import DWELL_S, checked_dwell, write_plan
-    from trihedron.writing import write_text
 
     assert options.positions is not None
     dwell = checked_dwell(DWELL_S if options.dwell is None else options.dwell)
     plan = plan_positions(options.positions, _request(given, common), progress=True)
-    if json is not None:
-        ordinary_file(None, json)
-        write_text(json, plan.json_text())
-    print(plan_summary(plan))
-    if options.out is not None:
-        for path in write_plan(plan, options.out, dwell_s=dwell):
-            print(path)
+    files = write_plan(plan, options.out, dwell_s=dwell) if options.out is not None else []
+    return answer([*plan.lines(), *map(str, files)], json, plan.json_text())
 
 
-def _curve(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> None:
+def _curve(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> Answer:
     from trihedron.planning.position_curve import curve_summary, plan_curve, write_curve
 
     assert options.curve is not None
     points = plan_curve(*options.curve, _request(given, common), progress=True)
-    print(curve_summary(points))
-    if options.out is not None:
-        for path in write_curve(points, options.out):
-            print(path)
+    files = write_curve(points, options.out) if options.out is not None else []
+    content = {"schema": "trihedron.plan-curve/1", "points": [dict(vars(point)) for point in points]}
+    return answer([curve_summary(points), *map(str, files)], json, content)
 
 
-def _check(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> None:
+def _check(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> Answer:
     from trihedron.planning.position_files import read_angles
     from trihedron.planning.request import requested_task
     from trihedron.planning.setting_check import check_settings, check_summary
@@ -176,10 +167,19 @@ def _check(options: PositionOptions, given: dict[str, Any], common: dict[str, An
     if not 0.0 < noise < 1.0:
         raise InputError(f"--noise-bound {noise:g}: must be above 0 and below 1, a fraction of g")
     task = requested_task(_request(given, common), progress=True)
-    print(check_summary(check_settings(task, planned, actual, noise)))
+    found = check_settings(task, planned, actual, noise)
+    content = {
+        "schema": "trihedron.setting-check/1",
+        "advice": found.advice,
+        "lost_readings": found.lost,
+        "largest_error_deg": found.largest_deg,
+        "noise_bound": found.noise_bound,
+        "targets": [dict(vars(target)) for target in found.targets],
+    }
+    return answer(check_summary(found), json, content)
 
 
-ACTIONS: dict[str, Callable[[PositionOptions, dict[str, Any], dict[str, Any], Path | None], None]] = {
+ACTIONS: dict[str, Callable[[PositionOptions, dict[str, Any], dict[str, Any], Path | None], Answer]] = {
     "positions": _positions,
     "curve": _curve,
     "check": _check,

@@ -11,8 +11,8 @@ from trihedron.fmus.units import UNITS
 from trihedron.hidden import measure
 from trihedron.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
+from trihedron.report.diagnosis_sections import residual_sections
 from trihedron.report.effect_pictures import effect_sheet
-from trihedron.report.results import diagnosis_sections
 from trihedron.writing import write_text
 
 PICTURE_SEED = 2026
@@ -89,9 +89,12 @@ def effect_line(effect: Effect) -> str:
         places.setdefault(place.where, []).extend([words] if words else [])
         parameters.update({p.name: p for p in effect.at(place).parameters})
     where = "; ".join(f"{name} ({', '.join(words)})" if words else name for name, words in places.items())
+    alike: dict[tuple[str, float], list[str]] = {}
+    for p in parameters.values() or effect.parameters:
+        alike.setdefault((p.unit, p.largest), []).append(p.name)
     said = ", ".join(
-        f"{p.name} [{p.unit}], at most {p.largest if p.largest != math.pi else 'π'}"
-        for p in parameters.values() or effect.parameters
+        f"{', '.join(names)} [{unit}], at most {largest if largest != math.pi else 'π'}"
+        for (unit, largest), names in alike.items()
     )
     return f"| `{effect.name}` | {where or 'any reading'} | {said} | {effect.component or 'nothing'} |"
 
@@ -99,7 +102,7 @@ def effect_line(effect: Effect) -> str:
 def readme_picture() -> str:
     """Residuals of a record with a hidden effect, before and after the simulation was extended (SVG)."""
     record = measure(draw_case(PICTURE_SEED, effects=["quadratic"]), PICTURE_SEED)
-    sections = diagnosis_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
+    sections = residual_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
     return sections[0].svg or ""
 
 

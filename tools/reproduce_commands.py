@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
 from trihedron.options import JsonFile
 from trihedron.outputs import distinct_files
@@ -13,14 +14,16 @@ reproduce = App(name="reproduce", help="Compute published tables again, and say 
 
 
 @reproduce.command
-def calibration() -> None:
+def calibration(*, json: JsonFile = None) -> Answer:
     """Compute the published calibration tables again, and say where they are wrong.
 
     Example: trihedron reproduce calibration
     """
     from trihedron.planning.published import check_published_calibration, published_summary
 
-    print(published_summary(check_published_calibration()))
+    rows = check_published_calibration()
+    content = [{**vars(row), "remarks": list(row.remarks)} for row in rows]
+    return answer(published_summary(rows), json, {"schema": "trihedron.published-calibration/1", "rows": content})
 
 
 @reproduce.command
@@ -28,7 +31,7 @@ def attitude(
     *,
     out: Annotated[Path | None, Parameter(help="Folder for attitude.csv and attitude.svg.")] = None,
     json: JsonFile = None,
-) -> None:
+) -> Answer:
     """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
 
     Example: trihedron reproduce attitude --out reproduced
@@ -38,19 +41,21 @@ def attitude(
     if out is not None and out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; give the name of a folder")
     from trihedron.attitude.reproduction import reproduce_attitude
-    from trihedron.attitude.reproduction_output import reproduction_summary, write_reproduction
+    from trihedron.attitude.reproduction_output import reproduction_json, reproduction_summary, write_reproduction
 
     result = reproduce_attitude(progress=True)
-    files = write_reproduction(result, out, json)
-    print("\n".join([*reproduction_summary(result), *(str(file) for file in files)]))
+    files = write_reproduction(result, out)
+    return answer([*reproduction_summary(result), *map(str, files)], json, reproduction_json(result))
 
 
 @reproduce.command
-def word_length() -> None:
+def word_length(*, json: JsonFile = None) -> Answer:
     """Show what 32-bit arithmetic and 32-bit increments cost the update (22), and what mends it.
 
     Example: trihedron reproduce word-length
     """
     from trihedron.attitude.word_length import word_length_errors, word_length_summary
 
-    print("\n".join(word_length_summary(word_length_errors(progress=True))))
+    errors = word_length_errors(progress=True)
+    content = [{**vars(e), "error": float(e.error)} for e in errors]
+    return answer(word_length_summary(errors), json, {"schema": "trihedron.word-length/1", "errors_rad": content})

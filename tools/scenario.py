@@ -22,7 +22,8 @@ from pydantic import (
     model_validator,
 )
 
-from trihedron.errors import InputError, nearest
+from trihedron.errors import InputError, unreadable
+from trihedron.field_problems import FieldProblem, field_problems
 
 SCHEMA = "trihedron.scenario/1"
 
@@ -214,44 +215,17 @@ class Scenario(_Section):
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-_SECTIONS: dict[str, type[BaseModel]] = {
-    "run": RunSetting,
-    "fmus": FmuSetting,
-    "connections": Connection,
-    "stimuli": Stimulus,
-    "record": RecordSetting,
-}
 _NOT_IN_FILES = ("base_folder", "source")
 
 
-def _keys(model: type[BaseModel]) -> list[str]:
-    names = [field.alias or name for name, field in model.model_fields.items()]
-    return [n for n in names if model is not Scenario or n not in _NOT_IN_FILES]
-
-
-def _dotted(location: tuple[int | str, ...]) -> str:
-    """`fmus.table.component`, `connections[2].from`: entries of a list are counted from 1."""
-    text = ""
-    for part in location:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
-    return text
+def scenario_problems(error: ValidationError) -> list[FieldProblem]:
+    """Everything that is wrong with a scenario."""
+    return field_problems(error, Scenario, _NOT_IN_FILES)
 
 
 def first_problem(error: ValidationError) -> str:
     """The first thing that is wrong with a scenario, in one line, with the dotted name of the field."""
-    problem = error.errors()[0]
-    where = tuple(part for part in problem["loc"] if part != "[key]")
-    name = _dotted(where)
-    if problem["type"] == "extra_forbidden":
-        model = Scenario if len(where) == 1 else _SECTIONS[str(where[0])]
-        return f"{name}: unknown key; {nearest(str(where[-1]), _keys(model))}"
-    if problem["type"] == "missing":
-        return f"{name}: is missing"
-    message = problem["msg"].removeprefix("Value error, ")
-    shown = repr(problem["input"])
-    if problem["type"] != "value_error" and len(shown) < 60:
-        message += f", not {shown}"
-    return " ".join((f"{name}: {message}" if name else message).split())
+    return scenario_problems(error)[0].text
 
 
 def checked_scenario(data: Mapping[str, Any]) -> Scenario:
@@ -290,7 +264,7 @@ def read_scenario(path: Path | str) -> Scenario:
     try:
         data = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        raise InputError(f"{path}: {unreadable(path, error)}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
     except (tomllib.TOMLDecodeError, ValueError) as error:
@@ -301,7 +275,7 @@ def read_scenario(path: Path | str) -> Scenario:
         raise InputError(f'{path}: schema is missing; write schema = "{SCHEMA}"')
     for name in _NOT_IN_FILES:
         if name in data:
-            raise InputError(f"{path}: {name}: unknown key; {nearest(name, _keys(Scenario))}")
+            raise InputError(f"{path}: {name}: unknown key; it is not for files")
     try:
         return Scenario.model_validate({**data, "base_folder": path.parent, "source": path})
     except ValidationError as error:

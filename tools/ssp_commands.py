@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from trihedron.answers import Answer, answer
+from trihedron.options import JsonFile
 from trihedron.outputs import distinct_files, ordinary_file
 
 
@@ -22,7 +24,8 @@ def export_ssp(
         str | None,
         Parameter(help="Of native FMUs: host (the default), all, or a name such as x86_64-windows."),
     ] = None,
-) -> None:
+    json: JsonFile = None,
+) -> Answer:
     """Write the system of a scenario as an .ssp (SSP 1.0), which OMSimulator, FMPy and `trihedron simulate` open.
 
     Its position programme becomes a component, constants become parameters.
@@ -37,5 +40,6 @@ def export_ssp(
     from trihedron.scenario import read_scenario
     from trihedron.ssp.exporting import export_ssp as export
 
-    distinct_files({"the scenario": scenario, "--out": out})
-    print(export(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform))
+    distinct_files({"the scenario": scenario, "--out": out, "--json": json})
+    path = export(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)
+    return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})

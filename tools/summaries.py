@@ -66,6 +66,22 @@ def physical_words(name: str) -> str:
     return name
 
 
+MOST_NAMED = 5
+"""So many targets that are open are named in a sentence."""
+
+
+def open_targets(result: Calibration) -> str:
+    """What the measurements leave open, in a sentence."""
+    gaps = result.missing
+    if not gaps:
+        return "whether an error that holds over a rest is in them" if result.radius > 1.0 else "more than they have"
+    if len(gaps) == len(result.parameters):
+        return "any of the targets"
+    if len(gaps) > MOST_NAMED:
+        return f"{len(gaps)} of the {len(result.parameters)} targets"
+    return ", ".join(physical_words(gap.name) for gap in gaps)
+
+
 def missing_lines(result: Calibration) -> list[str]:
     """What the measurements leave open, in words."""
     if not result.missing:

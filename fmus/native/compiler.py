@@ -8,11 +8,13 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from difflib import get_close_matches
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 
 from trihedron.fmus.native.platforms import PLATFORMS, Platform, host_name
+from trihedron.fmus.native.prebuilt import has_prebuilt, prebuilt_library
 
 FLAGS = (
     "-std=c99",
@@ -40,6 +42,11 @@ SMALL = (
 
 WINDOWS_LIBRARIES = tuple(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math", "heap", "string", "stdio", "private"))
 """The C library that Windows itself has: no other is linked in, and sin and cos are Windows' own."""
+
+
+def all_flags() -> list[str]:
+    """Everything that decides what the cross compiler makes of sources, beside its version."""
+    return [*FLAGS, *SMALL, *WINDOWS_LIBRARIES]
 
 
 WHOLE = "whole.c"
@@ -85,6 +92,10 @@ def host_compiler() -> tuple[str, str] | None:
     return None
 
 
+NO_COMPILER = "native FMUs need a C compiler: there is no cc here; install one, or trihedron[native]"
+NO_ZIG = "needs ziglang to compile for it; install trihedron[native]"
+
+
 def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
     """The platforms of ``all``, ``host`` or a name.
 
@@ -99,12 +110,19 @@ def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
         names = [host_name() if wanted == "host" else wanted]
     for name in names:
         if name not in PLATFORMS:
-            raise BuildError(f"platform {name}: there is no native FMU for it; there is for {', '.join(PLATFORMS)}")
-        if zig_version() is None and (name != host_name() or host_compiler() is None):
+            close = get_close_matches(name, PLATFORMS, n=1)
+            meant = f"did you mean {close[0]}? There is one" if close else "there is one"
+            raise BuildError(f"platform {name}: there is no native FMU for it; {meant} for {', '.join(PLATFORMS)}")
+        if not (compiles(name) or has_prebuilt()):
             if name == host_name() and wanted != "all":
-                raise BuildError("native FMUs need a C compiler: there is no cc here; install one, or trihedron[cross]")
-            raise BuildError(f"platform {name}: needs ziglang to compile for it; install trihedron[cross]")
+                raise BuildError(NO_COMPILER)
+            raise BuildError(f"platform {name}: {NO_ZIG}")
     return tuple(PLATFORMS[name] for name in names)
+
+
+def compiles(name: str) -> bool:
+    """Whether something here compiles for a platform."""
+    return zig_version() is not None or (name == host_name() and host_compiler() is not None)
 
 
 def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bool) -> tuple[list[list[str]], str]:
@@ -144,8 +162,14 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
     Raises
     ------
     BuildError
-        the compiler fails
+        the compiler fails, or there is none and no FMU made from these sources came with the package
     """
+    if zig_version() is None and (portable or not compiles(platform.name)):
+        made = prebuilt_library(platform, name, sources, all_flags())
+        if made is not None:
+            return made
+        if not compiles(platform.name):
+            raise BuildError(NO_COMPILER if platform.name == host_name() else f"platform {platform.name}: {NO_ZIG}")
     cross = zig_version() is not None and (portable or platform.name != host_name() or host_compiler() is None)
     output = f"{name}{platform.suffix}"
     compiled = [n for n in sources if n.endswith(".c")]

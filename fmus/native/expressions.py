@@ -11,8 +11,9 @@ UNARY, ATOM = 7, 9
 RESERVED = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+atan2 cos fabs floor sin sqrt whole
 """
-"""The words of C that no variable may have for its name."""
+"""The words of C, and the functions of the translated source, that no variable may have for its name."""
 
 
 def kernel_name(name: str) -> str:

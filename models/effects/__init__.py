@@ -6,13 +6,17 @@ import pkgutil
 from collections.abc import Mapping
 
 from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace
+from trihedron.models.effects.motion_rows import MotionRows
 from trihedron.models.effects.rows import Rows, Variant
 
 __all__ = [
     "CATALOGUE",
+    "POSITION_EFFECTS",
+    "STRAPDOWN_EFFECTS",
     "Effect",
     "EffectParameter",
     "EffectPlace",
+    "MotionRows",
     "Rows",
     "Variant",
     "parameter_name",
@@ -22,7 +26,9 @@ __all__ = [
 
 def _read_catalogue() -> dict[str, Effect]:
     names = sorted(
-        module.name for module in pkgutil.iter_modules(__path__) if module.name not in ("definition", "rows")
+        module.name
+        for module in pkgutil.iter_modules(__path__)
+        if module.name not in ("definition", "rows", "motion_rows")
     )
     effects = (importlib.import_module(f"{__name__}.{name}").EFFECT for name in names)
     return {effect.name: effect for effect in effects}
@@ -30,6 +36,16 @@ def _read_catalogue() -> dict[str, Effect]:
 
 CATALOGUE: dict[str, Effect] = _read_catalogue()
 """Every effect, by its name."""
+
+POSITION_EFFECTS = {name: effect for name, effect in CATALOGUE.items() if not effect.in_motion}
+"""The effects that a record of rests at positions of a table can show."""
+
+STRAPDOWN_EFFECTS = {
+    name: effect
+    for name, effect in CATALOGUE.items()
+    if effect.in_motion and effect.component in ("GyroBlock", "AttitudeComputer")
+}
+"""The effects of gyros and attitude computer, which only a record in motion can show; signatures in rad/s."""
 
 
 def parameter_name(place: EffectPlace, parameter: str) -> str:

@@ -84,6 +84,7 @@ OUTER = Effect(
         f"{place.order} time{'s' if place.order != 1 else ''} a turn"
     ),
     turns=turns,
+    formula="Δκ = {amplitude} cos({order} α + ({phase}))",
     of_place=of_place,
 )
 INNER_FIRST = dataclasses.replace(
@@ -93,6 +94,7 @@ INNER_FIRST = dataclasses.replace(
         EffectParameter("epsilon_phase", "rad", "its phase", math.pi),
     ),
     kernel=inner_axis_first_wobble,
+    formula="Δε = {epsilon_amplitude} cos({order} β + ({epsilon_phase}))",
 )
 INNER = dataclasses.replace(
     OUTER,
@@ -102,5 +104,6 @@ INNER = dataclasses.replace(
         EffectParameter("tilt_phase", "rad", "its phase", math.pi),
     ),
     kernel=inner_axis_wobble,
+    formula=f"{INNER_FIRST.formula}, 'outer turn' = {{tilt_amplitude}} cos({{order}} β + ({{tilt_phase}}))",
 )
 EFFECT = OUTER

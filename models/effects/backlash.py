@@ -45,4 +45,5 @@ EFFECT = Effect(
         f"the {place.where.replace('-', ' ')} has {math.degrees(values['width']) * 3600.0:.1f} arcsec of backlash"
     ),
     turns=turns,
+    formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
 )

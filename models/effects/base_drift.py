@@ -48,4 +48,5 @@ EFFECT = Effect(
         f"α* by {math.degrees(values['alpha_star_rate']) * 3600.0:+.1f} arcsec an hour"
     ),
     turns=turns,
+    formula="Δκ = {kappa_rate} t, Δα* = {alpha_star_rate} t, t 'in hours'",
 )

@@ -35,4 +35,5 @@ EFFECT = Effect(
         f"the bias of accelerometer {place.index + 1} depends on the sign of its input: "
         f"{values['coefficient']:+.2e} g for a positive one, the opposite for a negative one"
     ),
+    formula="Δf_{p}/g = {coefficient} sign(n_{p})",
 )

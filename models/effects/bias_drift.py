@@ -29,4 +29,5 @@ EFFECT = Effect(
     sentence=lambda place, values: (
         f"the bias of accelerometer {place.index + 1} drifts by {values['rate']:+.2e} g an hour"
     ),
+    formula="Δf_{p}/g = {rate} t, t 'in hours'",
 )

@@ -35,4 +35,5 @@ EFFECT = Effect(
         f"{values['coefficient']:+.2e} n{place.axes[0]} n{place.axes[1]} (n in g)"
     ),
     degree=2,
+    formula="Δf_{p}/g = {coefficient} n_{i} n_{j}",
 )

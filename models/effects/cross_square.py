@@ -36,4 +36,5 @@ EFFECT = Effect(
         f"{values['coefficient']:+.2e} n{place.axes[0]}² (n in g)"
     ),
     degree=2,
+    formula="Δf_{p}/g = {coefficient} n_{i}²",
 )

@@ -30,4 +30,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} responds to the cube of its input: {values['coefficient']:+.2e} n³ (n in g)"
     ),
     degree=3,
+    formula="Δf_{p}/g = {coefficient} n_{p}³",
 )

@@ -83,4 +83,5 @@ EFFECT = Effect(
     ),
     variants=variants,
     degree=-1,
+    formula="n_{p} 'counts as' 0 'where' |n_{p}| < {width}",
 )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ class EffectPlace:
     effect : str
         name in the catalogue
     where : str
-        "accelerometer-1" to "-3", "outer-axis", "inner-axis", "base", "position-N"
+        "accelerometer-1" to "-3", "outer-axis", "inner-axis", "base", "position-N", "gyro-block", "attitude-computer"
     order : int or None
         of a harmonic
     axes : tuple of int
@@ -98,7 +99,8 @@ class Effect:
     place_numbers : callable
         place -> the whole numbers that the kernel takes
     signature : callable
-        place, rows -> (N, 3, K): how the readings [g] change with each of K linear coefficients
+        place, rows -> (N, 3, K): how the readings [g], or of a gyro the rates [rad/s], change with each of K linear
+        coefficients
     from_coefficients : callable
         K linear coefficients -> values of the parameters
     sentence : callable
@@ -121,8 +123,13 @@ class Effect:
     untold : callable or None
         of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): its
         largest size per unit of the coefficient where it is not told. The signature vanishes there
+    formula : str
+        what it adds, for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
+        {order} stand in braces (`trihedron.report.equations`); empty where the sentence says it all
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places
+    in_motion : bool
+        an effect of a record in motion: its signature takes `MotionRows`, and no record of rests shows it
     """
 
     name: str
@@ -132,16 +139,18 @@ class Effect:
     stage: str | None
     kernel: Callable[..., None] | None
     place_numbers: Callable[[EffectPlace], tuple[int, ...]]
-    signature: Callable[[EffectPlace, Rows], NDArray[np.float64]]
+    signature: Callable[[EffectPlace, Any], NDArray[np.float64]]
     from_coefficients: Callable[[NDArray[np.float64]], tuple[float, ...]]
     sentence: Callable[[EffectPlace, Mapping[str, float]], str]
     within: str | None = None
     needs: tuple[str, ...] = ()
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
-    variants: Callable[[EffectPlace, Rows, NDArray[np.float64], float], list[Variant]] | None = None
+    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], list[Variant]] | None = None
     degree: int = 0
     untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
+    formula: str = ""
     of_place: "Callable[[EffectPlace], Effect] | None" = None
+    in_motion: bool = False
 
     def at(self, place: EffectPlace) -> "Effect":
         """The effect as it is at one of its places."""

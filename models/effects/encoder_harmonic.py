@@ -60,4 +60,5 @@ EFFECT = Effect(
         f"time{'s' if place.order != 1 else ''} a turn"
     ),
     turns=turns,
+    formula="{angle}_read = {angle} + {amplitude} sin({order} {angle} + ({phase}))",
 )

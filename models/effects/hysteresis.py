@@ -45,4 +45,5 @@ EFFECT = Effect(
         "falling one"
     ),
     untold=untold,
+    formula="Δf_{p}/g = − 'sense of the last change of' n_{p} · {width} / 2",
 )

@@ -37,4 +37,5 @@ EFFECT = Effect(
         f"{values['coefficient']:+.2e} n |n| (n in g)"
     ),
     degree=2,
+    formula="Δf_{p}/g = {coefficient} n_{p} |n_{p}|",
 )

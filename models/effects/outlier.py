@@ -33,4 +33,5 @@ EFFECT = Effect(
         f"the reading of accelerometer {place.axes[0]} at {place.where.replace('-', ' ')} is off by "
         f"{values['size']:+.2e} g"
     ),
+    formula="Δf_{i}/g = {size} 'at position' {p}",
 )

@@ -30,4 +30,5 @@ EFFECT = Effect(
         f"accelerometer {place.index + 1} responds to the square of its input: {values['coefficient']:+.2e} n² (n in g)"
     ),
     degree=2,
+    formula="Δf_{p}/g = {coefficient} n_{p}²",
 )

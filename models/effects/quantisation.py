@@ -24,6 +24,10 @@ FINEST = 1e-10
 """Digits of a reading [g] finer than this are rounding."""
 SHARE = 0.7
 """Part of the readings that are multiples of the step; the others are means over rests between two of them."""
+COARSE = 20.0
+"""A step is at least so many times the error of its multiples."""
+FEWEST_NOISY = 10
+"""Fewer readings prove no step whose multiples have errors of their own."""
 FEWEST = 6
 """Fewer readings prove no step."""
 
@@ -38,9 +42,13 @@ def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma
     """The largest step of which the readings are multiples; they lie within half a step of what they would be."""
     p = place.index
     tolerance = max(FINEST, rows.resolution)
-    step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, 20.0 * tolerance))
-    if step is None:
+    step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, COARSE * tolerance))
+    limits = None if step is None else (step - tolerance, step + tolerance)
+    if limits is None:
+        limits = noisy_step(reading[:, p], sigma + tolerance)
+    if limits is None:
         return []
+    step = 0.5 * (limits[0] + limits[1])
     rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
 
     def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
@@ -60,7 +68,7 @@ def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma
             low=np.zeros(0),
             high=np.zeros(0),
             values=lambda coefficients: (step,),
-            limits=((step - tolerance, step + tolerance),),
+            limits=(limits,),
             lost=np.zeros_like(rounded),
             fixed=np.zeros_like(rounded),
             stands=stands,
@@ -114,6 +122,24 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
     return finer[0] if finer else best
 
 
+def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
+    """Least and largest step [g] of which all values (N,) are multiples up to an error of σ, made after the rounding.
+
+    Few values, or steps that are not many times σ, prove nothing: by chance a tenth of all values lie so near a multiple.
+    """
+    if len(values) < FEWEST_NOISY:
+        return None
+    step = common_step(values, sigma, COARSE * sigma)
+    if step is None:
+        return None
+    counts = np.round(np.abs(values) / step)
+    if np.abs(np.abs(values) - counts * step)[counts == 0.0].max(initial=0.0) > sigma:
+        return None
+    size, counts = np.abs(values)[counts > 0.0], counts[counts > 0.0]
+    low, high = float(((size - sigma) / counts).max()), float(((size + sigma) / counts).min())
+    return (low, high) if low <= high and high <= LARGEST_STEP else None
+
+
 def share(values: NDArray[np.float64], step: float, tolerance: float) -> float:
     """Part of the values that are multiples of a step."""
     return float(np.mean(misses(values, np.full(len(values), step)) <= 2.0 * tolerance))
@@ -148,4 +174,5 @@ EFFECT = Effect(
     from_coefficients=no_coefficients,
     sentence=lambda place, values: f"accelerometer {place.index + 1} reads in steps of {values['step']:.3e} g",
     variants=variants,
+    formula="f_{p}/g 'in multiples of' {step}",
 )

@@ -1,5 +1,6 @@
 """Sag: the table gives way under the weight it carries, behind its encoders."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -57,4 +58,7 @@ EFFECT = Effect(
         f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec"
     ),
     turns=turns,
+    formula="'elastic outer turn' = {amplitude} sin(α + ({phase}))",
+    of_place=lambda place: EFFECT if place.index == 0 else INNER,
 )
+INNER = dataclasses.replace(EFFECT, formula="'elastic inner turn' = {amplitude} sin(α) cos(β + ({phase}))")

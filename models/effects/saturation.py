@@ -16,7 +16,7 @@ from trihedron.models.effects.definition import (
 from trihedron.models.effects.rows import Rows, Variant, at_readings
 from trihedron.models.restricted import Vector
 
-LEAST_LEVEL, LARGEST_LEVEL = 0.9, 10.0
+LEAST_LEVEL, LARGEST_LEVEL = 0.5, 10.0
 
 
 def saturation(context: Vector, own: Vector, p: int, level: float, reading: Vector) -> None:
@@ -86,4 +86,5 @@ EFFECT = Effect(
     from_coefficients=no_coefficients,
     sentence=lambda place, values: f"accelerometer {place.index + 1} saturates at {values['level']:.5f} g",
     variants=variants,
+    formula="|f_{p}|/g ≤ {level}",
 )

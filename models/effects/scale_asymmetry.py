@@ -36,4 +36,5 @@ EFFECT = Effect(
     ),
     within="asymmetric",
     degree=1,
+    formula="Δf_{p}/g = {coefficient} |n_{p}|",
 )

@@ -30,4 +30,5 @@ EFFECT = Effect(
         f"the scale factor of accelerometer {place.index + 1} drifts by {values['rate']:+.2e} an hour"
     ),
     degree=1,
+    formula="Δf_{p}/g = {rate} t n_{p}, t 'in hours'",
 )

@@ -34,4 +34,5 @@ EFFECT = Effect(
         f"the bias of accelerometer {place.index + 1} changes by {values['coefficient']:+.2e} g per kelvin"
     ),
     needs=("temperature",),
+    formula="Δf_{p}/g = {coefficient} (T − 20 °C)",
 )

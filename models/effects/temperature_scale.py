@@ -37,4 +37,5 @@ EFFECT = Effect(
     ),
     needs=("temperature",),
     degree=1,
+    formula="Δf_{p}/g = {coefficient} (T − 20 °C) n_{p}",
 )

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -103,6 +104,23 @@ def comparison_text(rows: Sequence[ComparedAlgorithm]) -> str:
             angles = "  ".join(_degrees(angle, size) for angle, size in zip(_angles(row), (20, 9, 9), strict=True))
             lines.append(f"{start}  {row.updates:7d}  {angles}")
     return "\n".join(lines)
+
+
+def comparison_json(rows: Sequence[ComparedAlgorithm]) -> dict[str, Any]:
+    """The object of schema trihedron.attitude-comparison/1, angles in radians."""
+    compared = [
+        {
+            "algorithm": row.algorithm.name,
+            "order": row.algorithm.order,
+            "updates": row.updates,
+            "from_reference_rad": row.apart,
+            "error_rms_rad": row.rms,
+            "error_max_rad": row.maximum,
+            "not_taken": row.refused,
+        }
+        for row in rows
+    ]
+    return {"schema": "trihedron.attitude-comparison/1", "reference": REFERENCE, "algorithms": compared}
 
 
 def write_comparison(rows: Sequence[ComparedAlgorithm], path: Path) -> None:

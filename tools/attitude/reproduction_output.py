@@ -115,7 +115,7 @@ def reproduction_csv(result: Reproduction) -> str:
     return stream.getvalue()
 
 
-def write_reproduction(result: Reproduction, out: Path | None, json_file: Path | None) -> list[Path]:
+def write_reproduction(result: Reproduction, out: Path | None, json_file: Path | None = None) -> list[Path]:
     """Write attitude.csv and attitude.svg into a folder, and the JSON where it is asked for; returns the files."""
     from trihedron.report.attitude_pictures import published_and_reproduced
 

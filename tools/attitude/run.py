@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +11,12 @@ from scipy.spatial.transform import Rotation
 from trihedron.attitude.error_split import split_error
 from trihedron.errors import InputError
 from trihedron.models.turntable import EARTH_RATE
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+SCHEMA = "trihedron.attitude/1"
 
 
 def rotation_of(quaternion: np.ndarray) -> Rotation:
@@ -59,8 +65,8 @@ def heading_and_tilt(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arctan2(np.sin(heading), np.cos(heading)), tilt
 
 
-@dataclass(frozen=True, eq=False)
-class AttitudeRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class AttitudeRun(Shown):
     """Attitude at the moments of the algorithm's updates, the start first; NaN where the truth is not known.
 
     Attributes
@@ -139,6 +145,35 @@ class AttitudeRun:
             return None
         elapsed = self.time_s[known] - self.time_s[0]
         return float(elapsed @ self.error_angle[known] / (elapsed @ elapsed))
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.attitude/1, angles in radians."""
+        return {
+            "schema": SCHEMA,
+            "record": str(self.record),
+            "algorithm": self.algorithm,
+            "rates": self.rates,
+            "gyro_bias_radps": None if self.gyro_bias is None else list(self.gyro_bias),
+            "period_s": self.period,
+            "updates": len(self.time_s) - 1,
+            "judged_updates": int(self.judged.sum()),
+            "error_rms_rad": self.rms,
+            "error_max_rad": self.maximum,
+            "error_at_end_rad": self.final,
+            "drift_radps": self.drift,
+            "files": [str(file) for file in self.files],
+        }
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each update: time_s, q0 to q3, error_rad."""
+        import polars as pl
+
+        quaternion = {f"q{k}": self.attitude[:, k] for k in range(4)}
+        return pl.DataFrame({"time_s": self.time_s, **quaternion, "error_rad": self.error_angle}).fill_nan(None)
+
+    def lines(self) -> list[str]:
+        """As `summary`."""
+        return self.summary()
 
     def summary(self) -> list[str]:
         """Lines for a person: what was run, and how large the error is."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.reading_errors import corners
 from trihedron.calibration.values import calibrated_block, checked_calibration
-from trihedron.errors import InputError
+from trihedron.errors import InputError, unreadable
 
 ARCSEC = math.radians(1 / 3600)
 
@@ -56,7 +56,7 @@ def read_correction(path: Path) -> Correction:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        raise InputError(f"{path}: {unreadable(path, error)}") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON text; the file of `trihedron calibrate --json` is needed") from error
     return correction_of(content, str(path))

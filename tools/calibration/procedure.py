@@ -106,7 +106,7 @@ def calibrate(
         if target.symbol not in known:
             known.add(target.symbol)
             wanted.append(target)
-    resolution = record.resolution / gravity
+    resolution = record.written_to(gravity)
     slack = reading_uncertainty(resolution)
     weights = np.vstack([*(target.weights for target in wanted), error_weights(p)])
     intervals = np.full((len(weights), 2), np.nan)

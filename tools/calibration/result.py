@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,10 @@ from trihedron.calibration.reading_errors import ReadingError
 from trihedron.calibration.values import SCHEMA, block_parameters, checked_calibration, number, target_estimates
 from trihedron.errors import InputError
 from trihedron.fmus import version
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 UNITS_OF_RESULT = {
     "noise_bound": "g",
@@ -68,8 +72,8 @@ class FeasibleSet:
     slack: float
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Shown):
     """A calibration of the bench; `to_json` gives the published object.
 
     Attributes
@@ -165,6 +169,19 @@ class Calibration:
     def json_text(self) -> str:
         """`to_json` as text, one line for each key and each parameter."""
         return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def lines(self) -> list[str]:
+        """Verdict, table of targets, what it is worth."""
+        from trihedron.summaries import calibration_summary
+
+        return calibration_summary(self).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each target: symbol, name, unit, estimate, guaranteed_error, low, high."""
+        import polars as pl
+
+        numbers = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"), pl.Float64)
+        return pl.DataFrame([vars(e) for e in self.parameters], schema_overrides=numbers)
 
 
 def bench_parameters(calibration: Mapping[str, Any]) -> dict[str, dict[str, float | list[float]]]:

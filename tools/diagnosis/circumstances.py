@@ -1,6 +1,6 @@
 """What effects may depend on beside the angles: time, temperature, senses of the last moves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ class Circumstances:
     before : (N, 2) array or None
         encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None where the
         rows follow no order
+    temperature_resolution : float
+        half a last digit of the temperature as it was written [K]
     """
 
     hours: NDArray
@@ -33,13 +35,19 @@ class Circumstances:
     sense_beta: NDArray
     approached: bool
     before: NDArray | None = None
+    temperature_resolution: float = 0.0
 
     def selected(self, rows: NDArray) -> "Circumstances":
         """The circumstances of some rows (n,) of int."""
         temperature = None if self.temperature is None else self.temperature[rows]
         before = None if self.before is None else self.before[rows]
-        return Circumstances(
-            self.hours[rows], temperature, self.sense_alpha[rows], self.sense_beta[rows], self.approached, before
+        return replace(
+            self,
+            hours=self.hours[rows],
+            temperature=temperature,
+            sense_alpha=self.sense_alpha[rows],
+            sense_beta=self.sense_beta[rows],
+            before=before,
         )
 
 
@@ -52,8 +60,9 @@ def circumstances_of(record: PositionRecord) -> Circumstances:
         before[1:][np.array(record.mounting[1:]) != np.array(record.mounting[:-1])] = np.nan
     if record.approach_alpha is not None and record.approach_beta is not None:
         senses = np.asarray(record.approach_alpha, float), np.asarray(record.approach_beta, float)
-        return Circumstances(hours, record.temperature, *senses, True, before)
-    return Circumstances(hours, record.temperature, senses_of(record.alpha), senses_of(record.beta), False, before)
+        return Circumstances(hours, record.temperature, *senses, True, before, record.temperature_resolution)
+    senses = senses_of(record.alpha), senses_of(record.beta)
+    return Circumstances(hours, record.temperature, *senses, False, before, record.temperature_resolution)
 
 
 def standing_still(count: int, hours: NDArray) -> Circumstances:

@@ -13,6 +13,7 @@ from trihedron.calibration.result import component_parameters
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, disturbed, rows_at, true_angles
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_nearest
+from trihedron.diagnosis.senses import moved_axes
 from trihedron.fmus import build
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace
@@ -170,13 +171,16 @@ def simulate_rows(
     bench, coefficients = fit.estimate[: len(fit.point)], fit.estimate[len(fit.point) :]
     at = true_angles(here, bench, fit.places, coefficients, fit.blocks, circumstances)
     commands = np.stack((at.alpha, at.beta), axis=1)
+    moved = np.stack(moved_axes(here.positions, circumstances), axis=1)
     p = here.parametrisation
     for index in range(len(p.mountings)):
         mine = np.flatnonzero(here.positions.mounting == index)
         if np.isin(mine, rows).any():
             values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
             parameters = component_parameters(values, p.matrices[index], gravity)
-            scenario = extended_scenario(parameters, effect_entries(fit), commands[mine], circumstances.selected(mine))
+            scenario = extended_scenario(
+                parameters, effect_entries(fit), commands[mine], moved[mine], circumstances.selected(mine)
+            )
             run = simulate(scenario).table
             time, seconds = run["time_s"].to_numpy(), 3600.0 * circumstances.hours[mine]
             for axis in range(3):
@@ -207,6 +211,7 @@ def extended_scenario(
     parameters: Mapping[str, Mapping[str, object]],
     effects: Sequence[Mapping[str, object]],
     commands: NDArray,
+    moved: NDArray,
     circumstances: Circumstances,
 ) -> Scenario:
     """A scenario in which table and block, calibrated and extended, stand at each position at its time.
@@ -221,6 +226,8 @@ def extended_scenario(
         as in a scenario file
     commands : (n, 2) array
         commanded angles [rad]
+    moved : (n, 2) array of bool
+        whether the outer and the inner axis turned on the way: one that did not must not decide the inputs' senses
     circumstances : Circumstances
         of the n rows
     """
@@ -230,7 +237,7 @@ def extended_scenario(
     # The table arrives half a gap before each reading, so that the steps about it are at rest there.
     before = np.maximum(seconds - 0.5 * gap, 0.0)
     after = np.maximum(seconds - 0.25 * gap, 0.25 * step)
-    senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
+    senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1) * moved
     temperature = np.full(len(seconds), 20.0) if circumstances.temperature is None else circumstances.temperature
     rows = {
         "time_s": np.stack((before, after), axis=1).ravel(),

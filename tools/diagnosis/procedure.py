@@ -12,6 +12,7 @@ from trihedron.calibration.next_positions import repeats
 from trihedron.calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
 from trihedron.calibration.programmes import SolverError
 from trihedron.calibration.result import Calibration
+from trihedron.diagnosis.arguments import left_open
 from trihedron.diagnosis.centre import with_usual_signs
 from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.classes import Classes, classes_of, same_space
@@ -74,7 +75,7 @@ def diagnose(
     circumstances = circumstances_of(record)
     every = catalogue_places(baseline, circumstances)
     places = [place for place in every if is_linear(place)]
-    room = reading_uncertainty(record.resolution / gravity)
+    room = reading_uncertainty(record.written_to(gravity))
     if nominal.verdict != "falsified":
         # With no more measurements than parameters every record fits.
         enough = nominal.verdict == "consistent" and len(here.residual) > here.span.shape[1]
@@ -108,7 +109,7 @@ def cause_of(
 ) -> Diagnosis:
     """The diagnosis of a record that the nominal model cannot explain; arguments as for `diagnose`."""
     here = with_usual_signs(nominal.linearised, circumstances, nominal.noise_bound, bounds)
-    resolution = record.resolution / gravity
+    resolution = record.written_to(gravity)
     room = reading_uncertainty(resolution)
     limit = radius_limit(nominal.noise_bound, resolution) + FIT_TOLERANCE
     every = catalogue_places(nominal.baseline, circumstances)
@@ -120,7 +121,11 @@ def cause_of(
         structure = tuple(residual_structure(here, circumstances))
         return Diagnosis("unexplained", nominal, record.position, tried=tried, residual_structure=structure)
     groups = equivalence_groups(classes, found.fits)
-    findings = tuple(finding_of(classes, group[0], record.position, room, bounds) for group in groups)
+
+    def open_of(fit: ExtendedFit) -> float:
+        return room + left_open(fit, here, circumstances)
+
+    findings = tuple(finding_of(classes, group[0], record.position, open_of(group[0]), bounds) for group in groups)
     if len(groups) > 1 or not found.complete:
         positions = separating_positions(here, circumstances, [group[0] for group in groups], bounds, room)
         return Diagnosis(
@@ -143,8 +148,8 @@ def cause_of(
         tuple(other.places for other in groups[0][1:]),
         tried,
         gain_of(here, circumstances, named, gravity, resolution) if rerun else None,
-        excluded=excluded_sizes(here, circumstances, classes.places, named, room, bounds[1]),
-        targets=target_shifts(nominal, named, room),
+        excluded=excluded_sizes(here, circumstances, classes.places, named, open_of(named), bounds[1]),
+        targets=target_shifts(nominal, named, open_of(named)),
         judgement=judge(here, named),
         mounting=class_breaking_mounting(here, findings[0]),
     )

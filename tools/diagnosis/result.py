@@ -3,7 +3,7 @@
 import json
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
@@ -13,6 +13,10 @@ from trihedron.diagnosis.extension import Gain
 from trihedron.diagnosis.judgement import Judgement
 from trihedron.diagnosis.second_mounting import SecondMounting
 from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 SCHEMA = "trihedron.diagnosis/1"
 
@@ -100,8 +104,8 @@ class Finding:
         return tuple(cause.place for cause in self.causes)
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """What a record says of the simulation's model.
 
     Attributes
@@ -202,3 +206,23 @@ class Diagnosis:
     def json_text(self) -> str:
         """`to_json` as text."""
         return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def lines(self) -> list[str]:
+        """Verdict, evidence, cause and gain."""
+        from trihedron.summaries import diagnosis_summary
+
+        return diagnosis_summary(self).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each parameter of each cause; `set` counts the sets of effects that remain, the best first."""
+        import polars as pl
+
+        rows = [
+            {"set": number, "effect": cause.place.title, **parameter}
+            for number, finding in enumerate(self.findings, start=1)
+            for cause in finding.causes
+            for parameter in cause.to_json()["parameters"]
+        ]
+        numbers = dict.fromkeys(("estimate", "low", "high"), pl.Float64)
+        schema = {"set": pl.Int64, "effect": pl.String, "name": pl.String, "unit": pl.String, **numbers}
+        return pl.DataFrame(rows, schema=schema)

@@ -11,6 +11,7 @@ from rich.progress import track
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import chebyshev_radius
+from trihedron.diagnosis.arguments import left_open
 from trihedron.diagnosis.centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.classes import Classes
@@ -21,7 +22,7 @@ from trihedron.diagnosis.lawson import Problem
 from trihedron.diagnosis.possible import LARGEST_OF_BENCH, within_possible
 from trihedron.diagnosis.sets import MAX_SET, sets_of_size
 from trihedron.diagnosis.variants import Relaxation, relaxations
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from trihedron.models.effects.outlier import place_of
 
 MOST_FOUND = 60
@@ -50,7 +51,7 @@ def catalogue_places(baseline: str, circumstances: Circumstances) -> list[Effect
     """Every effect at every place that can be tried: not in the baseline's model, nothing missing in the record."""
     return [
         place
-        for effect in CATALOGUE.values()
+        for effect in POSITION_EFFECTS.values()
         if effect.within != baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
         for place in effect.places
     ]
@@ -230,14 +231,23 @@ def best_fit(
     best: list[ExtendedFit] = []
     for ways in product(*(range(max(r.ways, 1)) for r in bent)):
         chosen = {r.place: way for r, way in zip(bent, ways, strict=True) if r.ways}
-        fit = fit_ways(here, circumstances, places, chosen, resolution)
-        fit = within_possible(fit, limit) if fit is not None and fit.radius <= limit else None
+        fit = mending(fit_ways(here, circumstances, places, chosen, resolution), here, circumstances, limit)
         if fit is not None and (largest := largest_untold(fit)):
-            fit = fit_ways(here, circumstances, places, chosen, resolution, largest)
-            fit = within_possible(fit, limit) if fit is not None and fit.radius <= limit else None
+            again = fit_ways(here, circumstances, places, chosen, resolution, largest)
+            fit = mending(again, here, circumstances, limit)
         if fit is not None and (not best or fit.radius < best[0].radius):
             best = [fit]
     return best
+
+
+def mending(
+    fit: ExtendedFit | None, here: Linearisation, circumstances: Circumstances, limit: float
+) -> ExtendedFit | None:
+    """A fit, with possible sizes, where it mends the record within what the record tells of its effects' arguments."""
+    if fit is None:
+        return None
+    limit = limit + left_open(fit, here, circumstances) / float(fit.bound.min())
+    return within_possible(fit, limit) if fit.radius <= limit else None
 
 
 def largest_untold(fit: ExtendedFit) -> dict[EffectPlace, float]:

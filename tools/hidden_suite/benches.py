@@ -18,7 +18,7 @@ from trihedron.diagnosis.classes import Classes, classes_of
 from trihedron.hidden import START_APART
 from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, STAND_BOUND, draw_truth, temperature_at
 from trihedron.models.bench import ELEMENTARY, elementary, elementary_reading
-from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects import POSITION_EFFECTS
 from trihedron.records import PositionRecord
 
 GRAVITY = 9.80665
@@ -165,5 +165,5 @@ def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
     at = Positions(np.zeros(1), np.zeros(1), np.zeros(1, dtype=int))
     here = linearise(p, at, np.zeros((1, 3)), np.zeros(len(p.symbols)), np.full(3, NOISE_BOUND))
     baseline = "symmetric" if symmetric else "asymmetric"
-    linear = [e for e in CATALOGUE.values() if e.within != baseline and e.variants is None]
+    linear = [e for e in POSITION_EFFECTS.values() if e.within != baseline and e.variants is None]
     return classes_of(here, [place for effect in linear for place in effect.places])

@@ -13,7 +13,7 @@ from trihedron.diagnosis.disturbance import coefficient_count
 from trihedron.diagnosis.sizes import SureSizes, level_margins, sure_sizes
 from trihedron.errors import InputError, nearest
 from trihedron.hidden_suite.benches import Bench, classes_with, draw_bench, expected
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from trihedron.models.effects.outlier import place_of
 
 MODES = ("clean", "single", "between", "pairs")
@@ -139,7 +139,7 @@ class Known:
 
 def hideable() -> tuple[str, ...]:
     """Names of effects that some bench can hide."""
-    return tuple(CATALOGUE)
+    return tuple(POSITION_EFFECTS)
 
 
 def draw_case(options: SuiteOptions, seed: int, index: int) -> SuiteCase:
@@ -182,7 +182,7 @@ def names_in(bench: Bench, options: SuiteOptions) -> tuple[str, ...]:
     seen = {place.effect for place in visible_places(classes)}
     names = [
         effect.name
-        for effect in CATALOGUE.values()
+        for effect in POSITION_EFFECTS.values()
         if effect.name in seen or effect.name == "outlier" or (effect.variants is not None and options.mode != "pairs")
     ]
     return tuple(name for name in names if not options.effects or name in options.effects)

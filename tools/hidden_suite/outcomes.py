@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any
+from typing import Any, Protocol
 
 from trihedron.diagnosis import Cause, Diagnosis
 from trihedron.diagnosis.result import Finding, place_json
@@ -34,6 +34,28 @@ DEGREES = {
     "cubic": 3,
 }
 """Degrees of effects in the inputs, where they are not 0."""
+
+
+class Secretive(Protocol):
+    """A case as it is counted."""
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """What is hidden."""
+        ...
+
+
+class Counted(Protocol):
+    """What came of a case, as it is counted; `Outcome` says what the attributes are."""
+
+    @property
+    def case(self) -> Secretive: ...
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def named(self) -> tuple[EffectPlace, ...]: ...
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import track
@@ -19,12 +20,16 @@ from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
 from trihedron.hidden_suite.measurement import measure_case
 from trihedron.hidden_suite.outcomes import Outcome, outcome_of
 from trihedron.records import PositionRecord, write_position_record
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 MOST_CASES = 100_000
 
 
-@dataclass(frozen=True)
-class Suite:
+@dataclass(frozen=True, repr=False)
+class Suite(Shown):
     """A suite and what came of it.
 
     Attributes
@@ -38,6 +43,28 @@ class Suite:
     options: SuiteOptions
     seed: int
     outcomes: tuple[Outcome, ...]
+
+    def lines(self) -> list[str]:
+        """Counts, confusion, detection, errors of the sizes."""
+        from trihedron.hidden_suite.summary import suite_text
+
+        return suite_text(self).split("\n")
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.hidden-suite/1."""
+        from trihedron.hidden_suite.summary import suite_json
+
+        return suite_json(self)
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each case."""
+        import io
+
+        import polars as pl
+
+        from trihedron.hidden_suite.summary import cases_csv
+
+        return pl.read_csv(io.StringIO(cases_csv(self)))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.hidden_suite.outcomes import KINDS, Outcome
+from trihedron.hidden_suite.outcomes import KINDS, Counted, Outcome
 from trihedron.hidden_suite.suite import Suite
 from trihedron.writing import write_text
 
@@ -44,12 +44,12 @@ class DetectionBin:
     named: int
 
 
-def hidden_name(outcome: Outcome) -> str:
+def hidden_name(outcome: Counted) -> str:
     """The secret in words: the names of the effects."""
     return " + ".join(sorted(place.effect for place in outcome.case.places)) or NOTHING
 
 
-def named_name(outcome: Outcome) -> str:
+def named_name(outcome: Counted) -> str:
     """What was made of it in words: names of the effects, or the verdict where there is none."""
     if outcome.kind == "candidate":
         return "ambiguous, among them"
@@ -60,7 +60,7 @@ def named_name(outcome: Outcome) -> str:
     return NOTHING if outcome.verdict == "consistent" else outcome.verdict
 
 
-def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
+def confusion(outcomes: Sequence[Counted]) -> dict[str, Counter[str]]:
     """Secret in words -> what was made of it -> how often."""
     table: dict[str, Counter[str]] = {}
     for outcome in sorted(outcomes, key=hidden_name):
@@ -85,7 +85,7 @@ def part(count: int, of: DetectionBin) -> str:
     return f"{count / of.cases:.0%}"
 
 
-def kinds(outcomes: Sequence[Outcome]) -> dict[str, int]:
+def kinds(outcomes: Sequence[Counted]) -> dict[str, int]:
     """How many of each kind, in the order of `KINDS`."""
     counts = Counter(outcome.kind for outcome in outcomes)
     return {kind: counts[kind] for kind in KINDS if counts[kind]}

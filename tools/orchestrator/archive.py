@@ -14,7 +14,7 @@ from xml.parsers import expat
 import fmpy
 from fmpy.model_description import ModelDescription
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, nearest_file
 from trihedron.orchestrator.shared_library import refuse_damaged
 
 MOST_MEMBERS = 20_000
@@ -127,7 +127,7 @@ def _read(path: Path, label: str) -> bytes:
             raise InputError(f"{label}: is larger than {MOST_BYTES >> 30} GiB; not read")
         return path.read_bytes()
     except FileNotFoundError as error:
-        raise InputError(f"{label}: there is no such file (looked for {path})") from error
+        raise InputError(f"{label}: there is no such file (looked for {path}){nearest_file(path)}") from error
     except OSError as error:
         raise InputError(f"{label}: cannot be read ({error.strerror})") from error
 

@@ -16,8 +16,9 @@ from typing import Literal
 import trihedron.fmus
 import trihedron.models
 from trihedron.fmus import build
-from trihedron.fmus.native.compiler import BuildError, cache_folder, host_compiler, zig_version
+from trihedron.fmus.native.compiler import BuildError, cache_folder, compiles, host_compiler, zig_version
 from trihedron.fmus.native.platforms import PLATFORMS, host_name
+from trihedron.fmus.native.prebuilt import has_prebuilt
 from trihedron.models.effects import EffectPlace
 from trihedron.orchestrator.machine_code import keep
 
@@ -27,7 +28,7 @@ Flavour = Literal["native", "python"]
 @cache
 def usual_flavour() -> Flavour:
     """What a component runs as where the scenario does not say."""
-    can = host_name() in PLATFORMS and (host_compiler() is not None or zig_version() is not None)
+    can = host_name() in PLATFORMS and (compiles(host_name()) or has_prebuilt())
     return "native" if can else "python"
 
 
@@ -39,7 +40,7 @@ def _sources() -> str:
         digest.update(f"\0{package} {metadata.version(package)}".encode())
     for package in (trihedron.models, trihedron.fmus):
         folder = Path(str(package.__file__)).parent
-        for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc"):
+        for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix not in (".pyc", ".fmu")):
             content = path.read_bytes()
             digest.update(f"\0{path.relative_to(folder).as_posix()} {len(content)}\0".encode() + content)
     return digest.hexdigest()

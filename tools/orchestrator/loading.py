@@ -9,7 +9,7 @@ from typing import Any
 from trihedron.errors import InputError, nearest
 from trihedron.fmus import component_names
 from trihedron.fmus.native.compiler import BuildError
-from trihedron.models.effects import EffectPlace, parameter_name, place_from_mapping
+from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
 from trihedron.orchestrator.archive import UnpackedFmu, unpack
 from trihedron.orchestrator.built import component_fmu
 from trihedron.orchestrator.coupling import Coupling, Group
@@ -125,12 +125,29 @@ def _effects(name: str, setting: FmuSetting) -> tuple[tuple[EffectPlace, ...], d
     values: dict[str, float] = {}
     for number, entry in enumerate(setting.effects, start=1):
         try:
+            _check_names(entry)
             place, parameters = place_from_mapping(entry)
             named = {parameter_name(place, key): value for key, value in parameters.items()}
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, InputError) as error:
             raise InputError(f"fmus.{name}.effects[{number}]: {error}") from error
         if place in places:
             raise InputError(f"fmus.{name}.effects[{number}]: the same effect stands twice at the same place")
         places.append(place)
         values |= named
     return tuple(places), values
+
+
+def _check_names(entry: Mapping[str, Any]) -> None:
+    """Refuse a misspelt effect, place or parameter by the name that is nearest to it."""
+    known = {effect.name: effect for effect in CATALOGUE.values() if effect.kernel is not None}
+    name, where = entry.get("effect"), entry.get("where")
+    if not isinstance(name, str) or name not in known:
+        raise InputError(f"effect {name!r} is not one that extends a component; {nearest(str(name), list(known))}")
+    places = list(dict.fromkeys(place.where for place in known[name].places))
+    if where not in places:
+        raise InputError(f"effect '{name}' has no place {where!r}; {nearest(str(where), places)}")
+    parameters = {p.name: None for place in known[name].places for p in known[name].at(place).parameters}
+    for key in entry:
+        if key not in ("effect", "where", "order", "axes", *parameters):
+            close = nearest(str(key), [*parameters, "order", "axes"])
+            raise InputError(f"effect '{name}' has no parameter '{key}'; {close}")

@@ -118,15 +118,15 @@ def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = Fa
 
 def _run(scenario: Scenario, out: Path | None, *, progress: bool, compiled: bool) -> Run:
     sources = Sources(scenario.base_folder)
-    with _temporary_folder() as folder:
+    with temporary_folder() as folder:
         loaded = load(scenario, sources, folder)
         interfaces = {name: entry.interface for name, entry in loaded.items()}
         wires = resolve_connections(scenario.connections, interfaces)
-        coupling = _coupling(scenario)
+        coupling = coupling_of(scenario)
         groups = stepping_groups(list(interfaces), wires, coupling)
         check_states(groups, loaded, coupling)
         check_steps(loaded, scenario.run.step_s)
-        grid, drives = _resolve_stimuli(scenario, sources, loaded)
+        grid, drives = resolve_stimuli(scenario, sources, loaded)
         check_single_sources(wires, drives)
         columns = resolve_columns(scenario.record.columns, interfaces)
         ensemble = Ensemble(
@@ -172,13 +172,14 @@ def _run(scenario: Scenario, out: Path | None, *, progress: bool, compiled: bool
     return Run(table, scenario, provenance, files)
 
 
-def _coupling(scenario: Scenario) -> Coupling:
+def coupling_of(scenario: Scenario) -> Coupling:
+    """How the scenario takes cycles of connections."""
     run, usual = scenario.run, Coupling()
     return Coupling(run.coupling, run.tolerance or usual.tolerance, run.iterations or usual.iterations)
 
 
 @contextmanager
-def _temporary_folder() -> Iterator[Path]:
+def temporary_folder() -> Iterator[Path]:
     """A folder for unpacked FMUs; what their scripts left of it in Python's search path and modules goes too."""
     with tempfile.TemporaryDirectory(prefix=_FOLDER_PREFIX, ignore_cleanup_errors=True) as name:
         try:
@@ -190,7 +191,7 @@ def _temporary_folder() -> Iterator[Path]:
                     del sys.modules[module]
 
 
-def _resolve_stimuli(
+def resolve_stimuli(
     scenario: Scenario, sources: Sources, loaded: Mapping[str, Loaded]
 ) -> tuple[Grid, list[tuple[str, Drive]]]:
     """The run's grid, and the drives by their names in messages; programmes first, for they may end the run."""

@@ -86,7 +86,7 @@ class Slave:
         try:
             self._instantiate(fmu)
         except Exception as error:  # FMPy raises plain Exception when it gets no instance
-            self._fmu.freeLibrary()
+            self._unload()
             raise InputError(f"{self}: {self.prefix}Instantiate failed{self._said()}") from error
         self._instance = self._fmu
         self.component: int = self._fmu.component
@@ -201,4 +201,15 @@ class Slave:
                 self.call(f"{self.prefix}Terminate")
         finally:
             if not self._dead:
-                instance.freeInstance()
+                getattr(instance, f"{self.prefix}FreeInstance")(self.component)
+                self._unload()
+
+    def _unload(self) -> None:
+        """Unload the library; PythonFMU's lets go of its interpreter first.
+
+        At the end of the process it would do so in memory that it has freed, which corrupts the heap: that library of
+        C++ is not really unloaded before.
+        """
+        with suppress(AttributeError):
+            self._fmu.dll["finalizePythonInterpreter"]()
+        self._fmu.freeLibrary()

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,10 @@ from trihedron.planning.position_search import search
 from trihedron.planning.request import Request, requested_task, stored_positions
 from trihedron.planning.rounding import rounded
 from trihedron.planning.waiting import shown_status
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 FEWEST, MOST_POSITIONS = 5, 60
 """Fewest of a symmetric block, with fifteen parameters."""
@@ -26,8 +30,8 @@ TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
 """Limits [rad/s], [rad/s²] of both axes by which tours are timed."""
 
 
-@dataclass(frozen=True)
-class CommonPlan:
+@dataclass(frozen=True, repr=False)
+class CommonPlan(Shown):
     """A common set of positions and in which order they are measured.
 
     Attributes
@@ -125,6 +129,19 @@ class CommonPlan:
     def json_text(self) -> str:
         """The plan as a JSON file."""
         return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def lines(self) -> list[str]:
+        """Positions in the order of measurement, costs, what is proven."""
+        from trihedron.planning.common_summary import plan_summary
+
+        return plan_summary(self).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """The programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings, mounting."""
+        import polars as pl
+
+        rows = [{"order": k, **self.position(int(row))} for k, row in enumerate(self.programme, start=1)]
+        return pl.DataFrame(rows, schema_overrides={"alpha_deg": pl.Float64, "beta_deg": pl.Float64})
 
 
 def plan_positions(count: int, request: Request, *, stored: bool = True, progress: bool = False) -> CommonPlan:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.errors import InputError, nearest
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from trihedron.models.regressors import nominal_input, stand_regressors
 from trihedron.planning.places import Places, Readings, Task, allowed, readings
 
@@ -51,16 +51,20 @@ def named_effects(names: Sequence[str]) -> list[EffectPlace]:
     InputError
         for a name that is not in the catalogue
     """
-    places = {place.title: place for effect in CATALOGUE.values() for place in effect.places}
+    places = {place.title: place for effect in POSITION_EFFECTS.values() for place in effect.places}
     found: list[EffectPlace] = []
     for name in names:
         words = " ".join(name.split())
-        if words in CATALOGUE and not CATALOGUE[words].places:
+        if words in POSITION_EFFECTS and not CATALOGUE[words].places:
             raise InputError(f"--detect {name!r}: is of one reading; no choice of positions shows it better")
         own = [place for title, place in places.items() if title == words or place.effect == words]
         if not own:
             effect = words.split(" ")[0]
-            known = [t for t in places if t.split(" ")[0] == effect] if effect in CATALOGUE else list(CATALOGUE)
+            known = (
+                [t for t in places if t.split(" ")[0] == effect]
+                if effect in POSITION_EFFECTS
+                else list(POSITION_EFFECTS)
+            )
             raise InputError(f"--detect {name!r}: is not in the catalogue; {nearest(words, known)}")
         found += [place for place in own if place not in found]
     return found

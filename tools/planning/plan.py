@@ -1,11 +1,11 @@
 """The optimal plan of each target: the function behind `trihedron plan --target`."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,10 @@ from trihedron.planning.continuum import Continuum
 from trihedron.planning.forms import DEFAULT_BOUNDS, sheets
 from trihedron.planning.grids import Grid
 from trihedron.planning.optimum import Optimum, UndeterminedError
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 SCHEMA = "trihedron.plan/1"
 UNCERTAIN = 1e-8
@@ -79,6 +83,38 @@ class Plan:
             ],
             "dual": dict(zip(self.parametrisation.symbols, map(float, best.dual), strict=True)),
         }
+
+
+@dataclass(frozen=True, repr=False)
+class Plans(Shown):
+    """The optimal plans of several targets, one after the other."""
+
+    plans: tuple[Plan, ...]
+
+    def __iter__(self) -> Iterator[Plan]:
+        return iter(self.plans)
+
+    def __len__(self) -> int:
+        return len(self.plans)
+
+    def __getitem__(self, index: int) -> Plan:
+        return self.plans[index]
+
+    def json_text(self) -> str:
+        """The object, or the objects, of schema trihedron.plan/1."""
+        return json_text(self.plans)
+
+    def lines(self) -> list[str]:
+        """Positions and weights of one plan, or a line for each of several."""
+        return plan_summary(self.plans).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each reading of each plan: target, accelerometer, alpha_deg, beta_deg, weight."""
+        import polars as pl
+
+        numbers = dict.fromkeys(("alpha_deg", "beta_deg", "weight"), pl.Float64)
+        rows = [{"target": plan.target.symbol, **reading} for plan in self for reading in plan.to_json()["weights"]]
+        return pl.DataFrame(rows, schema={"target": pl.String, "accelerometer": pl.Int64, **numbers})
 
 
 def json_text(plans: Sequence[Plan]) -> str:

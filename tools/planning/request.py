@@ -1,7 +1,7 @@
 """What a user asks of a common set of positions, checked."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
@@ -125,10 +125,18 @@ def parsed_keep_out(text: str) -> tuple[int, float, float]:
 
 def stored_positions(count: int) -> Places | None:
     """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
-    text = resources.files("trihedron.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
-    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-    angle = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in rows if int(r["positions"]) == count]
+    angle = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in _stored_rows() if int(r["positions"]) == count]
     return Places(np.radians(angle), np.zeros(count, dtype=int)) if angle else None
+
+
+def stored_counts() -> list[int]:
+    """For how many positions the package holds a plan."""
+    return sorted({int(row["positions"]) for row in _stored_rows()})
+
+
+def _stored_rows() -> Iterator[dict[str, str]]:
+    text = resources.files("trihedron.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
+    return csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
 
 
 def _all_mountings(given: Sequence[Mapping[str, ArrayLike] | str]) -> dict[str, NDArray]:

@@ -1,11 +1,11 @@
 """What the numbers of a record must fulfil before anything is computed from them."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from trihedron.errors import InputError
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.records.columns import (
     ANGLES,
@@ -16,6 +16,7 @@ from trihedron.records.columns import (
     RATE,
     TEMPERATURE,
     Columns,
+    RecordError,
     refusal,
 )
 
@@ -38,88 +39,100 @@ def checked(columns: Columns) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        for a number out of its range, `position` or `time_s` that repeats or runs back, readings that are not
-        specific forces in m/s², a quaternion that is not one; file, row and column are named
+        for the first of `faults`; file, row and column are named
     """
-    for name, (low, high, needed) in LIMITS.items():
-        values = columns.optional(name)
-        if values is not None and (wrong := np.flatnonzero((values < low) | (values > high))).size:
-            value = float(values[wrong[0]])
-            raise _wrong(columns, wrong[0], name, f"{value!r} is outside {low:g} to {high:g}; {needed}")
-    if "position" in columns.numbers:
-        _check_positions(columns)
-    _check_increasing(columns, "time_s")
-    for name in APPROACH:
-        values = columns.optional(name)
-        if values is not None and (wrong := np.flatnonzero(np.abs(values) != 1.0)).size:
-            value = float(values[wrong[0]])
-            raise _wrong(columns, wrong[0], name, f"{value:g} is neither +1 nor -1, the sense of the last move")
-    _check_force(columns)
-    if QUATERNION[0] in columns.numbers:
-        _check_quaternion(columns)
+    for fault in faults(columns):
+        raise fault
+    return warnings(columns)
+
+
+def warnings(columns: Columns) -> tuple[str, ...]:
+    """What a person should be told of columns that have no faults."""
     return (*_angle_warning(columns.path, columns), *_temperature_warning(columns))
 
 
-def _wrong(columns: Columns, index: int | np.integer, name: str, what: str) -> InputError:
+def faults(columns: Columns) -> Iterator[RecordError]:
+    """Every number out of its range, `position` or `time_s` that repeats or runs back, readings that are not specific
+    forces in m/s², quaternions that are none."""
+    for name, (low, high, needed) in LIMITS.items():
+        values = columns.optional(name)
+        if values is None:
+            continue
+        for k in np.flatnonzero((values < low) | (values > high)):
+            yield _wrong(columns, k, name, f"{float(values[k])!r} is outside {low:g} to {high:g}; {needed}")
+    if "position" in columns.numbers:
+        yield from _positions(columns)
+    yield from _increasing(columns, "time_s")
+    for name in APPROACH:
+        values = columns.optional(name)
+        if values is None:
+            continue
+        for k in np.flatnonzero(np.abs(values) != 1.0):
+            yield _wrong(columns, k, name, f"{float(values[k]):g} is neither +1 nor -1, the sense of the last move")
+    yield from _forces(columns)
+    if QUATERNION[0] in columns.numbers:
+        yield from _quaternions(columns)
+
+
+def _wrong(columns: Columns, index: int | np.integer, name: str, what: str) -> RecordError:
     return refusal(columns.path, int(columns.row[index]), name, what)
 
 
-def _check_positions(columns: Columns) -> None:
+def _positions(columns: Columns) -> Iterator[RecordError]:
     values = columns.numbers["position"]
     wrong = np.flatnonzero((values < 1) | (values != np.floor(values)) | (values > 2**53))
-    if wrong.size:
-        value = float(values[wrong[0]])
-        raise _wrong(columns, wrong[0], "position", f"{value:g} is not a positive integer; positions count from 1")
-    _check_increasing(columns, "position")
-
-
-def _check_increasing(columns: Columns, name: str) -> None:
-    values = columns.numbers[name]
-    wrong = np.flatnonzero(values[1:] <= values[:-1])
+    for k in wrong:
+        what = f"{float(values[k]):g} is not a positive integer; positions count from 1"
+        yield _wrong(columns, k, "position", what)
     if not wrong.size:
-        return
-    index = int(wrong[0]) + 1
-    before, value = float(values[index - 1]), float(values[index])
-    verb = "repeats" if value == before else "runs back"
-    hint = " (a time series has no such column)" if name == "position" else ""
-    what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
-    raise _wrong(columns, index, name, what)
+        yield from _increasing(columns, "position")
 
 
-def _check_force(columns: Columns) -> None:
+def _increasing(columns: Columns, name: str) -> Iterator[RecordError]:
+    values = columns.numbers[name]
+    for k in np.flatnonzero(values[1:] <= values[:-1]):
+        before, value = float(values[k]), float(values[k + 1])
+        verb = "repeats" if value == before else "runs back"
+        hint = " (a time series has no such column)" if name == "position" else ""
+        what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
+        yield _wrong(columns, k + 1, name, what)
+
+
+def _forces(columns: Columns) -> Iterator[RecordError]:
     force = columns.group(FORCE)
     limit = 10.0 * STANDARD_GRAVITY
     # a component beyond the limit first: the squares of huge numbers overflow
-    wrong = np.argwhere(np.abs(force) > limit)
-    if wrong.size:
-        index, axis = (int(k) for k in wrong[0])
-        value = float(force[index, axis])
-        raise _wrong(columns, index, FORCE[axis], f"{value:g} is above 10 times gravity; m/s2 are needed")
+    large = np.abs(force) > limit
+    for index, axis in np.argwhere(large).tolist():
+        what = f"{float(force[index, axis]):g} is above 10 times gravity; m/s2 are needed"
+        yield _wrong(columns, index, FORCE[axis], what)
+    if large.any():
+        return
     norm = np.sqrt(np.einsum("ij,ij->i", force, force))
-    if (over := np.flatnonzero(norm > limit)).size:
-        raise _wrong(columns, over[0], _all(FORCE), f"|f| = {norm[over[0]]:g} is above 10 times gravity")
+    over = np.flatnonzero(norm > limit)
+    for k in over:
+        yield _wrong(columns, k, _all(FORCE), f"|f| = {norm[k]:g} is above 10 times gravity")
     median = float(np.median(norm)) / STANDARD_GRAVITY
-    if not 0.5 <= median <= 1.5:
+    if not over.size and not 0.5 <= median <= 1.5:
         guess = " (readings in g?)" if 0.5 <= median * STANDARD_GRAVITY <= 1.5 else ""
         what = f"the median of |f| is {median:.4g} times gravity, where 0.5 to 1.5 is possible{guess}"
-        raise refusal(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
+        yield refusal(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
 
 
-def _check_quaternion(columns: Columns) -> None:
+def _quaternions(columns: Columns) -> Iterator[RecordError]:
     quaternion = columns.group(QUATERNION)
     empty = np.isnan(quaternion)
-    partly = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
-    if partly.size:
-        name = QUATERNION[int(np.argmax(empty[partly[0]]))]
-        raise _wrong(columns, partly[0], name, "the field is empty; give all of q0..q3 or none of them")
-    known = np.flatnonzero(~empty[:, 0])
+    partly = empty.any(axis=1) & ~empty.all(axis=1)
+    for k in np.flatnonzero(partly):
+        name = QUATERNION[int(np.argmax(empty[k]))]
+        yield _wrong(columns, k, name, "the field is empty; give all of q0..q3 or none of them")
+    known = np.flatnonzero(~empty.any(axis=1))
     scale = np.abs(quaternion[known]).max(axis=1, initial=0.0)
     # numbers that are far off are found without squaring them
     norm = np.where(scale > 2.0, scale, np.sqrt(np.square(np.clip(quaternion[known], -2.0, 2.0)).sum(axis=1)))
-    wrong = np.flatnonzero(np.abs(norm - 1.0) > QUATERNION_NORM)
-    if wrong.size:
-        what = f"the norm of the attitude is {norm[wrong[0]]:.6g}; it must be 1 within {QUATERNION_NORM:g}"
-        raise _wrong(columns, int(known[wrong[0]]), _all(QUATERNION), what)
+    for k in np.flatnonzero(np.abs(norm - 1.0) > QUATERNION_NORM):
+        what = f"the norm of the attitude is {norm[k]:.6g}; it must be 1 within {QUATERNION_NORM:g}"
+        yield _wrong(columns, int(known[k]), _all(QUATERNION), what)
 
 
 def _angle_warning(path: Path, columns: Columns) -> tuple[str, ...]:

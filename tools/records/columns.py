@@ -63,7 +63,11 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The columns of a file as they were read; NaN stands where an empty field is allowed (`q0..q3`)."""
+    """The columns of a file as they were read; NaN stands where an empty field is allowed (`q0..q3`).
+
+    `resolution` is half a last digit of the specific forces [m/s²], `angle_resolution` of the angles [deg],
+    `temperature_resolution` of the temperature [K].
+    """
 
     path: Path
     layout: Layout
@@ -71,6 +75,8 @@ class Columns:
     texts: dict[str, tuple[str, ...]]
     row: np.ndarray
     resolution: float
+    angle_resolution: float = 0.0
+    temperature_resolution: float = 0.0
 
     def group(self, names: Sequence[str]) -> np.ndarray:
         """The named columns side by side, shape (N, len(names))."""
@@ -85,11 +91,19 @@ def shown(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def refusal(path: Path, row: int | None, column: str | None, what: str) -> InputError:
+class RecordError(InputError):
+    """A record cannot be used; `row` and `column` say where, as far as that is known, `what` the rest."""
+
+    def __init__(self, path: Path, row: int | None, column: str | None, what: str) -> None:
+        place = [f"row {row}"] if row is not None else []
+        place += [f"column {column}"] if column is not None else []
+        super().__init__(f"{path}: {', '.join(place)}: {what}" if place else f"{path}: {what}")
+        self.row, self.column, self.what = row, column, what
+
+
+def refusal(path: Path, row: int | None, column: str | None, what: str) -> RecordError:
     """The error that names file, row and column, and says what is wrong and what would be right."""
-    place = [f"row {row}"] if row is not None else []
-    place += [f"column {column}"] if column is not None else []
-    return InputError(f"{path}: {', '.join(place)}: {what}" if place else f"{path}: {what}")
+    return RecordError(path, row, column, what)
 
 
 def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence[Kind] = KINDS) -> Layout:

@@ -4,14 +4,24 @@ import csv
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.records.columns import FORCE, QUATERNION, Columns, Layout, refusal, shown
+from trihedron.records.columns import (
+    ANGLES,
+    FORCE,
+    QUATERNION,
+    TEMPERATURE,
+    Columns,
+    Layout,
+    RecordError,
+    refusal,
+    shown,
+)
 
 PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
@@ -36,23 +46,11 @@ def read_csv(path: Path, data: bytes, recognise: Callable[[Sequence[str], int], 
     InputError
         for everything that is not such a table of finite numbers; it names the first fault's row and column
     """
-    lines = _lines(path, data)
-    written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
-    rows = np.flatnonzero(written) + 1
-    body = list(compress(lines, written))
-    del lines, written
-    if not body:
-        raise refusal(path, None, None, "is empty; a header and at least one row are needed")
-    header_row = int(rows[0])
-    names = [name.strip() for name in _fields(path, header_row, body[0])]
-    layout = recognise(names, header_row)
-    if len(body) == 1:
-        raise refusal(path, header_row, None, "no rows follow the header")
-
-    reader = _Reader(path, names, layout)
+    reader, body, rows = _opened(path, data, recognise)
+    layout = reader.layout
     parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
     texts: dict[str, list[str]] = {name: [] for name in layout.texts}
-    digits = 0
+    digits: dict[str, int] = {}
     for start in _tracked(range(1, len(body), PART), len(data)):
         columns = reader.part(body[start : start + PART], rows[start : start + PART])
         for name in layout.numbers:
@@ -60,11 +58,65 @@ def read_csv(path: Path, data: bytes, recognise: Callable[[Sequence[str], int], 
         for name in layout.texts:
             texts[name] += [text.strip() for text in columns[name][0]]
         if start == 1:
-            digits = max(significant_digits(text) for name in FORCE for text in columns[name][0])
+            digits = {name: max(map(significant_digits, columns[name][0])) for name in layout.numbers}
     numbers = {name: np.concatenate(part) for name, part in parts.items()}
-    largest = max(float(np.abs(numbers[name]).max()) for name in FORCE)
-    resolution = written_resolution(largest, digits)
-    return Columns(path, layout, numbers, {k: tuple(v) for k, v in texts.items()}, rows[1:], resolution)
+
+    def written(*names: str) -> float:
+        largest = max(float(np.abs(numbers[name]).max()) for name in names)
+        return written_resolution(largest, max(digits[name] for name in names))
+
+    return Columns(
+        path,
+        layout,
+        numbers,
+        {k: tuple(v) for k, v in texts.items()},
+        rows[1:],
+        written(*FORCE),
+        written(*ANGLES) if ANGLES[0] in numbers else 0.0,
+        written(TEMPERATURE) if TEMPERATURE in numbers else 0.0,
+    )
+
+
+def read_faulty_csv(
+    path: Path, data: bytes, recognise: Callable[[Sequence[str], int], Layout]
+) -> tuple[list[RecordError], Columns | None]:
+    """Every fault of the fields of a CSV file, and the columns of the rows that have none.
+
+    Parameters and errors are those of `read_csv`, which raises the first of these faults; an error is raised where
+    there is no table at all. The columns are None where every row has a fault.
+    """
+    reader, body, rows = _opened(path, data, recognise)
+    found: list[RecordError] = []
+    whole = []
+    for line, row in zip(body[1:], rows[1:], strict=True):
+        faults = list(reader.faults(line, int(row)))
+        found += faults
+        if not faults:
+            whole.append(line)
+    if not whole:
+        return found, None
+    kept = b"\n".join([body[0].encode(), *(line.encode() for line in whole)])
+    faulty = {fault.row for fault in found}
+    columns = read_csv(path, kept, recognise)
+    return found, replace(columns, row=np.array([row for row in rows[1:].tolist() if row not in faulty]))
+
+
+def _opened(
+    path: Path, data: bytes, recognise: Callable[[Sequence[str], int], Layout]
+) -> tuple["_Reader", list[str], np.ndarray]:
+    """A reader of the rows, the lines that are written, the header first, and where each stands."""
+    lines = _lines(path, data)
+    written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
+    rows = np.flatnonzero(written) + 1
+    body = list(compress(lines, written))
+    if not body:
+        raise refusal(path, None, None, "is empty; a header and at least one row are needed")
+    header_row = int(rows[0])
+    names = [name.strip() for name in _fields(path, header_row, body[0])]
+    layout = recognise(names, header_row)
+    if len(body) == 1:
+        raise refusal(path, header_row, None, "no rows follow the header")
+    return _Reader(path, names, layout), body, rows
 
 
 def significant_digits(text: str) -> int:
@@ -153,21 +205,30 @@ class _Reader:
             result[name] = (texts, values)
         return result
 
-    def _first_fault(self, lines: list[str], rows: np.ndarray) -> InputError:
+    def _first_fault(self, lines: list[str], rows: np.ndarray) -> RecordError:
         for line, number in zip(lines, rows, strict=True):
-            row = int(number)
-            fields = _fields(self.path, row, line)
-            if len(fields) != len(self.names):
-                what = f"{len(fields)} fields, where the header has {len(self.names)} columns"
-                return refusal(self.path, row, None, what)
-            for name, place in sorted(self.place.items(), key=lambda item: item[1]):
-                if name in self.layout.texts:
-                    fault = _name_fault(fields[place])
-                else:
-                    fault = _number_fault(fields[place], may_be_empty=name in QUATERNION)
-                if fault:
-                    return refusal(self.path, row, name, fault)
+            for fault in self.faults(line, int(number)):
+                return fault
         raise AssertionError(f"{self.path}: rows {rows[0]} to {rows[-1]} were refused without a fault")
+
+    def faults(self, line: str, row: int) -> Iterator[RecordError]:
+        """Everything that is wrong with the fields of a row."""
+        try:
+            fields = _fields(self.path, row, line)
+        except RecordError as error:
+            yield error
+            return
+        if len(fields) != len(self.names):
+            what = f"{len(fields)} fields, where the header has {len(self.names)} columns"
+            yield refusal(self.path, row, None, what)
+            return
+        for name, place in sorted(self.place.items(), key=lambda item: item[1]):
+            if name in self.layout.texts:
+                fault = _name_fault(fields[place])
+            else:
+                fault = _number_fault(fields[place], may_be_empty=name in QUATERNION)
+            if fault:
+                yield refusal(self.path, row, name, fault)
 
 
 def _numbers(texts: Sequence[str], may_be_empty: bool) -> np.ndarray | None:

@@ -2,9 +2,14 @@
 
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 
 @dataclass(frozen=True)
@@ -35,8 +40,13 @@ def _shaped(record: Any, shapes: dict[str, tuple[int, ...]]) -> None:
         object.__setattr__(record, name, array)
 
 
-@dataclass(frozen=True, eq=False)
-class PositionRecord:
+def _lines(record: Any, kind: str) -> list[str]:
+    span = f", {record.time_s[-1] - record.time_s[0]:.6g} s" if len(record) else ""
+    return [f"{record.path}: {kind} of {len(record)} rows{span}", *(f"warning: {text}" for text in record.warnings)]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PositionRecord(Shown):
     """One averaged row for each rest of the table.
 
     Attributes
@@ -57,6 +67,10 @@ class PositionRecord:
         name of the mounting in each row
     resolution : float
         half a last digit of the readings as they were written [m/s²]; 0 where they are exact doubles
+    angle_resolution : float
+        half a last digit of the angles as they were written [rad]; 0 where they are exact
+    temperature_resolution : float
+        half a last digit of the temperature as it was written [K]
     row : ndarray of int, shape (N,)
         line of the file, as an editor counts; 1, 2, ... when the record has no file
     path : Path
@@ -81,6 +95,8 @@ class PositionRecord:
     approach_beta: np.ndarray | None = None
     mounting: tuple[str, ...] | None = None
     resolution: float = 0.0
+    angle_resolution: float = 0.0
+    temperature_resolution: float = 0.0
     row: np.ndarray = field(default_factory=_no_rows)
     path: Path = Path("record")
     warnings: tuple[str, ...] = ()
@@ -93,6 +109,20 @@ class PositionRecord:
         _shaped(self, {**dict.fromkeys(columns, ()), "specific_force": (3,), "scatter": (3,)})
         if self.mounting is not None and len(self.mounting) != len(self.time_s):
             raise ValueError(f"{len(self.mounting)} names of mountings for {len(self.time_s)} rows")
+
+    def written_to(self, gravity: float) -> float:
+        """By how much a reading and the input of its two angles may differ from what is written, fractions of `gravity`."""
+        return self.resolution / gravity + 2.0 * self.angle_resolution
+
+    def lines(self) -> list[str]:
+        """What it is, and what a person should be told of it."""
+        return _lines(self, "position record")
+
+    def to_polars(self) -> "DataFrame":
+        """The columns that its file has, angles in degrees."""
+        from trihedron.records.frames import frame_of
+
+        return frame_of(self)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -110,8 +140,8 @@ class PositionRecord:
         return replace(self, **changed)
 
 
-@dataclass(frozen=True, eq=False)
-class RawRecord:
+@dataclass(frozen=True, eq=False, repr=False)
+class RawRecord(Shown):
     """The time series of a table run, slews included.
 
     Attributes
@@ -140,12 +170,22 @@ class RawRecord:
     def __post_init__(self) -> None:
         _shaped(self, {"time_s": (), "alpha": (), "beta": (), "temperature": (), "specific_force": (3,)})
 
+    def lines(self) -> list[str]:
+        """What it is, and what a person should be told of it."""
+        return _lines(self, "raw record")
+
+    def to_polars(self) -> "DataFrame":
+        """The columns that its file has, angles in degrees."""
+        from trihedron.records.frames import frame_of
+
+        return frame_of(self)
+
     def __len__(self) -> int:
         return len(self.time_s)
 
 
-@dataclass(frozen=True, eq=False)
-class StrapdownRecord:
+@dataclass(frozen=True, eq=False, repr=False)
+class StrapdownRecord(Shown):
     """Gyros and accelerometers of one block; exactly one of `rate` and `increment` is given.
 
     Attributes
@@ -182,6 +222,16 @@ class StrapdownRecord:
             raise ValueError("a strapdown record has either rates or increments")
         shapes = {"rate": (3,), "increment": (3,), "specific_force": (3,), "attitude": (4,)}
         _shaped(self, {"time_s": (), "temperature": (), **shapes})
+
+    def lines(self) -> list[str]:
+        """What it is, and what a person should be told of it."""
+        return _lines(self, "strapdown record")
+
+    def to_polars(self) -> "DataFrame":
+        """The columns that its file has, angles in degrees."""
+        from trihedron.records.frames import frame_of
+
+        return frame_of(self)
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -1,13 +1,15 @@
 """Records from files: recognised by their columns, checked, in SI and radians."""
 
 import hashlib
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, nearest_file
 from trihedron.records.checks import checked
 from trihedron.records.columns import (
     APPROACH,
@@ -31,6 +33,9 @@ from trihedron.records.csv_table import read_csv
 from trihedron.records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from trihedron.records.parquet_table import MAGIC, read_parquet
 from trihedron.records.rests import Rest, average_rests, find_rests
+
+ROUNDED_ANGLE = 1e-5
+"""Half a last digit [deg] of angles up to which their digits are roundings."""
 
 
 def read_record(path: Path) -> PositionRecord | RawRecord | StrapdownRecord:
@@ -71,7 +76,33 @@ def read_table_run(path: Path) -> TableRun:
     InputError
         as `read_record`, and when it is a record without table angles or no rest can be found in it
     """
-    record = _read(Path(path), TABLE_KINDS)
+    return _averaged(_read(Path(path), TABLE_KINDS))
+
+
+def measured_run_of(
+    source: "Path | str | pl.DataFrame | PositionRecord | RawRecord | StrapdownRecord",
+) -> TableRun | StrapdownRecord:
+    """A strapdown record, or the position record, of a file, a table in memory or a record.
+
+    What has the angles of a table is a record of the table, gyros or not.
+
+    Raises
+    ------
+    InputError
+        as `read_record`, and where no rest can be found in a raw record
+    """
+    if isinstance(source, StrapdownRecord):
+        return source
+    if isinstance(source, PositionRecord | RawRecord):
+        return table_run_of(source)
+    if isinstance(source, pl.DataFrame):
+        found = _parsed(Path("table"), _parquet(source), TABLE_KINDS)
+    else:
+        found = _read(Path(source), TABLE_KINDS)
+    return found if isinstance(found, StrapdownRecord) else _averaged(found)
+
+
+def _averaged(record: PositionRecord | RawRecord | StrapdownRecord) -> TableRun:
     if isinstance(record, StrapdownRecord):
         what = "is a strapdown record; a position record or a raw record (alpha_deg, beta_deg) is needed"
         raise refusal(record.path, None, None, what)
@@ -81,8 +112,45 @@ def read_table_run(path: Path) -> TableRun:
     return TableRun(record)
 
 
+def record_of(table: pl.DataFrame) -> PositionRecord | RawRecord | StrapdownRecord:
+    """A record from a table in memory, with the columns that a file would have; rows count from 1.
+
+    Raises
+    ------
+    InputError
+        as `read_record`
+    """
+    return _parsed(Path("table"), _parquet(table), KINDS)
+
+
+def table_run_of(source: "Path | str | pl.DataFrame | PositionRecord | RawRecord") -> TableRun:
+    """The position record of a file, a table in memory or a record; a raw one is averaged over its rests.
+
+    Raises
+    ------
+    InputError
+        as `read_table_run`
+    """
+    if isinstance(source, PositionRecord):
+        return TableRun(source)
+    if isinstance(source, RawRecord):
+        return _averaged(source)
+    if isinstance(source, pl.DataFrame):
+        return _averaged(_parsed(Path("table"), _parquet(source), TABLE_KINDS))
+    return read_table_run(Path(source))
+
+
+def _parquet(table: pl.DataFrame) -> bytes:
+    written = io.BytesIO()
+    table.write_parquet(written)
+    return written.getvalue()
+
+
 def _read(path: Path, kinds: Sequence[Kind]) -> PositionRecord | RawRecord | StrapdownRecord:
-    data = _contents(path)
+    return _parsed(path, _contents(path), kinds)
+
+
+def _parsed(path: Path, data: bytes, kinds: Sequence[Kind]) -> PositionRecord | RawRecord | StrapdownRecord:
     if data.startswith(MAGIC):
         columns = read_parquet(path, data, lambda names, row: recognise(path, names, row, kinds))
     elif path.suffix.lower() == ".parquet":
@@ -98,7 +166,7 @@ def _contents(path: Path) -> bytes:
         if path.is_dir():
             raise InputError(f"{path}: is a directory; the file of a record is needed")
         if not path.exists():
-            raise InputError(f"{path}: no such file")
+            raise InputError(f"{path}: no such file{nearest_file(path)}")
         if not path.is_file():
             raise InputError(f"{path}: is not a regular file; the file of a record is needed")
         data = path.read_bytes()
@@ -138,9 +206,16 @@ def _record(columns: Columns) -> PositionRecord | RawRecord | StrapdownRecord:
         approach_beta=columns.optional(APPROACH[1]),
         mounting=columns.texts.get(MOUNTING),
         resolution=columns.resolution,
+        angle_resolution=_angle_resolution(columns),
+        temperature_resolution=columns.temperature_resolution,
         row=row,
         path=path,
     )
+
+
+def _angle_resolution(columns: Columns) -> float:
+    """Half a last digit of the angles [rad]; 0 where they have few digits: settings, which the encoders reached."""
+    return float(np.deg2rad(columns.angle_resolution)) if columns.angle_resolution <= ROUNDED_ANGLE else 0.0
 
 
 def _attitude(columns: Columns) -> np.ndarray | None:

@@ -3,13 +3,21 @@
 import numpy as np
 
 from trihedron.calibration import Calibration
-from trihedron.calibration.correction import ARCSEC, correction_of, equation_lines, face_readings, levelling
+from trihedron.calibration.correction import ARCSEC, correction_of, face_readings, levelling
 from trihedron.calibration.joint_set import joint_sets
 from trihedron.records.reading import TableRun
+from trihedron.report.cells import Cell
 from trihedron.report.joint_set_pictures import joint_set
+from trihedron.report.model_sections import correction_lines
 from trihedron.report.page import Section, Table
 from trihedron.report.rest_pictures import refused_rests
+from trihedron.report.rounding import places_of, significant, upwards
 from trihedron.summaries import is_corrected
+
+TOGETHER = (
+    "Errors hang together: where a set is narrow and aslant, a combination is known better than each target by itself. "
+    "The sets are exact, of the model linearised at the fit."
+)
 
 
 def joint_set_sections(result: Calibration) -> list[Section]:
@@ -22,14 +30,11 @@ def joint_set_sections(result: Calibration) -> list[Section]:
     return [
         Section(
             f"Possible together: {group}",
-            [
-                "Errors hang together: where a set is narrow and aslant, a combination is known better than each "
-                "target by itself. The sets are exact, of the model linearised at the fit."
-            ],
+            [TOGETHER] if k == 0 else [],
             joint_set(pairs, estimates, result.noise_bound),
             "Each pair of targets about its estimates, in units of σ; an estimate may lie outside, the truth does not.",
         )
-        for group, pairs in joint_sets(result.feasible).items()
+        for k, (group, pairs) in enumerate(joint_sets(result.feasible).items())
     ]
 
 
@@ -40,8 +45,8 @@ def levelling_sections(result: Calibration) -> list[Section]:
     correction = correction_of(result.to_json(), "calibration")
     names, reading = face_readings(correction)
     gained = levelling(correction, reading)
-    rows = [
-        [name, before / ARCSEC, after / ARCSEC]
+    rows: list[list[Cell]] = [
+        [name, significant(before / ARCSEC, 3), upwards(after / ARCSEC)]
         for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
     ]
     return [
@@ -50,8 +55,9 @@ def levelling_sections(result: Calibration) -> list[Section]:
             [
                 "An inertial system that aligns itself by these accelerometers takes their readings for the vertical. "
                 "The errors below are those of the block at rest; the readings' own errors come on top.",
-                "The correction: " + "; ".join(equation_lines(correction)) + ".",
+                "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
             ],
+            equations=correction_lines(correction, places_of(result.noise_bound)),
             table=Table(
                 ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"],
                 rows,

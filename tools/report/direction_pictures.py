@@ -89,11 +89,17 @@ def next_directions(
         figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
         axes = figure.subplots()
         looks: list[dict[str, Any]] = [
-            {"marker": "o", "color": QUIET.light, "markersize": 4.0, "markeredgewidth": 0, "label": "measured"},
+            {"marker": "o", "color": QUIET.light, "markersize": 4.4, "markeredgewidth": 0, "label": "measured"},
             {"marker": "D", "color": ALERT.light, "markersize": 5.5, "markeredgewidth": 0, "label": "measure next"},
         ]
+        if not len(labels):
+            looks[0]["color"] = FIRST.light
+        shown = []
         for look, a, b in ((looks[0], alpha, beta), (looks[1], next_alpha, next_beta)):
             a, b = column(a), column(b)
+            if not a.size:
+                continue
+            shown.append(look)
             around = np.degrees(np.arctan2(np.sin(a) * np.cos(b), np.sin(a) * np.sin(b)))
             axes.plot(around, np.cos(a), linestyle="none", **look)
             if look is looks[1]:
@@ -104,6 +110,6 @@ def next_directions(
         axes.set_xticks(range(-180, 181, 90))
         axes.set_xlabel("direction about the third axis of the inner frame, from the first [deg]")
         axes.set_ylabel("along the third axis")
-        handles = [Line2D([], [], linestyle="none", **look) for look in looks]
+        handles = [Line2D([], [], linestyle="none", **look) for look in shown]
         figure.legend(handles=handles, loc="outside upper left", ncols=2, handletextpad=0.4)
         return svg_text(figure, "Directions of the vertical in the inner frame: measured positions and proposed ones")

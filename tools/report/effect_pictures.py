@@ -13,7 +13,7 @@ from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.diagnosis.predictions import acted_on
-from trihedron.models.effects import CATALOGUE, Effect, EffectPlace
+from trihedron.models.effects import POSITION_EFFECTS, Effect, EffectPlace
 from trihedron.report.svg import drawing, svg_text
 from trihedron.report.theme import AXES, DASHES, WIDTH
 
@@ -107,9 +107,9 @@ def effect_sheet(effects: Sequence[Effect] | None = None) -> str:
     Parameters
     ----------
     effects : sequence of Effect, optional
-        by default the whole catalogue
+        by default those that a record of positions can show
     """
-    shown = list(CATALOGUE.values()) if effects is None else list(effects)
+    shown = list(POSITION_EFFECTS.values()) if effects is None else list(effects)
     lines = -(-len(shown) // COLUMNS)
     with drawing():
         figure = Figure(figsize=(WIDTH, 1.55 * lines), layout="constrained")

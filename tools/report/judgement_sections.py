@@ -8,11 +8,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from trihedron.diagnosis import Diagnosis
+from trihedron.report.bars import Bar, bars
+from trihedron.report.cells import Cell
 from trihedron.report.page import Section, Table
+from trihedron.report.rounding import minus, outwards, significant, to_bound
 from trihedron.report.svg import drawing, say_empty, short, svg_text
 from trihedron.report.theme import AXES, BAND, INK, WIDTH
+from trihedron.summaries import physical_words
 
 MOST_BARS = 18
+FIGURES = ("rms_before", "rms_after", "max_before", "max_after")
 
 
 def judgement_sections(result: Diagnosis) -> list[Section]:
@@ -20,8 +25,8 @@ def judgement_sections(result: Diagnosis) -> list[Section]:
     judgement = result.judgement
     if judgement is None:
         return []
-    rows = [
-        [name, part["scored"], part["rms_before"], part["rms_after"], part["max_before"], part["max_after"]]
+    rows: list[list[Cell]] = [
+        [name, part["scored"], *(significant(part[figure]) for figure in FIGURES)]
         for name, score in (("every fifth position", judgement.folds), ("every quarter of the time", judgement.blocks))
         if score is not None
         for part in [score.to_json()]
@@ -44,25 +49,27 @@ def target_sections(result: Diagnosis) -> list[Section]:
     """What the effects do to the calibration; a section, or none."""
     if not result.targets:
         return []
-    names = {row.symbol: row.name for row in result.baseline.parameters}
-    rows = [
+    names = {row.symbol: physical_words(row.name) for row in result.baseline.parameters}
+    sigma = result.baseline.noise_bound
+    halves = [None if None in (t["low"], t["high"]) else 0.5 * (t["high"] - t["low"]) for t in result.targets]
+    drawn, reach = bars(
         [
-            target["symbol"],
-            names.get(target["symbol"], ""),
-            target["before"],
-            target["after"],
-            target["after"] - target["before"],
-            target["low"],
-            target["high"],
+            Bar(None, *((None, None) if half is None else ((t[end] - t["after"]) / sigma for end in ("low", "high"))))
+            for t, half in zip(result.targets, halves, strict=True)
         ]
-        for target in result.targets
-    ]
-    header = ["target", "meaning", "without the effects", "with them", "moved by", "low", "high"]
+    )
+    rows: list[list[Cell]] = []
+    for t, half, bar in zip(result.targets, halves, drawn, strict=True):
+        moved = to_bound(t["after"] - t["before"], half)
+        ends = outwards(t["low"], t["high"], half)
+        rows.append([minus(t["symbol"]), names.get(t["symbol"], ""), to_bound(t["after"], half), moved, bar, *ends])
+    header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high"]
+    caption = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each target with the effects: what the readings leave."
     return [
         Section(
-            "What they do to the calibration",
+            "Targets, and what the effects do to them",
             ["The estimates without the effects are wrong by what they move; the intervals are those with them."],
-            table=Table(header, rows),
+            table=Table(header, rows, caption),
         )
     ]
 

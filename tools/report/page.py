@@ -1,8 +1,6 @@
 """The page of results: one HTML file with its pictures in it, no script, nothing from the network."""
 
-import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -12,19 +10,35 @@ from typing import Literal
 from urllib.parse import quote
 
 from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+from trihedron.report.cells import Cell, look, typeset, written
 from trihedron.report.svg import plain
 from trihedron.writing import whole_file
 
-Cell = str | int | float | bool | None
-DIGITS = 6
-"""Significant digits of a number in a table."""
-
-ALIKE = 1e3
-"""The numbers of a column are written alike while the largest is at most so many times the smallest."""
+FEW = 4
+"""A page of more sections has a table of contents."""
 
 Tone = Literal["good", "attention", "neutral"]
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file that the page carries in itself.
+
+    Attributes
+    ----------
+    name : str
+        under which it is saved
+    text : str
+        its content
+    shown : str
+        what the link says
+    """
+
+    name: str
+    text: str
+    shown: str
 
 
 @dataclass(frozen=True)
@@ -53,7 +67,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page: prose, then its picture, its table and the files that belong to it.
+    """A part of the page: prose, equations, then its picture, its table and the files that belong to it.
 
     Attributes
     ----------
@@ -67,6 +81,10 @@ class Section:
     table : Table or None
     files : sequence of Path
         linked relative to the page's folder
+    equations : sequence of str
+        MathML of `trihedron.report.equations`
+    download : Download or None
+        a file that the page carries
     """
 
     title: str
@@ -75,10 +93,14 @@ class Section:
     caption: str = ""
     table: Table | None = None
     files: Sequence[Path | str] = field(default=())
+    equations: Sequence[str] = ()
+    download: Download | None = None
 
     def __post_init__(self) -> None:
         if self.svg is not None and not self.svg.startswith("<svg "):
             raise ValueError("svg is not a picture of trihedron.report: it begins with '<svg '")
+        if not all(equation.startswith("<math ") for equation in self.equations):
+            raise ValueError("an equation is not of trihedron.report.equations: it begins with '<math '")
 
 
 def render_page(
@@ -87,7 +109,9 @@ def render_page(
     sections: Sequence[Section],
     *,
     tone: Tone = "neutral",
+    key: Mapping[str, object] | None = None,
     provenance: Mapping[str, object] | None = None,
+    sources: Sequence[str] = (),
     folder: Path | None = None,
 ) -> str:
     """The page as HTML text.
@@ -100,8 +124,12 @@ def render_page(
     sections : sequence of Section
     tone : "good", "attention" or "neutral"
         colour of the rule beside the verdict
+    key : mapping
+        a few figures below the verdict
     provenance : mapping
         what the results rest on: versions, content hashes; no time of day, so that the page repeats
+    sources : sequence of str
+        where the methods that were used are published
     folder : Path or None
         where the page will stand: files are shown and linked relative to it
 
@@ -113,22 +141,38 @@ def render_page(
     shown = [
         {
             "title": plain(section.title),
-            "paragraphs": [plain(text) for text in section.paragraphs],
+            "mark": f"part-{number}",
+            "equations": [Markup(equation) for equation in section.equations],
+            "download": None if section.download is None else _carried(section.download),
+            "paragraphs": [_prose(text) for text in section.paragraphs],
             # Made by this package, which escapes every label.
             "svg": None if section.svg is None else Markup(section.svg),
-            "caption": plain(section.caption),
+            "caption": typeset(plain(section.caption)),
             "table": None if section.table is None else _table(section.table),
             "files": [_link(file, folder) for file in section.files],
         }
-        for section in sections
+        for number, section in enumerate(sections, start=1)
     ]
     return _template().render(
         title=plain(title),
-        verdict=plain(verdict),
+        verdict=typeset(plain(verdict)),
         tone=tone,
         sections=shown,
+        contents=len(shown) > FEW,
+        key=[(plain(name), typeset(plain(value))) for name, value in (key or {}).items()],
+        sources=[plain(source) for source in sources],
         provenance=[(plain(name), plain(value)) for name, value in (provenance or {}).items()],
         style=Markup(_text("page.css")),
+    )
+
+
+def _prose(text: str) -> Markup:
+    """A paragraph; what stands between backquotes is code."""
+    parts = typeset(plain(text)).split("`")
+    if len(parts) % 2 == 0:
+        return escape("`".join(parts))
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts)
     )
 
 
@@ -156,40 +200,18 @@ def _template() -> Template:
 
 def _table(table: Table) -> dict[str, object]:
     columns = [[row[k] for row in table.rows] for k in range(len(table.header))]
-    written = [_written(column) for column in columns]
+    texts = [written(column) for column in columns]
     return {
-        "caption": plain(table.caption),
+        "caption": typeset(plain(table.caption)),
         "header": [plain(name) for name in table.header],
-        "number": [
-            any(map(_is_number, column)) and all(_is_number(cell) or cell is None for cell in column)
-            for column in columns
-        ],
-        "rows": [list(row) for row in zip(*written, strict=True)],
+        "look": [look(column) for column in columns],
+        "rows": [list(row) for row in zip(*texts, strict=True)],
     }
 
 
-def _written(column: Sequence[Cell]) -> list[str]:
-    """The cells of a column; numbers of one magnitude with the same number of decimals."""
-    sizes = [abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell) and cell != 0.0]
-    form = f".{DIGITS}g"
-    if sizes and max(sizes) <= ALIKE * min(sizes):
-        most = math.floor(math.log10(max(sizes)))
-        form = f".{max(DIGITS - 1 - most, 0)}f" if -3 <= most < DIGITS else f".{DIGITS - 1}e"
-    return [_cell(cell, form) for cell in column]
-
-
-def _is_number(cell: Cell) -> bool:
-    return isinstance(cell, int | float) and not isinstance(cell, bool)
-
-
-def _cell(cell: Cell, form: str) -> str:
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
-        return "–"
-    if isinstance(cell, bool):
-        return "yes" if cell else "no"
-    if isinstance(cell, float):
-        return re.sub(r"e([+-])0*(?=\d)", r"e\1", f"{cell:{form}}").replace("e+", "e").replace("-", "−")
-    return str(cell).replace("-", "−") if isinstance(cell, int) else plain(cell)
+def _carried(file: Download) -> dict[str, str]:
+    address = "data:text/csv;charset=utf-8," + quote(file.text)
+    return {"name": plain(file.name), "shown": plain(file.shown), "address": address}
 
 
 def _link(file: Path | str, folder: Path | None) -> tuple[str, str]:

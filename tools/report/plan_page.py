@@ -5,11 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron import __version__
 from trihedron.planning.forms import clearance, sheets
 from trihedron.planning.plan import Plan
-from trihedron.report.page import Section, Table, render_page
+from trihedron.report.cells import Cell, Written
+from trihedron.report.equations import math, signed
+from trihedron.report.next_sections import next_positions_csv
+from trihedron.report.page import Download, Section, Table, render_page
 from trihedron.report.plan_pictures import STEP_DEG, admissible_positions
+from trihedron.report.record_sections import versions
+from trihedron.report.rounding import minus
+from trihedron.report.sources import plan_sources
+from trihedron.summaries import physical_words
 
 
 def plan_picture(plan: Plan) -> str:
@@ -32,53 +38,91 @@ def _fields(plan: Plan) -> list[tuple[int, NDArray]]:
 
 
 def plan_page(plans: Sequence[Plan]) -> str:
-    """The page: costs of all targets, then each target's positions, weights and picture."""
+    """The page: costs of all targets, then each target's estimator, positions, weights and picture."""
+    first = plans[0]
+    where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
+    rows: list[list[Cell]] = [
+        [
+            minus(p.target.symbol),
+            physical_words(p.target.name),
+            Written(f"{p.optimum.cost:.10f}"),
+            Written(f"{p.optimum.gap:.0e}"),
+            len(p.optimum.weights),
+        ]
+        for p in plans
+    ]
     sections = [
         Section(
             "Guaranteed errors",
             [
-                "The least guaranteed error of each target in units of σ, the bound of one reading's error, and how "
-                "much less any other plan could have at most."
+                "A target is estimated by a sum of readings with weights Φ. Errors of readings within σ make it wrong "
+                f"by σ Σ|Φ| at most: its cost, in units of σ. Of all positions among {where}, and all weights without "
+                "bias, these cost least; no others cost less by more than the gap.",
             ],
-            table=Table(
-                ["target", "meaning", "cost [σ]", "proven gap", "readings"],
-                [
-                    [
-                        p.target.symbol,
-                        p.target.name,
-                        f"{p.optimum.cost:.10f}",
-                        f"{p.optimum.gap:.0e}",
-                        len(p.optimum.weights),
-                    ]
-                    for p in plans
-                ],
-            ),
+            table=Table(["target", "meaning", "cost [σ]", "proven gap", "readings"], rows),
+            equations=[math("z = f/g − Q up(α, β)"), math("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
+        ),
+        *(section for plan in plans for section in plan_sections(plan)),
+    ]
+    verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
+    if len(plans) == 1:
+        verdict = (
+            f"{first.target.symbol}, {physical_words(first.target.name)}, can be estimated to "
+            f"{first.optimum.cost:.6f} σ, and no better."
+        )
+    rule = "(1.7) as printed" if first.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
+    provenance = {
+        "positions": where,
+        "signs certain by": f"{rule}; u = {first.bounds[0]:g}, v = {first.bounds[1]:g}",
+        f"mounting {first.mounting[0]}": minus(
+            "; ".join(" ".join(f"{v:.6g}" for v in row) for row in first.mounting[1])
+        ),
+        "scale factors": "one for both signs" if first.parametrisation.symmetric else "one for each sign",
+        **versions(),
+    }
+    key = (
+        {"targets": len(plans), "largest cost": f"{max(p.optimum.cost for p in plans):.4f} σ"} if len(plans) > 1 else {}
+    )
+    return render_page(
+        "Optimal plan",
+        verdict,
+        sections,
+        key=key,
+        provenance=provenance,
+        sources=plan_sources(proven=first.grid_deg is None),
+    )
+
+
+def plan_sections(plan: Plan) -> list[Section]:
+    """The estimator of one target, with its numbers."""
+    best = plan.optimum
+    readings = list(zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True))
+    rows: list[list[Cell]] = [
+        [int(p) + 1, Written(minus(f"{a:.8g}")), Written(minus(f"{b:.8g}")), Written(minus(f"{w:+.6f}"))]
+        for p, a, b, w in readings
+    ]
+    terms = [
+        signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)", first=k == 0)
+        for k, (p, a, b, w) in enumerate(readings)
+    ]
+    places = [
+        {"alpha_deg": float(a), "beta_deg": float(b)} for a, b in dict.fromkeys((a, b) for _, a, b, _ in readings)
+    ]
+    name = f"{plan.target.symbol}.csv"
+    return [
+        Section(
+            f"{minus(plan.target.symbol)}: {physical_words(plan.target.name)}",
+            svg=plan_picture(plan),
+            caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
+            table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
+            equations=[
+                math(f"{'' if k else _left(plan)}{' '.join(terms[k : k + 3])}") for k in range(0, len(terms), 3)
+            ],
+            download=Download(name, next_positions_csv(places), f"{name}, to take to the table"),
         )
     ]
-    for plan in plans:
-        best = plan.optimum
-        rows = zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True)
-        sections.append(
-            Section(
-                f"{plan.target.symbol}: {plan.target.name}",
-                svg=plan_picture(plan),
-                caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
-                table=Table(
-                    ["accelerometer", "α [deg]", "β [deg]", "weight"],
-                    [[int(p) + 1, f"{a:.8g}", f"{b:.8g}", f"{w:+.6f}"] for p, a, b, w in rows],
-                ),
-            )
-        )
-    first = plans[0]
-    verdict = (
-        f"{len(plans)} optimal plans, each proven"
-        if len(plans) > 1
-        else (f"{first.target.symbol} can be estimated to {first.optimum.cost:.6f} σ, and no better")
-    )
-    provenance = {
-        "trihedron": __version__,
-        "positions": "all angles" if first.grid_deg is None else f"grid of {first.grid_deg:g}°",
-        "admissible": f"{first.admissible}, u = {first.bounds[0]:g}, v = {first.bounds[1]:g}",
-        "mounting": f"{first.mounting[0]} {first.mounting[1].tolist()}",
-    }
-    return render_page("Optimal plan", verdict, sections, provenance=provenance)
+
+
+def _left(plan: Plan) -> str:
+    symbol = plan.target.symbol
+    return f"'{minus(symbol)}' = "

@@ -7,7 +7,7 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, unreadable
 from trihedron.orchestrator.archive import MOST_BYTES, MOST_MEMBERS
 from trihedron.ssp.namespaces import STRUCTURE
 
@@ -84,7 +84,7 @@ def unpack_ssp(path: Path, folder: Path) -> str:
             raise InputError(f"{label}: is larger than {MOST_BYTES >> 30} GiB; not read")
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(f"{label}: cannot be read ({error.strerror})") from error
+        raise InputError(f"{label}: {unreadable(path, error)}") from error
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             _check_members(archive.infolist(), label)

@@ -3,18 +3,22 @@
 import json
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.records import StrapdownRecord
+from trihedron.shown import Shown
 from trihedron.strapdown.norm_calibration import NAMES, NormCalibration, calibrate_by_norm, inputs_of
 from trihedron.strapdown.rest_gyros import GyrosAtRest, gyros_at_rest
 from trihedron.strapdown.rests import Rests, find_rests
 from trihedron.strapdown.sampling import Sampling, rates_of, sampling_of
 from trihedron.strapdown.turning_check import TurningCheck, check_turning
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 LEAST_BOUND = 1e-9
 """Bounds of means [g], [rad/s] are not taken for less: arithmetic has errors too."""
@@ -22,8 +26,8 @@ EXCITED = 5.0
 """An axis is excited when its rate's rms in moves is so many times the noise of a sample."""
 
 
-@dataclass(frozen=True, eq=False)
-class Inspection:
+@dataclass(frozen=True, eq=False, repr=False)
+class Inspection(Shown):
     """What a record supports.
 
     Attributes
@@ -53,7 +57,7 @@ class Inspection:
     accelerometers: NormCalibration | None
     gyros: GyrosAtRest | None
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """For JSON: SI units and radians, in names that say so."""
         calibration, gyros = self.accelerometers, self.gyros
         rests = self.rests
@@ -108,7 +112,23 @@ class Inspection:
 
     def json_text(self) -> str:
         """The result as JSON, the same bytes for the same record."""
-        return json.dumps(self.as_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return json.dumps(self.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def lines(self) -> list[str]:
+        """Sampling, rests, accelerometers, gyros."""
+        return inspection_text(self).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each rest: time_s, length_s."""
+        return _rest_table(self.rests, self.sampling.period)
+
+
+def _rest_table(rests: Rests, period: float) -> "DataFrame":
+    import polars as pl
+
+    lengths = [(rows.stop - rows.start) * period for rows in rests.rows]
+    columns = {"time_s": rests.time_s.tolist(), "length_s": lengths}
+    return pl.DataFrame(columns, schema=dict.fromkeys(columns, pl.Float64))
 
 
 def _calibration_dict(found: NormCalibration) -> dict[str, Any]:

@@ -82,18 +82,24 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
 
 
 def saturated_rows(values: NDArray[np.float64]) -> int:
+    """How many rows of a channel (N,) `saturated_mask` marks."""
+    return int(np.count_nonzero(saturated_mask(values)))
+
+
+def saturated_mask(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Rows of a channel (N,) in runs of three and more at its largest or its least value, if that is a limit.
 
     The steps of a quiet channel repeat too: a limit is far from what the channel reads most of the time.
     """
+    found = np.zeros(len(values), dtype=bool)
     if len(np.unique(values)) < DISTINCT:
-        return 0
+        return found
     middle = float(np.median(values))
     spread = float(np.median(np.abs(values - middle)))
-    count = 0
     for extreme in (float(values.max()), float(values.min())):
         if abs(extreme - middle) > 3.0 * spread:
             edges = np.diff(np.concatenate([[False], values == extreme, [False]]).astype(int))
-            lengths = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-            count += int(lengths[lengths >= CLIPPED_ROWS].sum())
-    return count
+            begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+            for begin, end in zip(begins, ends, strict=True):
+                found[begin:end] = end - begin >= CLIPPED_ROWS
+    return found

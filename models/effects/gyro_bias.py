@@ -1,0 +1,29 @@
+"""Bias of the gyros: what they read at no rate."""
+
+import numpy as np
+
+from trihedron.models.effects.definition import Effect, all_coefficients
+from trihedron.models.effects.motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
+from trihedron.models.restricted import Vector
+
+
+def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_3: float, added: Vector) -> None:
+    """Add a constant [rad/s] to each gyro's reading."""
+    added[0] = added[0] + bias_1
+    added[1] = added[1] + bias_2
+    added[2] = added[2] + bias_3
+
+
+EFFECT = Effect(
+    name="gyro-bias",
+    places=on_gyros("gyro-bias"),
+    parameters=of_each_gyro("bias", "rad/s", "bias", 0.2),
+    component="GyroBlock",
+    stage="reading_effects",
+    kernel=gyro_bias,
+    place_numbers=no_numbers,
+    signature=lambda place, rows: gyro_columns(np.ones_like(rows.rate)),
+    from_coefficients=all_coefficients,
+    sentence=sentence_of("the gyros have a constant bias", "rad/s"),
+    in_motion=True,
+)

@@ -1,0 +1,29 @@
+"""Bias of the gyros that grows with time."""
+
+import numpy as np
+
+from trihedron.models.effects.definition import Effect, all_coefficients
+from trihedron.models.effects.motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
+from trihedron.models.restricted import HOURS, Vector
+
+
+def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float, rate_3: float, added: Vector) -> None:
+    """Add rate·hours to each gyro's reading; the rates are in rad/s an hour."""
+    added[0] = added[0] + rate_1 * context[HOURS]
+    added[1] = added[1] + rate_2 * context[HOURS]
+    added[2] = added[2] + rate_3 * context[HOURS]
+
+
+EFFECT = Effect(
+    name="gyro-bias-drift",
+    places=on_gyros("gyro-bias-drift"),
+    parameters=of_each_gyro("rate", "rad/s/h", "growth of the bias", 0.5),
+    component="GyroBlock",
+    stage="reading_effects",
+    kernel=gyro_bias_drift,
+    place_numbers=no_numbers,
+    signature=lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),
+    from_coefficients=all_coefficients,
+    sentence=sentence_of("the biases of the gyros drift", "rad/s an hour"),
+    in_motion=True,
+)

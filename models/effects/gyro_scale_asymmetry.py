@@ -1,0 +1,33 @@
+"""Scale-factor asymmetry of the gyros: the scale factor depends on the sense of the turn."""
+
+import math
+
+import numpy as np
+
+from trihedron.models.effects.definition import Effect, all_coefficients
+from trihedron.models.effects.motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
+from trihedron.models.restricted import Vector
+
+
+def gyro_scale_asymmetry(
+    context: Vector, rate: Vector, coefficient_1: float, coefficient_2: float, coefficient_3: float, added: Vector
+) -> None:
+    """Add c |ω_p| to the reading of each gyro p."""
+    added[0] = added[0] + coefficient_1 * math.fabs(rate[0])
+    added[1] = added[1] + coefficient_2 * math.fabs(rate[1])
+    added[2] = added[2] + coefficient_3 * math.fabs(rate[2])
+
+
+EFFECT = Effect(
+    name="gyro-scale-asymmetry",
+    places=on_gyros("gyro-scale-asymmetry"),
+    parameters=of_each_gyro("coefficient", "1", "c of c |ω|: half the difference of the scale factors", 0.05),
+    component="GyroBlock",
+    stage="reading_effects",
+    kernel=gyro_scale_asymmetry,
+    place_numbers=no_numbers,
+    signature=lambda place, rows: gyro_columns(np.abs(rows.rate)),
+    from_coefficients=all_coefficients,
+    sentence=sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
+    in_motion=True,
+)

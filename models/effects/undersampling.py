@@ -1,0 +1,38 @@
+"""Undersampling: what the coning within a step adds to the increment is left out."""
+
+import numpy as np
+
+from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, only_coefficient
+from trihedron.models.effects.motion_rows import no_numbers
+from trihedron.models.restricted import Vector
+
+
+def undersampling(before: Vector, increment: Vector, coefficient: float, added: Vector) -> None:
+    """Add c γ' × γ to an increment γ, with γ' the one before; c is 1/12 where the rate is linear in time.
+
+    Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 1, 1998: the second-order term
+    of the coning correction from the increment before.
+    """
+    added[0] = added[0] + coefficient * (before[1] * increment[2] - before[2] * increment[1])
+    added[1] = added[1] + coefficient * (before[2] * increment[0] - before[0] * increment[2])
+    added[2] = added[2] + coefficient * (before[0] * increment[1] - before[1] * increment[0])
+
+
+EFFECT = Effect(
+    name="undersampling",
+    places=(EffectPlace("undersampling", "attitude-computer"),),
+    parameters=(
+        EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),
+    ),
+    component="AttitudeComputer",
+    stage="increment_effects",
+    kernel=undersampling,
+    place_numbers=no_numbers,
+    # The attitude computer adds what the readings lack.
+    signature=lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
+    from_coefficients=only_coefficient,
+    sentence=lambda place, values: (
+        f"the attitude computer leaves coning out: {values['coefficient']:+.3f} of the product of two increments"
+    ),
+    in_motion=True,
+)

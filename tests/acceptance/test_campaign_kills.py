@@ -1,0 +1,219 @@
+"""Campaigns whose workers, scheduler or main process are killed at random moments, or whose disk is full."""
+
+import contextlib
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from campaign_runs import CALIBRATION, content, written
+from trihedron.campaign.campaign import run_campaign
+
+pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
+LONGER = CALIBRATION.replace("points = 7", "points = 100")
+"""Two hundred calibrations in a hundred files."""
+MOST_SECONDS = 300.0
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files of the campaign, computed by one process that nobody disturbed."""
+    folder = tmp_path_factory.mktemp("unbroken")
+    assert run_campaign(written(folder, LONGER), folder / "out", jobs=1).tally.kills == 0
+    return content(folder / "out")
+
+
+def started(path: Path, out: Path, *words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "trihedron.cli", "campaign", str(path), "--out", str(out), *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            words = path.read_text().rpartition(")")[2].split()
+            if int(words[1]) == pid:
+                found.append(int(path.parent.name))
+    return found
+
+
+def workers_of(pid: int) -> list[int]:
+    """Processes below a process, at any depth, that work (the tracker of multiprocessing's resources does not)."""
+    below = [child for one in children(pid) for child in (one, *workers_of(one))]
+    return [one for one in below if b"resource_tracker" not in command_of(one)]
+
+
+def command_of(pid: int) -> bytes:
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    return b""
+
+
+def files_done(out: Path) -> int:
+    return len(list(out.glob("runs/part-*.parquet")))
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + MOST_SECONDS
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("engine", ["local", "dask"])
+def test_workers_killed_at_random_moments(tmp_path, unbroken, engine):
+    rng = random.Random(1)
+    path, out = written(tmp_path, LONGER), tmp_path / "out"
+    main = started(path, out, "--engine", engine, "--jobs", "2")
+    kills = 0
+    done = 0
+    while main.poll() is None:
+        time.sleep(rng.uniform(0.1, 2.0))
+        if files_done(out) < done + 5:
+            continue
+        done = files_done(out)
+        victims = [pid for pid in workers_of(main.pid) if engine == "local" or b"spawn_main" in command_of(pid)]
+        if victims and main.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(rng.choice(victims), signal.SIGKILL)
+                kills += 1
+    said, complaints = main.communicate()
+    assert main.returncode == 0, complaints
+    assert "200 runs, 0 failed" in said
+    assert kills > 0
+    print(f"{engine}: {kills} workers killed", file=sys.stderr)
+    assert content(out) == unbroken
+
+
+def test_the_main_process_killed_at_random_moments(tmp_path, unbroken):
+    rng = random.Random(2)
+    path, out = written(tmp_path, LONGER), tmp_path / "out"
+    kills = 0
+    while True:
+        before = files_done(out)
+        main = started(path, out, "--jobs", "2", "--resume")
+        wait_for(lambda m=main, b=before: m.poll() is not None or files_done(out) > b)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            main.wait(rng.uniform(0.0, 3.0))
+        if main.poll() is not None:
+            break
+        workers = workers_of(main.pid)
+        main.kill()
+        main.communicate()
+        kills += 1
+        wait_for(lambda w=workers: not any(command_of(pid) for pid in w))
+    _, complaints = main.communicate()
+    assert main.returncode == 0, complaints
+    print(f"main process killed {kills} times", file=sys.stderr)
+    assert kills > 0
+    assert content(out) == unbroken
+
+
+def test_ctrl_c_leaves_a_whole_folder(tmp_path, unbroken):
+    path, out = written(tmp_path, LONGER), tmp_path / "out"
+    main = started(path, out, "--jobs", "2")
+    wait_for(lambda: files_done(out) > 5)
+    workers = workers_of(main.pid)
+    main.send_signal(signal.SIGINT)
+    _, complaints = main.communicate(timeout=30.0)
+    assert main.returncode == 130
+    assert re.fullmatch(r"trihedron: interrupted; \d+ of 200 runs are in \S+; --resume goes on\n", complaints)
+    wait_for(lambda: not any(command_of(pid) for pid in workers))
+    there = content(out)
+    assert all(unbroken[name] == value for name, value in there.items())
+    run_campaign(path, out, jobs=2, resume=True)
+    assert content(out) == unbroken
+
+
+def test_a_dask_cluster_of_three_local_workers_gives_the_same_bytes(tmp_path, unbroken):
+    pytest.importorskip("distributed")
+    path, out = written(tmp_path, LONGER), tmp_path / "out"
+    main = started(path, out, "--engine", "dask", "--jobs", "3")
+    _, complaints = main.communicate(timeout=MOST_SECONDS)
+    assert main.returncode == 0, complaints
+    assert complaints == ""
+    assert content(out) == unbroken
+
+
+@contextlib.contextmanager
+def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """A scheduler and workers as processes of their own: the scheduler and its address."""
+    told = folder / "scheduler.json"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with contextlib.ExitStack() as stack:
+        words = ["--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(told)]
+        scheduler = stack.enter_context(ended(subprocess.Popen([*dask, *words], **quiet)))
+        wait_for(told.exists)
+        address = re.findall(r"tcp://[\d.:]+", told.read_text())[0]
+        for _ in range(workers):
+            worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+            stack.enter_context(ended(subprocess.Popen([*worker, "--death-timeout", "5"], cwd=folder, **quiet)))
+        yield scheduler, address
+
+
+@contextlib.contextmanager
+def ended(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
+    try:
+        yield process
+    finally:
+        below = workers_of(process.pid)
+        process.kill()
+        process.wait()
+        for pid in below:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+
+def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on_elsewhere(tmp_path, unbroken):
+    pytest.importorskip("distributed")
+    path, out = written(tmp_path, LONGER), tmp_path / "out"
+    with cluster(tmp_path, 2) as (scheduler, address):
+        main = started(path, out, "--engine", "dask", "--scheduler", address)
+        wait_for(lambda: files_done(out) > 5 or main.poll() is not None)
+        assert main.poll() is None
+        scheduler.kill()
+        _, complaints = main.communicate(timeout=60.0)
+    assert main.returncode == 2
+    assert re.fullmatch(r"trihedron: --scheduler: .*; \d+ of 200 runs are in \S+; --resume goes on\n", complaints)
+    assert all(unbroken[name] == value for name, value in content(out).items())
+    with cluster(tmp_path / "again", 2) as (_, address):
+        main = started(path, out, "--engine", "dask", "--scheduler", address, "--resume")
+        _, complaints = main.communicate(timeout=MOST_SECONDS)
+    assert main.returncode == 0, complaints
+    assert content(out) == unbroken
+
+
+def test_a_disk_that_is_full(tmp_path, unbroken):
+    small = tmp_path / "small"
+    small.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=160k", "tmpfs", str(small)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("a small file system cannot be mounted here")
+    path, out = written(tmp_path, LONGER), small / "out"
+    try:
+        main = started(path, out, "--jobs", "2")
+        _, complaints = main.communicate(timeout=MOST_SECONDS)
+        assert main.returncode == 2
+        assert "No space left on device" in complaints
+        assert "--resume goes on" in complaints
+        assert complaints.count("\n") == 1
+        there = content(out)
+        assert 0 < files_done(out) < 100
+        assert all(unbroken[name] == value for name, value in there.items())
+        subprocess.run(["mount", "-o", "remount,size=8m", str(small)], check=True)
+        main = started(path, out, "--jobs", "2", "--resume")
+        _, complaints = main.communicate(timeout=MOST_SECONDS)
+        assert main.returncode == 0, complaints
+        assert content(out) == unbroken
+    finally:
+        subprocess.run(["umount", "-l", str(small)], check=False)

@@ -1,0 +1,106 @@
+"""Every command of the program with arguments that work, for tests over all commands."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from strapdown_records import POSES, record_of_motion
+from trihedron.hidden import write_hidden_record
+from trihedron.records import write_strapdown_record
+from trihedron.templates import new
+
+SCENARIO = """schema = "trihedron.scenario/1"
+[run]
+stop_s = 2.0
+step_s = 0.1
+[fmus.table]
+component = "TurntableMotion"
+flavour = "python"
+[record]
+format = "csv"
+"""
+CAMPAIGN = """schema = "trihedron.campaign/1"
+seed = 1
+[calibration]
+noise_bound = 1e-5
+[sampling]
+points = 4
+[parameters]
+kappa = { uniform = [-1e-3, 1e-3] }
+"""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that works in a folder of `make_inputs`.
+
+    Attributes
+    ----------
+    arguments : tuple of str
+        "out" and "out.*" are what it writes
+    inputs : tuple of str
+        those of the arguments that are files to read
+    slow : bool
+        whether it takes more than a few seconds
+    """
+
+    arguments: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    slow: bool = False
+
+    @property
+    def title(self) -> str:
+        return " ".join(self.arguments[:2])
+
+
+def command(line: str, *inputs: str, slow: bool = False) -> Command:
+    return Command(tuple(line.split()), inputs, slow)
+
+
+COMMANDS = (
+    command("simulate run.toml --out out --json out.json", "run.toml"),
+    command("calibrate measured.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "measured.csv"),
+    command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
+    command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
+    command("inspect strapdown.csv --json out.json --allan out.svg", "strapdown.csv"),
+    command("attitude strapdown.csv --out out --json out.json", "strapdown.csv"),
+    command("fmpy-input strapdown.csv --out out.csv --json out.json", "strapdown.csv"),
+    command("hidden out.csv --seed 3 --answer out-answer.json --json out.json"),
+    command("hidden --cases 1 --mode clean --positions 12 14 --out out --json out.json"),
+    command("export AccelerometerBlock --out out --json out.json"),
+    command("export-ssp run.toml --out out.ssp --flavour python --json out.json", "run.toml"),
+    command("plan --target X4 --grid 5 --json out.json --report out.html --picture out.svg"),
+    command("plan --positions 6 --starts 1 --cuts 0 --out out --json out.json"),
+    command("plan --check angles.csv --json out.json", "angles.csv"),
+    command("check run.toml --json out.json", "run.toml"),
+    command("new scenario out.toml --json out.json"),
+    command("completion bash --json out.json"),
+    command("campaign campaign.toml --jobs 1 --out out", "campaign.toml"),
+    command("doctor --json out.json"),
+    command("reproduce calibration --json out.json", slow=True),
+    command("reproduce attitude --json out.json --out out", slow=True),
+    command("reproduce word-length --json out.json", slow=True),
+    command("demo --no-show --out out --json out.json", slow=True),
+)
+
+
+def make_inputs(folder: Path) -> None:
+    """Write the files that the commands read."""
+    from trihedron.calibration import calibrate
+    from trihedron.records import read_position_record
+
+    (folder / "run.toml").write_text(SCENARIO, encoding="utf-8")
+    (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
+    write_hidden_record(folder / "measured.csv", 5, None, effects=["quadratic"])
+    write_hidden_record(folder / "clean.csv", 5, None, effects=())
+    calibration = calibrate(read_position_record(folder / "clean.csv"), noise_bound=1e-5)
+    (folder / "calibration.json").write_text(calibration.json_text(), encoding="utf-8")
+    record = record_of_motion(POSES[:6])
+    write_strapdown_record(record, folder / "strapdown.csv")
+    new("scenario", folder / "bench.toml")
+    angles = pl.read_csv(folder / "bench-positions.csv", comment_prefix="#")
+    planned = {f"planned_{name}": angles[name] for name in angles.columns}
+    moved = {name: angles[name] + np.linspace(-0.01, 0.01, angles.height) for name in angles.columns}
+    pl.DataFrame({**planned, **moved}).write_csv(folder / "angles.csv")

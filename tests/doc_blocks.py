@@ -1,0 +1,193 @@
+"""The blocks of code in the documentation, run in the order in which a reader meets them."""
+
+import contextlib
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FENCE = re.compile(r"^```(?P<head>[^\n`]*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+COMMENT = re.compile(r"<!--\s*(?P<word>given|acceptance|status|fragment)\b:?\s*(?P<text>.*?)-->", re.DOTALL)
+TITLE = re.compile(r'title="(?P<title>[^"]+)"')
+SECONDS = 600.0
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of a page.
+
+    Attributes
+    ----------
+    language : str
+        "given" for commands in a comment: what a reader is supposed to have
+    title : str
+        name of the file that the block is, or empty
+    text : str
+    line : int
+        of the page, from 1
+    acceptance : bool
+        whether it takes too long for every run
+    status : int
+        the exit status of its last command
+    fragment : bool
+        a part of a file, which only has to be well-formed
+    """
+
+    language: str
+    title: str
+    text: str
+    line: int
+    acceptance: bool = False
+    status: int = 0
+    fragment: bool = False
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """The blocks of a page and the comments that prepare for them, in order."""
+    text = page.read_text(encoding="utf-8")
+    fences = list(FENCE.finditer(text))
+    inside = [(match.start(), match.end()) for match in fences]
+    found = [*fences, *(m for m in COMMENT.finditer(text) if not any(a <= m.start() < b for a, b in inside))]
+    marks: dict[str, str] = {}
+    blocks = []
+    for match in sorted(found, key=lambda match: match.start()):
+        line = text.count("\n", 0, match.start()) + 1
+        if match.re is COMMENT:
+            if match["word"] == "given":
+                blocks.append(Block("given", "", match["text"], line))
+            else:
+                marks[match["word"]] = match["text"].strip()
+            continue
+        language, _, rest = match["head"].strip().partition(" ")
+        title = TITLE.search(rest)
+        blocks.append(
+            Block(
+                language,
+                title["title"] if title else "",
+                match["text"],
+                line,
+                "acceptance" in marks,
+                int(marks.get("status") or 0),
+                "fragment" in marks,
+            )
+        )
+        marks = {}
+    return blocks
+
+
+class Reader:
+    """Someone who does what a page says, in a folder of their own.
+
+    Parameters
+    ----------
+    page : Path
+    folder : Path
+        empty
+    long : bool
+        whether blocks that take long are run too
+    """
+
+    def __init__(self, page: Path, folder: Path, *, long: bool):
+        self._page, self._folder, self._long = page, folder, long
+        self._names: dict[str, object] = {"__name__": "__main__"}
+        self._printed: str | None = None
+        home = folder.parent / "home"
+        home.mkdir(exist_ok=True)
+        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+        self._environment = {**os.environ, "PATH": path, "HOME": str(home), "COLUMNS": "100", "PYTHONWARNINGS": "error"}
+
+    def read(self) -> int:
+        """Do it; the number of blocks that were run.
+
+        Raises
+        ------
+        AssertionError
+            names page and line of the first block that does not do what it says
+        """
+        run = 0
+        for block in blocks_of(self._page):
+            if block.acceptance and not self._long:
+                self._printed = None
+                continue
+            where = f"{self._page.relative_to(ROOT)}:{block.line}"
+            action = getattr(self, f"_{block.language}", None)
+            assert action is not None, f"{where}: no way to run a block of '{block.language}'"
+            action(block, where)
+            run += 1
+        return run
+
+    def _given(self, block: Block, where: str) -> None:
+        self._sh(block, where)
+        self._printed = None
+
+    def _sh(self, block: Block, where: str) -> None:
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", block.text],
+            cwd=self._folder,
+            env=self._environment,
+            capture_output=True,
+            text=True,
+            timeout=SECONDS,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
+        assert done.returncode == block.status, f"{where}: exit status {done.returncode}: {done.stderr.strip()}"
+        self._printed = done.stdout if block.status == 0 else done.stderr
+
+    def _python(self, block: Block, where: str) -> None:
+        code = compile(block.text, where, "exec")
+        if block.title:
+            self._file(block)
+            return
+        told = io.StringIO()
+        before = Path.cwd()
+        os.chdir(self._folder)
+        try:
+            with contextlib.redirect_stdout(told):
+                exec(code, self._names)
+        except Exception as error:
+            raise AssertionError(f"{where}: {type(error).__name__}: {error}") from error
+        finally:
+            os.chdir(before)
+        self._printed = told.getvalue()
+
+    def _text(self, block: Block, where: str) -> None:
+        """What the block before printed; a block without one before is text."""
+        if self._printed is not None:
+            assert matches(block.text, self._printed), f"{where}: printed is\n{self._printed}"
+        self._printed = None
+
+    def _toml(self, block: Block, where: str) -> None:
+        tomllib.loads(block.text)
+        self._file(block)
+
+    def _json(self, block: Block, where: str) -> None:
+        json.loads(block.text)
+        self._file(block)
+
+    def _csv(self, block: Block, where: str) -> None:
+        widths = {line.count(",") for line in block.text.splitlines()}
+        assert len(widths) == 1, f"{where}: rows of different widths"
+        self._file(block)
+
+    def _file(self, block: Block) -> None:
+        self._printed = None
+        if block.title:
+            path = self._folder / block.title
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(block.text, encoding="utf-8")
+
+
+def matches(wanted: str, printed: str) -> bool:
+    """Whether lines stand in what was printed as a page shows them; a line of three dots is any lines."""
+    pattern = "".join(
+        r"(?:[^\n]*\n)*?" if line.strip() == "..." else re.escape(line.rstrip()) + r"[ ]*\n"
+        for line in wanted.splitlines()
+    )
+    return re.fullmatch(pattern, printed if printed.endswith("\n") else printed + "\n") is not None

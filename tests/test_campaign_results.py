@@ -1,0 +1,297 @@
+"""What is computed over a campaign, its page, and its comparison with another one."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from campaign_runs import content
+from trihedron import cli
+from trihedron.campaign.comparison import compare
+from trihedron.campaign.computing import Results, rate, summarise
+from trihedron.campaign.design import Design
+from trihedron.campaign.file import parse_campaign
+from trihedron.campaign.kinds import Columns, Output
+from trihedron.campaign.order import Order
+from trihedron.campaign.partitions import partition_count, runs_of, scalars_file
+from trihedron.campaign.store import Store, manifest_of
+from trihedron.campaign.texts import summary_text
+from trihedron.campaign.work import Computed
+from trihedron.errors import InputError
+from trihedron.hidden_suite.summary import detection, suite_json
+from trihedron.report.campaign_page import campaign_page
+
+HEAD = 'schema = "trihedron.campaign/1"\n'
+OUTPUTS = {
+    "largest_error_rad": Output(pl.Float64, "lower"),
+    "drift_radps": Output(pl.Float64),
+    "verdict": Output(pl.String, good=("consistent",)),
+    "inside": Output(pl.Boolean, "higher"),
+}
+
+
+def made(folder: Path, text: str, value, failing=lambda run: False) -> Store:
+    """A campaign's folder whose runs gave what `value(run, parameters, rng)` says."""
+    campaign = parse_campaign((HEAD + "[attitude]\n" + text).encode(), folder / "c.toml")
+    columns = Columns(dict.fromkeys(campaign.parameters, pl.Float64), OUTPUTS)
+    store, design = Store(folder, campaign), Design(campaign)
+    for partition in range(partition_count(campaign)):
+        rows = []
+        for run in runs_of(campaign, partition):
+            values = design.values(run)
+            gave = {} if failing(run) else value(run, values, np.random.default_rng(design.seed(run)))
+            rows.append({"run": run, "failed": "it broke" if failing(run) else None, **values, **gave})
+        store.write(Computed(partition, scalars_file(columns, rows), None, len(rows), 0, 0.0, 0.0))
+    order = Order("c.toml", (("c.toml", b""),), "code")
+    manifest = manifest_of(order, campaign, columns, (HEAD + "[attitude]\n" + text).encode())
+    (folder / "campaign.json").write_text(json.dumps(manifest), encoding="utf-8")
+    return store
+
+
+ISHIGAMI = """
+[sampling]
+method = "saltelli"
+points = 2048
+[parameters]
+bias_1_radps = { uniform = [-3.141592653589793, 3.141592653589793] }
+bias_2_radps = { uniform = [-3.141592653589793, 3.141592653589793] }
+bias_3_radps = { uniform = [-3.141592653589793, 3.141592653589793] }
+[[compute]]
+sensitivity = ["largest_error_rad"]
+"""
+
+
+def test_sobol_indices_of_a_function_of_which_they_are_known(tmp_path):
+    """Ishigami's function, a = 7, b = 0.1: its indices are published (Saltelli et al. 2008, section 4.3)."""
+
+    def ishigami(_, values, rng):
+        x1, x2, x3 = values.values()
+        return {"largest_error_rad": np.sin(x1) + 7.0 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)}
+
+    summary = summarise(made(tmp_path, ISHIGAMI, ishigami))
+    found = summary["computed"][0]["result"]["largest_error_rad"]["parameters"]
+    expected = {"bias_1_radps": (0.3139, 0.5576), "bias_2_radps": (0.4424, 0.4424), "bias_3_radps": (0.0, 0.2437)}
+    for name, (first, total) in expected.items():
+        assert found[name]["first"] == pytest.approx(first, abs=0.02)
+        assert found[name]["total"] == pytest.approx(total, abs=0.02)
+        low, high = found[name]["first_interval"]
+        assert low <= first + 0.02
+        assert high >= first - 0.02
+    again = summarise(Store(tmp_path, parse_campaign((HEAD + "[attitude]\n" + ISHIGAMI).encode(), tmp_path / "c.toml")))
+    assert json.dumps(again) == json.dumps(summary)
+
+
+def test_rows_with_failed_runs_are_left_out_of_the_indices(tmp_path):
+    def linear(_, values, rng):
+        return {"largest_error_rad": sum(values.values())}
+
+    summary = summarise(made(tmp_path, ISHIGAMI.replace("2048", "64"), linear, lambda run: run in (3, 70)))
+    found = summary["computed"][0]["result"]["largest_error_rad"]
+    assert found["rows_with_failures"] == 2
+    assert found["rows"] == 32
+    assert summary["failures"] == [{"message": "it broke", "runs": 2, "first_run": 3}]
+    assert "2 failed" in summary_text(summary)
+
+
+SWEPT = """
+[sampling]
+points = 300
+[parameters]
+bias_1_radps = { uniform = [0, 1] }
+bias_2_radps = { uniform = [0, 1] }
+[[compute]]
+sensitivity = ["largest_error_rad"]
+[[compute]]
+quantiles = ["largest_error_rad"]
+at = [0.5, 0.9]
+[[compute]]
+rate = "verdict"
+is = ["falsified"]
+against = "bias_1_radps"
+edges = [0, 0.5, 1]
+[[compute]]
+rate = "inside"
+is = [true]
+[[compute]]
+confusion = "verdict"
+of = "verdict"
+"""
+
+
+def swept(run, values, rng):
+    size = values["bias_1_radps"]
+    return {
+        "largest_error_rad": size + 1e-3 * rng.random(),
+        "drift_radps": rng.random(),
+        "verdict": "falsified" if size > 0.75 else "consistent",
+        "inside": bool(rng.random() < 0.9),
+    }
+
+
+def test_quantiles_rates_confusion_and_correlations(tmp_path):
+    store = made(tmp_path, SWEPT, swept)
+    correlations, quantiles, rates, inside, confusion = (item["result"] for item in summarise(store)["computed"])
+    found = correlations["largest_error_rad"]["parameters"]
+    assert found["bias_1_radps"]["correlation"] > 0.99
+    assert abs(found["bias_2_radps"]["correlation"]) < 0.2
+    values = Results(store).numbers("largest_error_rad")
+    told = {q["at"]: q["value"] for q in quantiles["largest_error_rad"]["quantiles"]}
+    assert told == {0.5: np.quantile(values, 0.5), 0.9: np.quantile(values, 0.9)}
+    assert rates[0]["count"] == 0
+    sizes = Results(store).numbers("bias_1_radps")
+    assert rates[1]["count"] == (sizes > 0.75).sum()
+    assert rates[1]["cases"] == (sizes >= 0.5).sum()
+    assert rates[1]["interval"][0] < rates[1]["rate"] < rates[1]["interval"][1]
+    assert inside[0]["cases"] == 300
+    assert set(confusion) == {"consistent", "falsified"}
+
+
+def test_wilsons_interval():
+    """Of 0 in 10 and 5 in 10, as published (Wilson 1927)."""
+    assert rate(np.zeros(10, dtype=bool))["interval"] == pytest.approx([0.0, 0.27753], abs=1e-5)
+    assert rate(np.arange(10) < 5)["interval"] == pytest.approx([0.23659, 0.76341], abs=1e-5)
+    assert rate(np.zeros(0, dtype=bool))["rate"] is None
+
+
+def test_the_page_has_a_picture_of_each_and_repeats(tmp_path, capsys):
+    store = made(tmp_path, SWEPT, swept, lambda run: run == 5)
+    assert cli.main(["campaign-report", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "300 runs, 1 failed" in said
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert page.count("<svg ") == 4
+    assert "it broke" in page
+    assert "<script" not in page
+    manifest = json.loads((tmp_path / "campaign.json").read_text(encoding="utf-8"))
+    assert campaign_page(store, manifest) == page
+
+
+def worse(run, values, rng):
+    better = swept(run, values, rng)
+    return {**better, "largest_error_rad": 1.05 * float(better["largest_error_rad"])}
+
+
+def test_the_same_campaign_twice_is_no_change(tmp_path):
+    for name in ("a", "b"):
+        made(tmp_path / name, SWEPT, swept)
+    found = compare(tmp_path / "b", tmp_path / "a")
+    assert found.paired
+    assert {change.verdict for change in found.changes} == {"same"}
+    assert len(found.changes) == 5
+
+
+def test_a_regression_is_named_and_stops_at_the_gate(tmp_path, capsys):
+    made(tmp_path / "old", SWEPT, swept)
+    made(tmp_path / "new", SWEPT, worse)
+    words = ["campaign-report", str(tmp_path / "new"), "--against", str(tmp_path / "old")]
+    assert cli.main([*words, "--json", str(tmp_path / "c.json")]) == 0
+    assert "worse    largest_error_rad" in capsys.readouterr().out
+    assert cli.main([*words, "--gate"]) == 3
+    assert json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))["worse"] == 1
+    assert "Beyond chance got 1 worse" in (tmp_path / "new" / "index.html").read_text(encoding="utf-8")
+    other = ["campaign-report", str(tmp_path / "old"), "--against", str(tmp_path / "new"), "--gate"]
+    assert cli.main(other) == 0
+    assert "better   largest_error_rad" in capsys.readouterr().out
+
+
+def test_more_failures_and_worse_verdicts_are_regressions(tmp_path):
+    def falsified(run, values, rng):
+        return {**swept(run, values, rng), "verdict": "falsified"}
+
+    made(tmp_path / "old", SWEPT, swept)
+    made(tmp_path / "new", SWEPT, falsified, lambda run: run % 20 == 0)
+    verdicts = {change.name: change.verdict for change in compare(tmp_path / "new", tmp_path / "old").changes}
+    assert verdicts["failed"] == verdicts["verdict"] == "worse"
+    assert verdicts["inside"] == "same"
+
+
+def test_other_draws_are_two_samples_and_chance_alone_is_not_called_a_change(tmp_path):
+    """Thirty comparisons of campaigns that differ by their seeds alone; 1 % each is what may be called a change."""
+    called = 0
+    for seed in range(30):
+        for name, own in (("a", 2 * seed), ("b", 2 * seed + 1)):
+            (tmp_path / name).mkdir(exist_ok=True)
+            made(tmp_path / name, SWEPT.replace("points = 300", "points = 60"), swept)
+            campaign = (tmp_path / name / "campaign.json").read_text(encoding="utf-8")
+            text = HEAD + f"seed = {own}\n[attitude]\n" + SWEPT.replace("points = 300", "points = 60")
+            store = Store(tmp_path / name, parse_campaign(text.encode(), tmp_path / "c.toml"))
+            design, columns = (
+                Design(store.campaign),
+                Columns(dict.fromkeys(store.campaign.parameters, pl.Float64), OUTPUTS),
+            )
+            for partition in range(partition_count(store.campaign)):
+                rows = [
+                    {"run": k, **design.values(k), **swept(k, design.values(k), np.random.default_rng(design.seed(k)))}
+                    for k in runs_of(store.campaign, partition)
+                ]
+                store.write(Computed(partition, scalars_file(columns, rows), None, len(rows), 0, 0.0, 0.0))
+            content_now = json.loads(campaign) | {"campaign_file": text}
+            (tmp_path / name / "campaign.json").write_text(json.dumps(content_now), encoding="utf-8")
+        found = compare(tmp_path / "b", tmp_path / "a")
+        assert not found.paired
+        called += any(change.verdict != "same" for change in found.changes)
+    # More than 3 of 30 at 1 % has a probability of 3e-4.
+    assert called <= 3
+
+
+@pytest.mark.parametrize(
+    ("prepare", "message"),
+    [
+        (lambda f: None, "holds no campaign"),
+        (lambda f: (f / "campaign.json").write_text("{"), "is not JSON"),
+        (lambda f: (f / "campaign.json").write_text("[]"), "is not the manifest of a campaign"),
+    ],
+)
+def test_a_folder_that_holds_no_campaign_is_refused(tmp_path, prepare, message, capsys):
+    prepare(tmp_path)
+    assert cli.main(["campaign-report", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_campaign_that_is_not_complete_is_not_reported(tmp_path, capsys):
+    store = made(tmp_path, SWEPT, swept)
+    store.scalars_path(2).unlink()
+    before = content(tmp_path)
+    assert cli.main(["campaign-report", str(tmp_path)]) == 2
+    assert "is not complete (1 of 6 files of runs are missing)" in capsys.readouterr().err
+    assert content(tmp_path) == before
+
+
+def test_campaigns_of_different_kinds_are_not_compared(tmp_path):
+    made(tmp_path / "a", SWEPT, swept)
+    made(tmp_path / "b", SWEPT, swept)
+    manifest = json.loads((tmp_path / "b" / "campaign.json").read_text(encoding="utf-8"))
+    manifest["campaign_file"] = HEAD + "[calibration]\n"
+    (tmp_path / "b" / "campaign.json").write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(InputError, match="its runs are of the kind calibration"):
+        compare(tmp_path / "a", tmp_path / "b")
+
+
+def test_a_gate_needs_something_to_compare_with(tmp_path, capsys):
+    made(tmp_path, SWEPT, swept)
+    assert cli.main(["campaign-report", str(tmp_path), "--gate"]) == 2
+    assert "--gate: goes with --against" in capsys.readouterr().err
+
+
+def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path, capsys):
+    """Part of `scenarios/campaigns/hidden-effects.toml`: detection against size, case for case that of the suite."""
+    from trihedron.hidden_suite.suite import named_suite, run_suite
+
+    ready = Path(__file__).resolve().parents[1] / "scenarios" / "campaigns" / "hidden-effects.toml"
+    (tmp_path / "c.toml").write_text(ready.read_text(encoding="utf-8").replace("repeats = 200", "repeats = 5"))
+    assert cli.main(["campaign", str(tmp_path / "c.toml"), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
+    suite = named_suite("detection")
+    done = run_suite(suite.options, 5, suite.seed)
+    computed = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["computed"]
+    falsified, right, confusion, inside = (item["result"] for item in computed)
+    expected = {b.low: (b.cases, b.detected, b.named) for b in detection(done.outcomes)}
+    found = {
+        f["low"]: (f["cases"], f["count"], r["count"]) for f, r in zip(falsified, right, strict=True) if f["cases"]
+    }
+    assert found == expected
+    assert confusion == suite_json(done)["confusion"]
+    assert inside[0]["count"] == suite_json(done)["size_errors"]["inside_intervals"]

@@ -1,0 +1,96 @@
+"""The documentation does what it says: every block of code runs, the site builds strictly and asks nothing of others."""
+
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from doc_blocks import ROOT, Reader, blocks_of, matches
+
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
+RUNNABLE = [page for page in PAGES if any(block.language != "text" for block in blocks_of(page))]
+
+
+def read_page(page: Path, tmp_path: Path, *, long: bool) -> None:
+    if page.name == "native-fmus.md" and not shutil.which("cc"):
+        pytest.skip("no C compiler")
+    folder = tmp_path / "reader"
+    folder.mkdir()
+    Reader(page, folder, long=long).read()
+
+
+@pytest.mark.parametrize("page", [p for p in RUNNABLE if any(not b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem)
+def test_blocks_of_code_do_what_the_page_says(page, tmp_path):
+    read_page(page, tmp_path, long=False)
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("page", [p for p in RUNNABLE if any(b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem)
+def test_long_blocks_do_what_the_page_says_too(page, tmp_path):
+    read_page(page, tmp_path, long=True)
+
+
+def test_no_code_hides_in_indented_blocks():
+    """An indented block would not be run."""
+    made = {"reference.md", "api.md"}
+    wrong = []
+    for page in PAGES:
+        if page.name in made or page.parent == ROOT:
+            continue
+        text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+        wrong += [f"{page.name}: {line}" for line in re.findall(r"(?<=\n\n)    \S.*", text)]
+    assert wrong == []
+
+
+def test_output_is_compared_line_by_line():
+    assert matches("a\n...\nc\n", "a\nb\nb2\nc\n")
+    assert matches("a\n", "a")
+    assert not matches("a\n", "a\nb\n")
+    assert not matches("a\n...\nc\n", "a\nb\n")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    if find_spec("material") is None:
+        pytest.skip("mkdocs-material is not installed (extra docs)")
+    folder = tmp_path_factory.mktemp("site") / "site"
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_the_site_builds_strictly_with_every_page(site):
+    missing = [page.stem for page in PAGES if page.parent != ROOT and page.stem != "index"
+               and not (site / page.stem / "index.html").is_file()]  # fmt: skip
+    assert missing == []
+
+
+def test_every_page_is_in_the_navigation(site):
+    home = (site / "index.html").read_text(encoding="utf-8")
+    nav = home[home.index("md-nav--primary") :]
+    missing = [p.stem for p in PAGES if p.parent != ROOT and p.stem != "index" and f'href="{p.stem}/"' not in nav]
+    assert missing == []
+
+
+def test_the_site_asks_nothing_of_the_network(site):
+    asked = []
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        asked += re.findall(r'<(?:script|img|iframe|source)[^>]*\bsrc="(?:https?:)?//[^"]*"', text)
+        asked += [tag for tag in re.findall(r'<link[^>]*href="(?:https?:)?//[^"]*"[^>]*>', text) if "canonical" not in tag]
+    for sheet in site.rglob("*.css"):
+        asked += re.findall(r"(?:url\(|@import\s+[\"'])\s*[\"']?(?:https?:)?//[^)\"']*", sheet.read_text(encoding="utf-8"))
+    assert asked == []
+
+
+def test_links_in_the_readme_and_the_changelog_lead_somewhere():
+    for name in ("README.md", "CHANGELOG.md"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        links = [link.split("#")[0] for link in re.findall(r"\]\(([^)]+)\)", text) if "://" not in link]
+        links += re.findall(r"\bdocs/[\w-]+\.md\b", text)
+        assert [link for link in links if link and not (ROOT / link).exists()] == []

@@ -1,0 +1,100 @@
+"""GyroCompensation undoes GyroBlock: exactly without effects, to second order with them, and stably for any lag."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gyro_readings import PERIOD, gyro_readings, lively_motion
+from trihedron.fmus import components
+from trihedron.fmus.composition import extend
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
+
+ERRORS = {
+    "scale_misalignment": np.array([1e-2, 2e-2, -3e-2, 4e-2, -5e-2, 6e-3, 7e-3, -8e-2, 9e-2]),
+    "bias": np.array([0.01, -0.02, 0.03]),
+}
+LATENCY = EffectPlace("latency", "gyro-block")
+INVERTIBLE = [e.places[0] for e in STRAPDOWN_EFFECTS.values() if e.stage == "reading_effects"]
+
+
+def undone(effects, rows, *, regular: bool = False, known=None) -> np.ndarray:
+    """Rates (N, 3) that the compensation with effects `known` makes of what a block with `effects` reads."""
+    read = gyro_readings(effects, rows, regular=regular, **ERRORS)
+    readings = replace(rows, rate=read)
+    return gyro_readings(effects if known is None else known, readings, "GyroCompensation", regular=regular, **ERRORS)
+
+
+def test_it_undoes_scale_misalignment_and_bias():
+    rows = lively_motion()
+    assert undone([], rows) == pytest.approx(rows.rate, abs=1e-14)
+
+
+@pytest.mark.parametrize("place", INVERTIBLE, ids=lambda p: p.title)
+def test_it_undoes_effects_to_second_order(place):
+    """What is left falls with the third power of an effect's size, or is nothing but rounding."""
+    effect, rows = STRAPDOWN_EFFECTS[place.effect], lively_motion()
+    regular = place.effect == "jitter"
+    scale = 0.2 * PERIOD if place == LATENCY else 0.02
+    direction = np.linspace(1.0, -0.8, len(effect.parameters))
+    left, size = [], []
+    for part in (1.0, 0.5):
+        values = effect.from_coefficients(part * scale * direction)
+        left.append(np.abs(undone([(place, values)], rows, regular=regular) - rows.rate).max())
+        size.append(np.abs(undone([(place, values)], rows, regular=regular, known=[]) - rows.rate).max())
+    assert left[0] < 0.1 * size[0]
+    assert left[1] < left[0] / 7.0 or left[1] < 1e-13
+
+
+def test_a_lag_of_a_step_and_a_fifth_is_taken_out_of_a_hand_like_motion():
+    """Rates of 3 rad/s that swing once in 0.7 s; uncompensated, the lag leaves a fifth of a radian a second."""
+    rows = lively_motion(even=True)
+    effects = [(LATENCY, [1.2 * PERIOD])]
+    lag = np.abs(undone(effects, rows, known=[]) - rows.rate)[10:].max()
+    left = np.abs(undone(effects, rows) - rows.rate)[10:].max()
+    assert lag > 0.15
+    assert left < 0.02 * lag
+
+
+@pytest.mark.parametrize("steps", [0.5, 1.3, 4.0, 8.0])
+def test_no_lag_makes_it_unstable(steps):
+    """A reading that jumps up and down is the worst that there is: a series of two terms cannot exceed 1 + 2 + 4."""
+    rows = lively_motion(even=True)
+    jumping = replace(rows, rate=np.where(np.arange(len(rows.rate)) % 2 == 0, 1.0, -1.0)[:, None] * np.ones(3))
+    shown = gyro_readings([(LATENCY, [steps * PERIOD])], jumping, "GyroCompensation")
+    assert np.abs(shown).max() <= 7.0 + 1e-12
+    # From a jump on, what came before is forgotten after two lags.
+    step = replace(rows, rate=np.where(np.arange(len(rows.rate)) < 10, 0.0, 1.0)[:, None] * np.ones(3))
+    shown = gyro_readings([(LATENCY, [steps * PERIOD])], step, "GyroCompensation")
+    assert shown[30:] == pytest.approx(np.ones_like(shown[30:]), abs=1e-12)
+
+
+def test_effects_without_an_inverse_and_of_others_are_refused():
+    compensation = components()["GyroCompensation"]
+    with pytest.raises(ValueError, match="has no inverse"):
+        extend(compensation, [EffectPlace("gyro-quantisation", "gyro-block")])
+    with pytest.raises(ValueError, match="extends AttitudeComputer, not GyroCompensation"):
+        extend(compensation, [EffectPlace("undersampling", "attitude-computer")])
+    with pytest.raises(ValueError, match="extends AccelerometerBlock, not GyroCompensation"):
+        extend(compensation, [EffectPlace("quadratic", "accelerometer-1")])
+
+
+@pytest.mark.parametrize(
+    ("inputs", "said"),
+    [
+        ({"increment_reading[2]": math.inf}, "increment_reading is not"),
+        ({"specific_force[1]": math.nan}, "specific_force is not"),
+        ({"interval": math.inf}, "interval is not"),
+        ({"scale_misalignment[2]": 0.45, "scale_misalignment[3]": 0.45, "scale_misalignment[1]": -0.3}, "too large"),
+    ],
+)
+def test_what_it_cannot_use_stops_the_step(inputs, said):
+    component = components()["GyroCompensation"]
+    at, model = references(component), instantiate(component)
+    assert model.initialise(0.0) == 0
+    assert model.do_step(0.0, PERIOD) == 0
+    for name, value in inputs.items():
+        model.set(at[name], value)
+    assert said in component.messages[model.do_step(PERIOD, PERIOD) - 1]

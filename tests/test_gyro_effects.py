@@ -1,0 +1,195 @@
+"""Effects of the gyros: names and definitions of the contract, signatures against the kernels in the block."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gyro_readings import gyro_readings, lively_motion
+from trihedron.fmus import components
+from trihedron.fmus.composition import extend
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.units import UNITS
+from trihedron.models.effects import (
+    POSITION_EFFECTS,
+    STRAPDOWN_EFFECTS,
+    EffectPlace,
+    parameter_name,
+    place_from_mapping,
+)
+
+CONTRACT = {
+    "gyro-bias": (3, "rad/s"),
+    "gyro-bias-drift": (3, "rad/s/h"),
+    "gyro-scale-misalignment": (9, "1"),
+    "gyro-scale-asymmetry": (3, "1"),
+    "gyro-g-sensitivity": (9, "rad/s/g"),
+    "latency": (1, "s"),
+    "gyro-g-squared": (9, "rad/s/g2"),
+    "gyro-quantisation": (1, "rad/s"),
+    "jitter": (1, "1"),
+}
+"""Number of parameters and unit."""
+IN_GYROS = [p for effect in STRAPDOWN_EFFECTS.values() if effect.component == "GyroBlock" for p in effect.places]
+LINEAR = [place for place in IN_GYROS if STRAPDOWN_EFFECTS[place.effect].variants is None]
+
+
+def test_the_catalogue_is_the_contracts():
+    for name, (count, unit) in CONTRACT.items():
+        effect = STRAPDOWN_EFFECTS[name]
+        assert [place.where for place in effect.places] == ["gyro-block"]
+        assert [p.unit for p in effect.parameters] == [unit] * count
+    assert [place.where for place in STRAPDOWN_EFFECTS["undersampling"].places] == ["attitude-computer"]
+    assert set(STRAPDOWN_EFFECTS) == {*CONTRACT, "undersampling"}
+    assert not set(STRAPDOWN_EFFECTS) & set(POSITION_EFFECTS)
+
+
+@pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
+def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
+    """Written by hand, they share no code with the kernels; steps are uneven."""
+    effect, rows = STRAPDOWN_EFFECTS[place.effect], lively_motion()
+    columns = effect.signature(place, rows)
+    assert columns.shape == (len(rows.rate), 3, len(effect.parameters))
+    regular = place.effect == "jitter"
+    clean = gyro_readings([], rows, regular=regular)
+    assert clean == pytest.approx(rows.rate, abs=1e-14)
+    for k in range(columns.shape[2]):
+        values = effect.from_coefficients(1e-3 * np.eye(columns.shape[2])[k])
+        change = (gyro_readings([(place, values)], rows, regular=regular) - clean) / 1e-3
+        assert np.abs(change - columns[:, :, k]).max() < 1e-11 * max(1.0, np.abs(columns).max())
+        assert np.abs(columns[:, :, k]).max() > 0.0
+
+
+@pytest.mark.parametrize("place", IN_GYROS, ids=lambda p: p.title)
+def test_parameters_have_names_units_sizes_and_a_sentence(place):
+    effect = STRAPDOWN_EFFECTS[place.effect]
+    coefficients = np.linspace(3e-3, -4e-3, len(effect.parameters))
+    values = dict(zip([p.name for p in effect.parameters], coefficients.tolist(), strict=True))
+    if effect.variants is None:
+        assert effect.from_coefficients(coefficients) == tuple(coefficients)
+    else:
+        with pytest.raises(TypeError, match="not linear"):
+            effect.signature(place, lively_motion())
+    assert place_from_mapping({"effect": place.effect, "where": place.where, **values}) == (place, values)
+    variables = extend(components()["GyroBlock"], [place]).variables
+    assert [v.name for v in variables[-len(values) :]] == [parameter_name(place, name) for name in values]
+    assert all(
+        p.unit in UNITS and p.possible(p.largest) and not p.possible(1.01 * p.largest) for p in effect.parameters
+    )
+    assert effect.sentence(place, values).startswith("the ")
+
+
+def test_the_block_reads_what_the_contract_defines():
+    rows = lively_motion(even=True)
+    w, n, hours = rows.rate, rows.specific_force, rows.hours[:, None]
+    products = np.stack([n[:, 0] * n[:, 1], n[:, 0] * n[:, 2], n[:, 1] * n[:, 2]], axis=1)
+    three, nine = np.array([1e-3, -2e-3, 3e-3]), np.linspace(-4e-3, 5e-3, 9)
+    matrix = nine.reshape(3, 3)
+    cases: list[tuple[str, Sequence[float] | np.ndarray, np.ndarray]] = [
+        ("gyro-bias", three, w + three),
+        ("gyro-bias-drift", three, w + three * hours),
+        ("gyro-scale-misalignment", nine, w + w @ matrix.T),
+        ("gyro-scale-asymmetry", three, w + three * np.abs(w)),
+        ("gyro-g-sensitivity", nine, w + n @ matrix.T),
+        ("gyro-g-squared", nine, w + products @ matrix.T),
+        ("gyro-quantisation", [0.01], 0.01 * np.floor(w / 0.01 + 0.5)),
+    ]
+    for name, values, expected in cases:
+        shown = gyro_readings([(EffectPlace(name, "gyro-block"), values)], rows)
+        assert shown == pytest.approx(expected, abs=1e-14), name
+
+
+@pytest.mark.parametrize("steps", [-0.7, 0.4, 1.0, 2.5, 7.999, 8.0, 11.0])
+def test_late_gyros_read_the_rate_of_a_while_ago(steps):
+    """Rates that hold over the steps, read between steps k and k + 1 of the past; beyond eight, a straight line."""
+    rows = lively_motion(even=True)
+    shown = gyro_readings([(EffectPlace("latency", "gyro-block"), [steps * rows.step[0]])], rows)
+    w = rows.rate
+
+    def before(k: int) -> np.ndarray:
+        return np.vstack([np.repeat(w[:1], k, axis=0), w[: len(w) - k]])
+
+    whole = min(max(int(np.floor(steps)), 0), 7)
+    expected = before(whole) + (steps - whole) * (before(whole + 1) - before(whole))
+    if steps > 8.0:
+        expected = w + steps / 8.0 * (before(8) - w)
+    assert shown == pytest.approx(expected, abs=1e-12)
+
+
+def test_effects_of_gyros_add_up_in_any_order():
+    rows = lively_motion()
+    effects = [
+        (place, STRAPDOWN_EFFECTS[place.effect].from_coefficients(np.linspace(1e-3, 3e-3, len(e.parameters))))
+        for place in IN_GYROS
+        if (e := STRAPDOWN_EFFECTS[place.effect]).stage == "reading_effects"
+    ]
+    together = gyro_readings(effects, rows)
+    assert gyro_readings(effects[::-1], rows) == pytest.approx(together, abs=1e-14)
+    clean = gyro_readings([], rows)
+    assert together - clean == pytest.approx(sum(gyro_readings([one], rows) - clean for one in effects), abs=1e-13)
+
+
+def test_jitter_of_the_log_alone_makes_rates_count_over_wrong_intervals():
+    """Increments that were made of rates and logged intervals; a missed sample is two periods, not jitter."""
+    rows = lively_motion()
+    lengths = rows.step.copy()
+    lengths[20] += rows.period
+    rows = replace(rows, step=lengths)
+    shown = gyro_readings([(EffectPlace("jitter", "gyro-block"), [1.0])], rows, regular=True)
+    counted = np.where(np.arange(len(lengths)) == 20, lengths / rows.period - 1.0, lengths / rows.period)
+    assert shown == pytest.approx(rows.rate * counted[:, None], abs=1e-12)
+    assert np.abs(shown - rows.rate).max() > 0.1
+    none = gyro_readings([(EffectPlace("jitter", "gyro-block"), [1.0])], rows)
+    assert none == pytest.approx(rows.rate, abs=1e-14)
+
+
+def test_steps_of_the_gyros_are_found_in_their_readings():
+    effect, rows = STRAPDOWN_EFFECTS["gyro-quantisation"], lively_motion()
+    place = effect.places[0]
+    assert effect.variants is not None
+    seen = gyro_readings([(place, [2.5e-3])], rows)
+    (variant,) = effect.variants(place, rows, seen, 1e-3)
+    assert variant.values(np.zeros(0)) == pytest.approx((2.5e-3,), rel=1e-9)
+    assert np.all(np.abs(seen - rows.rate) <= variant.widening * (1.0 + 1e-9))
+    assert effect.variants(place, rows, rows.rate, 1e-3) == []
+
+
+def test_undersampling_leaves_out_what_the_computer_then_adds():
+    """A coning motion, by the mean-rate algorithm: with c = 1/12 its drift goes, and the signature says how."""
+    place = EffectPlace("undersampling", "attitude-computer")
+    step, rows = 0.01, 400
+    edges = step * np.arange(rows + 1)
+    # Increments of a rate (cos Ωt, sin Ωt, 0) with Ω = 20 rad/s; the true attitude by steps of a hundredth.
+    cut = 100
+    fine = step * (np.arange(cut * rows) + 0.5) / cut
+    small = np.stack([np.cos(20.0 * fine), np.sin(20.0 * fine), 0.0 * fine], axis=1) * (step / cut)
+    increments = np.stack([np.diff(np.sin(20.0 * edges)), -np.diff(np.cos(20.0 * edges)), 0.0 * edges[1:]], axis=1) / 20
+    truth = Rotation.identity()
+    for turn in small:
+        truth = truth * Rotation.from_rotvec(turn)
+    left = {c: (truth.inv() * attitude_after(increments, step, place, c)).magnitude() for c in (None, 0.0, 1.0 / 12.0)}
+    assert left[0.0] == left[None] > 6e-4
+    assert left[1.0 / 12.0] < 0.03 * left[0.0]
+    rate = increments / step
+    motion = replace(lively_motion(), rate=rate, rate_before=np.vstack([rate[:1], rate[:-1]]), step=np.full(rows, step))
+    added = -STRAPDOWN_EFFECTS["undersampling"].signature(place, motion)[..., 0] * step / 12.0
+    corrected = attitude_after(increments + added, step, place, None)
+    with_effect = attitude_after(increments, step, place, 1.0 / 12.0)
+    assert (corrected.inv() * with_effect).magnitude() < 1e-12
+
+
+def attitude_after(increments: np.ndarray, step: float, place: EffectPlace, coefficient: float | None) -> Rotation:
+    """Attitude that the computer, extended where there is a coefficient, has after increments (N, 3) [rad]."""
+    component = extend(components()["AttitudeComputer"], [] if coefficient is None else [place])
+    at, model = references(component), instantiate(component)
+    model.set(at["algorithm"], 2.0)
+    if coefficient is not None:
+        model.set(at[parameter_name(place, "coefficient")], coefficient)
+    assert model.initialise(0.0) == 0
+    for k, increment in enumerate(increments):
+        for i in range(3):
+            model.set(at[f"increment[{i + 1}]"], float(increment[i]))
+        assert model.do_step(k * step, step) == 0
+    return Rotation.from_quat([model.get(at[f"attitude[{i + 1}]"]) for i in range(4)], scalar_first=True)

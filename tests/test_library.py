@@ -1,0 +1,154 @@
+"""`import trihedron as th`: what a notebook uses; results that show themselves; commands that are thin."""
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import trihedron as th
+from trihedron import cli, library
+from trihedron.shown import Shown, table_html
+
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+
+
+@pytest.fixture(scope="module")
+def run() -> th.Simulation:
+    """The static calibration, in memory."""
+    return th.simulate(SCENARIOS / "static-calibration.toml")
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """A record with a hidden quadratic term."""
+    return th.hide(7, "quadratic")
+
+
+def test_importing_it_imports_nothing():
+    """Neither our own modules nor a library: each comes with the first use of what needs it."""
+    said = subprocess.run(
+        [sys.executable, "-c", "import sys; before = set(sys.modules); import trihedron; "
+         "print(*(set(sys.modules) - before))"],
+        capture_output=True, text=True, check=True, timeout=60,
+    ).stdout.split()  # fmt: skip
+    assert [name for name in said if name.partition(".")[0] not in {"trihedron", *sys.stdlib_module_names}] == []
+    assert [name for name in said if name.startswith("trihedron.")] == []
+
+
+def test_every_name_is_there_and_none_is_that_of_a_module():
+    """A function named as a module would be replaced by it as soon as anything imports the module."""
+    folder = Path(inspect.getfile(library)).parent
+    modules = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()}
+    assert set(th.__all__) == {*library.__all__, "__version__"}
+    for name in library.__all__:
+        assert name not in modules
+        assert getattr(th, name) is getattr(library, name)
+        assert inspect.getdoc(getattr(library, name))
+    assert set(th.__all__) <= set(dir(th))
+    with pytest.raises(AttributeError, match="'trihedron' has no attribute 'calibrat'"):
+        _ = th.calibrat  # type: ignore[attr-defined]
+
+
+def test_a_run_goes_on_to_calibration_without_files(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = th.calibrate(run, noise_bound=1e-5)
+    assert result.verdict == "consistent"
+    assert run["alpha_deg"].len() == run.height == len(run.to_polars())
+    # The record, its table, the raw table and the file of either give the same numbers.
+    th.simulate(SCENARIOS / "static-calibration.toml", out="run")
+    for source in (run.positions, run.to_polars(), "run/run.parquet"):
+        again = th.calibrate(source, noise_bound=1e-5)
+        assert again.to_polars().equals(result.to_polars()), source
+    # Angles and readings in decimal digits are not quite the same doubles.
+    again = th.calibrate(Path("run/positions.csv"), noise_bound=1e-5)
+    assert again.to_polars()["estimate"].to_list() == pytest.approx(result.to_polars()["estimate"].to_list(), abs=1e-12)
+
+
+def test_records_go_to_tables_and_back(hidden):
+    record = hidden.record
+    again = th.calibrate(record.to_polars(), noise_bound=1e-5)
+    assert again.to_polars().equals(th.calibrate(record, noise_bound=1e-5).to_polars())
+    assert record.to_polars().columns[:4] == ["position", "time_s", "alpha_deg", "beta_deg"]
+
+
+def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden):
+    assert "quadratic" not in str(hidden) + hidden._repr_html_()
+    assert hidden.secret["hidden"]["effect"] == "quadratic"
+    found = th.diagnose(hidden.record, noise_bound=1e-5)
+    assert found.causes[0].place.effect == "quadratic"
+    row = found.to_polars().row(0, named=True)
+    assert row["low"] <= hidden.secret["hidden"]["parameters"]["coefficient"] <= row["high"]
+
+
+def test_results_show_themselves(run, hidden, tmp_path):
+    calibration = th.calibrate(run, noise_bound=1e-5)
+    (tmp_path / "c.json").write_text(calibration.json_text(), encoding="utf-8")
+    hidden.record.to_polars().write_csv(tmp_path / "r.csv")
+    results = [
+        run,
+        calibration,
+        th.diagnose(hidden.record, noise_bound=1e-5),
+        th.plan("X4", grid=5.0),
+        th.plan_positions(6, starts=1, cuts=0),
+        th.export("AccelerometerBlock", out=tmp_path),
+        th.apply(calibration, tmp_path / "r.csv"),
+        th.check(tmp_path / "c.json"),
+        hidden,
+        run.positions,
+    ]
+    for result in results:
+        assert isinstance(result, Shown)
+        table = result.to_polars()
+        assert isinstance(table, pl.DataFrame)
+        said = str(result)
+        assert repr(result) == said
+        assert said.split("\n")[0] == next(iter(result.lines()))
+        page = result._repr_html_()
+        assert page.count("<table>") == page.count("</table>") == 1
+        assert all(f"<th>{name}</th>" in page for name in table.columns)
+
+
+def test_a_table_of_a_notebook_is_escaped_and_short():
+    page = table_html(pl.DataFrame({"<b>": [f"<{k}>" for k in range(100)], "x": [None] * 100}))
+    assert "&lt;b&gt;" in page
+    assert "<0>" not in page
+    assert page.count("<tr>") == 41
+    assert "60 rows more" in page
+
+
+def test_commands_say_what_the_library_gives(run, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run.positions.to_polars().write_csv("positions.csv")
+    result = th.calibrate("positions.csv", noise_bound=1e-5)
+    assert cli.main(["calibrate", "positions.csv", "--noise-bound", "1e-5", "--json", "c.json"]) == 0
+    assert capsys.readouterr().out == f"{result}\n"
+    assert json.loads(Path("c.json").read_text()) == result.to_json()
+    assert cli.main(["apply", "c.json", "positions.csv"]) == 0
+    assert capsys.readouterr().out == f"{th.apply('c.json', 'positions.csv')}\n"
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: th.calibrate("missing.csv"), "missing.csv: no such file"),
+        (lambda: th.calibrate(pl.DataFrame({"time_s": [1.0]})), "missing for a"),
+        (lambda: th.plan("X44"), "X44"),
+        (lambda: th.plan_positions(6, start=1), "did you mean 'starts'?"),
+        (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
+        (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
+        (lambda: th.new("scenari"), "did you mean 'scenario'?"),
+        (lambda: th.simulate({"run": {"step_s": 1.0}}), "fmus: is missing"),
+        (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),
+    ],
+)
+def test_a_mistake_is_one_line(call, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(th.InputError) as refused:
+        call()
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,234 @@
+"""Two campaigns held against each other: what got better, what got worse, beyond chance.
+
+Runs of the same number, parameters and file are pairs; else the two are samples of their own. Numbers: Wilcoxon's
+signed-rank test of pairs, else Mann and Whitney's. What either happens or not (a run that fails, a text that is as it
+should be, a flag): McNemar's exact test of pairs, else Fisher's. Holm's correction makes the probability that anything
+is called better or worse by chance at most `CHANCE`, whatever the number of scalars.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy import stats
+
+from trihedron.campaign.computing import Results
+from trihedron.campaign.store import open_result
+from trihedron.errors import InputError
+
+SCHEMA = "trihedron.campaign-comparison/1"
+CHANCE = 0.01
+"""Probability that two campaigns that differ by chance alone are called different in anything."""
+ROUNDING = 1e-9
+"""Differences below this part of the scalar's usual size are rounding, not changes."""
+FEWEST = 6
+"""Fewer runs say nothing."""
+Verdict = Literal["better", "worse", "changed", "same"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """What became of one scalar.
+
+    Attributes
+    ----------
+    name : str
+    what : str
+        what is compared: "median", or the part of the runs that are so
+    before, after : float or None
+        its value in the campaign compared with, and in this one
+    p : float or None
+        probability of such a difference by chance, corrected for the number of scalars; None where it cannot be told
+    verdict : str
+        "better", "worse", "changed" (beyond chance, where neither way is better), or "same": no change beyond chance
+    runs : int
+        how many runs this rests on
+    """
+
+    name: str
+    what: str
+    before: float | None
+    after: float | None
+    p: float | None
+    verdict: Verdict
+    runs: int
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All changes; `paired` says whether runs of the same number were held against each other."""
+
+    paired: bool
+    changes: tuple[Change, ...]
+
+    def of(self, verdict: Verdict) -> list[Change]:
+        """Changes of one kind."""
+        return [change for change in self.changes if change.verdict == verdict]
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.campaign-comparison/1."""
+        return {
+            "schema": SCHEMA,
+            "paired": self.paired,
+            "chance": CHANCE,
+            "better": len(self.of("better")),
+            "worse": len(self.of("worse")),
+            "changes": [dict(vars(change)) for change in self.changes],
+        }
+
+
+@dataclass(frozen=True)
+class _Test:
+    """A comparison before the correction: its direction is +1 where the scalar grew, −1 where it fell."""
+
+    name: str
+    what: str
+    before: float | None
+    after: float | None
+    p: float | None
+    direction: int
+    better: str | None
+    runs: int
+
+
+def compare(folder: Path, other: Path) -> Comparison:
+    """Hold a campaign against another one.
+
+    Parameters
+    ----------
+    folder : Path
+        of the campaign that is judged
+    other : Path
+        of the one that it is compared with
+
+    Raises
+    ------
+    InputError
+        a folder without a whole campaign, or campaigns of different kinds of runs
+    """
+    (store, manifest), (store_before, _) = open_result(folder), open_result(other)
+    campaign, campaign_before = store.campaign, store_before.campaign
+    if campaign.kind != campaign_before.kind:
+        raise InputError(
+            f"--against {other}: its runs are of the kind {campaign_before.kind}, those of {folder} {campaign.kind}"
+        )
+    now, before = Results(store), Results(store_before)
+    paired = _same_runs(now, before)
+    outputs: dict[str, dict[str, Any]] = manifest.get("outputs", {})
+    tests = [_happens("failed", "part of the runs that failed", _failed(before), _failed(now), "lower", paired)]
+    for name, output in outputs.items():
+        if name not in now.schema or name not in before.schema or now.schema[name] != before.schema[name]:
+            continue
+        better, good = output.get("better"), output.get("good") or []
+        if now.schema[name].is_numeric():
+            tests.append(_numbers(name, before.numbers(name), now.numbers(name), better, paired))
+        elif now.schema[name] == pl.Boolean:
+            what = "part of the runs in which it is true"
+            tests.append(_happens(name, what, before.numbers(name), now.numbers(name), better, paired))
+        elif good:
+            what = f"part of the runs in which it is {' or '.join(good)}"
+            tests.append(_happens(name, what, _is(before, name, good), _is(now, name, good), "higher", paired))
+    return Comparison(paired, tuple(_corrected(tests)))
+
+
+def _same_runs(now: Results, before: Results) -> bool:
+    """Whether run k of both has the same parameters and the same random errors."""
+    a, b = now.store.campaign, before.store.campaign
+    if (a.runs, a.seed, a.sampling.method == "saltelli") != (b.runs, b.seed, b.sampling.method == "saltelli"):
+        return False
+    if list(a.parameters) != list(b.parameters):
+        return False
+    return all(now.column(name).equals(before.column(name), null_equal=True) for name in a.parameters)
+
+
+def _failed(results: Results) -> NDArray:
+    return results.column("failed").is_not_null().to_numpy().astype(float)
+
+
+def _is(results: Results, name: str, good: Sequence[str]) -> NDArray:
+    """1 where a text is as it should be, 0 where it is not, NaN where there is none."""
+    column = results.column(name)
+    return column.is_in(list(good)).cast(pl.Float64).fill_null(math.nan).to_numpy()
+
+
+def _happens(name: str, what: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> _Test:
+    """Compare how often something is so; arrays of 0, 1 and NaN."""
+    if paired:
+        there = np.isfinite(before) & np.isfinite(now)
+        before, now = before[there], now[there]
+        up, down = int(((now == 1.0) & (before == 0.0)).sum()), int(((now == 0.0) & (before == 1.0)).sum())
+        p = float(stats.binomtest(up, up + down).pvalue) if up + down else 1.0
+        direction = int(np.sign(up - down))
+    else:
+        before, now = before[np.isfinite(before)], now[np.isfinite(now)]
+        table = [[now.sum(), len(now) - now.sum()], [before.sum(), len(before) - before.sum()]]
+        p = float(np.asarray(stats.fisher_exact(np.array(table, dtype=int))[1]))
+        direction = int(np.sign(_mean(now) - _mean(before)))
+    enough = min(len(before), len(now)) >= FEWEST
+    return _Test(name, what, _number(_mean(before)), _number(_mean(now)), p if enough else None, direction, better,
+                 len(now))  # fmt: skip
+
+
+def _numbers(name: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> _Test:
+    """Compare the values of a scalar."""
+    p: float | None = None
+    if paired:
+        there = np.isfinite(before) & np.isfinite(now)
+        before, now = before[there], now[there]
+        change = now - before
+        change[np.abs(change) <= ROUNDING * _scale(before, now)] = 0.0
+        moved = change[change != 0.0]
+        direction = int(np.sign(np.median(moved))) if len(moved) else 0
+        if len(change) >= FEWEST:
+            ranked: Any = stats.wilcoxon(moved) if len(moved) >= FEWEST else None
+            p = 1.0 if ranked is None else float(ranked.pvalue)
+        if direction == 0 and len(moved):
+            direction = int(np.sign(moved.mean()))
+    else:
+        before, now = before[np.isfinite(before)], now[np.isfinite(now)]
+        direction = 0
+        if min(len(before), len(now)) >= FEWEST:
+            result: Any = stats.mannwhitneyu(now, before, method="asymptotic")
+            p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(result.pvalue)
+            direction = int(np.sign(result.statistic - 0.5 * len(now) * len(before)))
+    middle = [float(np.median(x)) if len(x) else math.nan for x in (before, now)]
+    return _Test(name, "median", _number(middle[0]), _number(middle[1]), p, direction, better, len(now))
+
+
+def _scale(before: NDArray, now: NDArray) -> float:
+    both = np.abs(np.concatenate((before, now)))
+    return float(np.median(both[both > 0.0])) if (both > 0.0).any() else 0.0
+
+
+def _mean(values: NDArray) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _corrected(tests: Sequence[_Test]) -> list[Change]:
+    """Holm's correction over all scalars that can be told, and what it leaves of each."""
+    told = sorted((test.p, k) for k, test in enumerate(tests) if test.p is not None)
+    corrected: dict[int, float] = {}
+    largest = 0.0
+    for rank, (p, k) in enumerate(told):
+        largest = max(largest, min(1.0, p * (len(told) - rank)))
+        corrected[k] = largest
+    return [_change(test, corrected.get(k)) for k, test in enumerate(tests)]
+
+
+def _change(test: _Test, p: float | None) -> Change:
+    verdict: Verdict = "same"
+    if p is not None and p <= CHANCE and test.direction:
+        if test.better is None:
+            verdict = "changed"
+        else:
+            verdict = "better" if (test.direction > 0) == (test.better == "higher") else "worse"
+    return Change(test.name, test.what, test.before, test.after, p, verdict, test.runs)

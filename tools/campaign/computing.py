@@ -1,0 +1,210 @@
+"""What a campaign computes over its runs: quantiles, rates, confusion, sensitivity. One column is read at a time."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy import stats
+
+from trihedron.campaign.computations import Computation
+from trihedron.campaign.file import Campaign
+from trihedron.campaign.partitions import partition_count
+from trihedron.campaign.store import Store
+from trihedron.errors import InputError
+
+SCHEMA = "trihedron.campaign-summary/1"
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+CONFIDENCE = 0.95
+RESAMPLES = 200
+"""Bootstrap samples behind the intervals of Sobol indices."""
+MOST_MESSAGES = 20
+
+
+class Results:
+    """The columns of a campaign's data set.
+
+    Parameters
+    ----------
+    store : Store
+    """
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self._files = [store.scalars_path(k) for k in range(partition_count(store.campaign))]
+        missing = [path for path in self._files if not path.is_file()]
+        if missing:
+            raise InputError(
+                f"{store.folder}: is not complete ({len(missing)} of {len(self._files)} files of runs are missing); "
+                "trihedron campaign with --resume goes on with it"
+            )
+        self.schema: dict[str, pl.DataType] = dict(pl.read_parquet_schema(self._files[0]))
+
+    def column(self, name: str) -> pl.Series:
+        """A column, all runs in order."""
+        return pl.scan_parquet(self._files, glob=False).select(name).collect()[name]
+
+    def numbers(self, name: str) -> NDArray:
+        """A column as doubles; NaN where a run has no value."""
+        return self.column(name).cast(pl.Float64).fill_null(math.nan).to_numpy()
+
+    def is_number(self, name: str) -> bool:
+        """Whether a column holds numbers or flags."""
+        return self.schema[name].is_numeric() or self.schema[name] == pl.Boolean
+
+
+def summarise(store: Store) -> dict[str, Any]:
+    """The object of schema trihedron.campaign-summary/1: what the file asks for, and what failed."""
+    results = Results(store)
+    failed = results.column("failed")
+    messages = Counter(failed.drop_nulls().to_list())
+    return {
+        "schema": SCHEMA,
+        "title": store.campaign.title,
+        "kind": store.campaign.kind,
+        "runs": store.campaign.runs,
+        "failed": len(failed) - failed.null_count(),
+        "failures": [
+            {"message": message, "runs": count, "first_run": int((failed == message).arg_max() or 0)}
+            for message, count in sorted(messages.items(), key=lambda item: (-item[1], item[0]))[:MOST_MESSAGES]
+        ],
+        "computed": [computed(item, results) for item in store.campaign.compute],
+    }
+
+
+def computed(item: Computation, results: Results) -> dict[str, Any]:
+    """One computation and what comes of it."""
+    if item.quantiles is not None:
+        found = quantiles(results, item.quantiles, item.at or list(QUANTILES))
+    elif item.rate is not None:
+        found = rates(results, item)
+    elif item.confusion is not None:
+        found = confusion(results, item.confusion, str(item.of))
+    else:
+        found = sensitivity(results, item.sensitivity or [])
+    return {**item.as_written(), "result": found}
+
+
+def quantiles(results: Results, names: Sequence[str], at: Sequence[float]) -> dict[str, Any]:
+    """Quantiles, mean and extremes of scalars, over the runs that have them."""
+    found = {}
+    for name in names:
+        values = results.numbers(name)
+        values = values[np.isfinite(values)]
+        if not len(values):
+            found[name] = {"runs": 0}
+            continue
+        at_parts = np.quantile(values, at).tolist()
+        found[name] = {
+            "runs": len(values),
+            "mean": float(values.mean()),
+            "std": float(values.std(ddof=1)) if len(values) > 1 else None,
+            "least": float(values.min()),
+            "largest": float(values.max()),
+            "quantiles": [{"at": p, "value": v} for p, v in zip(at, at_parts, strict=True)],
+        }
+    return found
+
+
+def rates(results: Results, item: Computation) -> list[dict[str, Any]]:
+    """How often a scalar is one of some values, with Wilson's interval; over all, or over ranges of another scalar."""
+    assert item.rate is not None
+    column = results.column(item.rate)
+    there = column.is_not_null().to_numpy()
+    wanted = [str(v).lower() if isinstance(v, bool) else str(v) for v in item.values or ()]
+    hits = column.cast(pl.String).is_in(wanted).fill_null(False).to_numpy()
+    if item.against is None:
+        return [rate(hits[there])]
+    against = results.numbers(item.against)
+    found = []
+    for low, high in pairwise(item.edges or ()):
+        own = there & (against >= low) & (against < high)
+        found.append({"low": low, "high": high, **rate(hits[own])})
+    return found
+
+
+def rate(hits: NDArray) -> dict[str, Any]:
+    """A rate with its interval by Wilson's score."""
+    count, cases = int(hits.sum()), len(hits)
+    if not cases:
+        return {"cases": 0, "count": 0, "rate": None, "interval": None}
+    interval = stats.binomtest(count, cases).proportion_ci(CONFIDENCE, method="wilson")
+    return {"cases": cases, "count": count, "rate": count / cases, "interval": [interval.low, interval.high]}
+
+
+def confusion(results: Results, named: str, of: str) -> dict[str, dict[str, int]]:
+    """How often each value of one column goes with each value of another: true -> named -> count."""
+    table: dict[str, Counter[str]] = {}
+    pairs = zip(results.column(of).to_list(), results.column(named).to_list(), strict=True)
+    for true, said in pairs:
+        if true is not None and said is not None:
+            table.setdefault(str(true), Counter())[str(said)] += 1
+    return {true: dict(sorted(row.items())) for true, row in sorted(table.items())}
+
+
+def sensitivity(results: Results, names: Sequence[str]) -> dict[str, Any]:
+    """How scalars depend on the parameters: Sobol indices of a Saltelli sampling, else Spearman's rank correlations."""
+    campaign = results.store.campaign
+    if campaign.sampling.method == "saltelli":
+        return {name: sobol_indices(campaign, results.numbers(name)) for name in names}
+    numeric = [name for name in campaign.parameters if results.schema[name] == pl.Float64]
+    columns = {name: results.numbers(name) for name in numeric}
+    return {name: {"method": "rank-correlation", **correlations(columns, results.numbers(name))} for name in names}
+
+
+def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str, Any]:
+    """Spearman's rank correlation with each parameter, and the p-value of none."""
+    found = {}
+    for name, column in parameters.items():
+        there = np.isfinite(values) & np.isfinite(column)
+        x, y = column[there], values[there]
+        if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+            found[name] = {"correlation": None, "p": None}
+        else:
+            result: Any = stats.spearmanr(x, y)
+            found[name] = {"correlation": float(result.statistic), "p": float(result.pvalue)}
+    return {"parameters": found}
+
+
+def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
+    """First-order and total Sobol indices with bootstrapped intervals; rows in which a run failed are left out.
+
+    Source: Saltelli et al., Computer Physics Communications 181 (2010), 259-270, as scipy.stats.sobol_indices has it.
+    """
+    names, n = list(campaign.distributions), campaign.sampling.points
+    rows = values.reshape(len(names) + 2, n)
+    whole = np.isfinite(rows).all(axis=0)
+    # The estimators are means over rows, of which scipy wants a power of two.
+    kept = 1 << max(int(whole.sum()).bit_length() - 1, 0)
+    rows = rows[:, whole][:, :kept]
+    left_out = {"method": "sobol", "rows": rows.shape[1], "rows_with_failures": int(n - whole.sum())}
+    if rows.shape[1] < 2 or np.ptp(rows) == 0.0:
+        return {**left_out, "parameters": {name: {"first": None, "total": None} for name in names}}
+    first, total = _indices(rows)
+    rng = np.random.default_rng(np.random.SeedSequence(campaign.seed))
+    again = [_indices(rows[:, rng.integers(0, rows.shape[1], rows.shape[1])]) for _ in range(RESAMPLES)]
+    tails = [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
+    ends = np.quantile(np.array(again), tails, axis=0)
+    return {
+        **left_out,
+        "parameters": {
+            name: {
+                "first": float(first[k]),
+                "first_interval": ends[:, 0, k].tolist(),
+                "total": float(total[k]),
+                "total_interval": ends[:, 1, k].tolist(),
+            }
+            for k, name in enumerate(names)
+        },
+    }
+
+
+def _indices(rows: NDArray) -> tuple[NDArray, NDArray]:
+    """First-order and total indices from the values of the rows of A, B and each A with a column from B."""
+    blocks: Any = {"f_A": rows[None, 0], "f_B": rows[None, 1], "f_AB": rows[2:, None]}
+    found = stats.sobol_indices(func=blocks, n=rows.shape[1])
+    return np.ravel(found.first_order), np.ravel(found.total_order)

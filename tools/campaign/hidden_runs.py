@@ -1,0 +1,71 @@
+"""A run that is a case of the hidden-effect suite; the same cases as `trihedron hidden` draws."""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from trihedron.campaign.calibration_runs import record_table
+from trihedron.campaign.design import Value
+from trihedron.campaign.file import Campaign
+from trihedron.campaign.kinds import Output, Result
+from trihedron.campaign.settings import HiddenSetting
+from trihedron.errors import InputError
+from trihedron.hidden_suite.cases import SuiteOptions, draw_case
+from trihedron.hidden_suite.measurement import measure_case
+from trihedron.hidden_suite.outcomes import outcome_of
+from trihedron.hidden_suite.suite import diagnosed, named_suite
+from trihedron.hidden_suite.summary import hidden_name, named_name
+
+
+class HiddenRuns:
+    """Cases of the suite: run i is case i of the seed."""
+
+    def __init__(self, campaign: Campaign, setting: HiddenSetting) -> None:
+        self.keep = campaign.keep
+        if setting.suite is not None:
+            try:
+                named = named_suite(setting.suite)
+            except InputError as error:
+                raise InputError(f"hidden.suite: {str(error).removeprefix('--suite ')}") from error
+            self.options, self.seed = named.options, named.seed
+        else:
+            size = setting.size
+            self.options = SuiteOptions(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
+            self.seed = campaign.seed
+        self.outputs = {
+            "hidden": Output(pl.String),
+            "named": Output(pl.String),
+            "verdict": Output(pl.String),
+            "outcome": Output(pl.String, good=("right", "candidate")),
+            "relative_size": Output(pl.Float64),
+            "radius": Output(pl.Float64),
+            "inside": Output(pl.Boolean, "higher"),
+            "size_error": Output(pl.Float64),
+            "positions": Output(pl.Int64),
+            "redrawn": Output(pl.Int64),
+        }
+
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Result:
+        """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
+        case = draw_case(self.options, self.seed, number)
+        record = measure_case(case)
+        found = diagnosed(case, record)
+        outcome = outcome_of(case, found)
+        scalars: dict[str, Value | int | None] = {
+            "hidden": hidden_name(outcome),
+            "named": named_name(outcome),
+            "verdict": outcome.verdict,
+            "outcome": outcome.kind,
+            "relative_size": case.hidden[0].relative_size if len(case.hidden) == 1 else None,
+            "radius": outcome.radius,
+            "inside": outcome.inside,
+            "size_error": outcome.errors[0] if len(outcome.errors) == 1 else None,
+            "positions": len(case.bench.alpha),
+            "redrawn": case.redrawn,
+        }
+        told = None
+        if self.keep.diagnosis:
+            told = json.dumps({**outcome.to_json(), "diagnosis": found.to_json()}, ensure_ascii=False, allow_nan=False)
+        return Result(scalars, record_table(record) if self.keep.record else None, told)

@@ -1,0 +1,104 @@
+"""The commands that carry out campaigns of runs; thin layers over `trihedron.campaign`."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from trihedron.errors import InputError
+from trihedron.options import JsonFile, ReportFile
+from trihedron.outputs import distinct_files
+
+WORSE = 3
+"""Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
+
+
+def campaign(
+    campaign: Path,
+    /,
+    *,
+    jobs: Annotated[
+        int | None,
+        Parameter(allow_leading_hyphen=True, help="Worker processes; by default as many as there are cores."),
+    ] = None,
+    engine: Annotated[
+        Literal["local", "dask"], Parameter(help="Processes of this machine, or a Dask cluster (extra `cluster`).")
+    ] = "local",
+    scheduler: Annotated[
+        str | None, Parameter(help="Of --engine dask: address of its scheduler; without it, a local cluster.")
+    ] = None,
+    resume: Annotated[bool, Parameter(help="Go on with what the folder holds already.")] = False,
+    out: Annotated[
+        Path | None, Parameter(help="Folder for the results; by default <campaign>-campaign in the current folder.")
+    ] = None,
+) -> None:
+    """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
+
+    Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s
+
+    Parameters
+    ----------
+    campaign
+        The campaign file (TOML).
+    """
+    from trihedron.campaign.campaign import run_campaign
+    from trihedron.campaign.texts import summary_text
+    from trihedron.report.campaign_page import campaign_page
+    from trihedron.writing import write_text
+
+    done = run_campaign(campaign, out, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=True)
+    print(summary_text(done.summary))
+    print(f"\n{done.computed} runs in {done.seconds:.1f} s")
+    write_text(done.page, campaign_page(done.store, done.manifest))
+    for file in done.files:
+        print(file)
+
+
+def campaign_report(
+    folder: Path,
+    /,
+    *,
+    against: Annotated[Path | None, Parameter(help="Folder of the campaign to compare with.")] = None,
+    gate: Annotated[bool, Parameter(help="End with exit status 3 where something got worse beyond chance.")] = False,
+    report: ReportFile = None,
+    json: JsonFile = None,
+) -> None:
+    """Write the page of a campaign; say what got better or worse than in another one, beyond chance.
+
+    Example: trihedron campaign-report attitude-60s
+
+    Example: trihedron campaign-report new --against old --gate
+
+    Parameters
+    ----------
+    folder
+        Of a campaign that is complete.
+    report
+        File of the page, <folder>/index.html by default.
+    json
+        File for the comparison, or without --against for the summary.
+    """
+    distinct_files({"--report": report, "--json": json})
+    from json import dumps
+
+    from trihedron.campaign.comparison import compare
+    from trihedron.campaign.computing import summarise
+    from trihedron.campaign.store import open_result
+    from trihedron.campaign.texts import comparison_text, summary_text
+    from trihedron.report.campaign_page import campaign_page
+    from trihedron.writing import write_text
+
+    if gate and against is None:
+        raise InputError("--gate: goes with --against, the campaign to compare with")
+    store, manifest = open_result(folder)
+    comparison = None if against is None else compare(folder, against)
+    page = folder / "index.html" if report is None else report
+    summary = summarise(store)
+    write_text(page, campaign_page(store, manifest, comparison))
+    if json is not None:
+        told = summary if comparison is None else comparison.to_json()
+        write_text(json, dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    print(summary_text(summary) if comparison is None else comparison_text(comparison))
+    print(page)
+    if gate and comparison is not None and comparison.of("worse"):
+        raise SystemExit(WORSE)

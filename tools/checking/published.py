@@ -1,0 +1,145 @@
+"""The published objects as models: what a file of results must have. Keys beside these are let through."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+Axis = Literal["asymmetric", "symmetric"]
+
+
+class _Object(BaseModel):
+    model_config = ConfigDict(extra="allow", strict=True, frozen=True)
+
+
+class Reading(_Object):
+    """A reading that proves something."""
+
+    position: Annotated[int, Field(ge=1)]
+    accelerometer: Annotated[int, Field(ge=1, le=3)]
+
+
+class Target(_Object):
+    """An estimate with its guaranteed error and exact interval."""
+
+    symbol: str
+    name: str
+    unit: str
+    estimate: Number | None
+    guaranteed_error: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
+    low: Number | None
+    high: Number | None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Target":
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low = {self.low!r} is above high = {self.high!r}")
+        return self
+
+
+class TablePosition(_Object):
+    """Angles of the table."""
+
+    alpha_deg: Number
+    beta_deg: Number
+
+
+class CalibrationFile(_Object):
+    """Schema trihedron.calibration/1."""
+
+    schema_: Literal["trihedron.calibration/1"] = Field(alias="schema")
+    verdict: Literal["consistent", "falsified", "insufficient"]
+    noise_bound: Annotated[float, Field(gt=0.0, lt=1.0)]
+    gravity_mps2: Annotated[float, Field(ge=4.9, le=14.7)]
+    convention: Literal["A1", "A2"]
+    baseline: Axis
+    positions: Count
+    measurements: Count
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    witness: list[Reading]
+    parameters: Annotated[list[Target], Field(min_length=1)]
+    next_positions: list[TablePosition] = []
+
+
+class EffectParameter(_Object):
+    """A parameter of a cause; an end is null where nothing bounds it."""
+
+    name: str
+    unit: str
+    estimate: Number
+    low: Number | None
+    high: Number | None
+
+
+class Cause(_Object):
+    """An effect at its place."""
+
+    effect: str
+    where: str
+    equivalents: list[dict[str, Any]]
+    parameters: list[EffectParameter]
+
+
+class Baseline(_Object):
+    """The nominal model's fit."""
+
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    falsified: bool
+    witness: list[Any]
+
+
+class DiagnosisFile(_Object):
+    """Schema trihedron.diagnosis/1."""
+
+    schema_: Literal["trihedron.diagnosis/1"] = Field(alias="schema")
+    verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
+    baseline_model: str
+    baseline: Baseline
+    causes: list[Cause]
+    next_positions: list[dict[str, Any]]
+    alternatives: list[list[Cause]] = []
+
+    @model_validator(mode="after")
+    def _agree(self) -> "DiagnosisFile":
+        named = self.verdict in ("explained", "ambiguous")
+        if named != bool(self.causes):
+            raise ValueError(f"verdict {self.verdict} {'needs' if named else 'goes without'} causes")
+        return self
+
+
+class PlannedReading(_Object):
+    """A reading and its weight."""
+
+    accelerometer: Annotated[int, Field(ge=1, le=3)]
+    alpha_deg: Number
+    beta_deg: Number
+    weight: Number
+
+
+class TargetPlanFile(_Object):
+    """Schema trihedron.plan/1, of one target."""
+
+    schema_: Literal["trihedron.plan/1"] = Field(alias="schema")
+    target: str
+    cost: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    gap: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    weights: Annotated[list[PlannedReading], Field(min_length=1)]
+
+
+class TargetPlansFile(_Object):
+    """Schema trihedron.plan/1, of several targets."""
+
+    schema_: Literal["trihedron.plan/1"] = Field(alias="schema")
+    plans: Annotated[list[TargetPlanFile], Field(min_length=1)]
+
+
+class PositionPlanFile(_Object):
+    """Schema trihedron.plan/1, of a common set of positions."""
+
+    schema_: Literal["trihedron.plan/1"] = Field(alias="schema")
+    positions: Annotated[list[TablePosition], Field(min_length=1)]
+    worst_ratio: Annotated[float, Field(ge=1.0 - 1e-9, allow_inf_nan=False)]
+    lower_bound: Number | None
+    lower_bound_on: str | None
+    costs: dict[str, Number]

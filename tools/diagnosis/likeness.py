@@ -1,0 +1,46 @@
+"""How alike effects look at the positions of a record: what could be taken for what."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration.linearisation import Linearisation
+from trihedron.diagnosis.circumstances import Circumstances
+from trihedron.diagnosis.classes import column_space
+from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.models.effects import EffectPlace
+
+
+def likeness(here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]) -> NDArray:
+    """Cosines of the least angles between what effects add to the nominal model at a record's positions.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model at its fit
+    circumstances : Circumstances
+        of its rows
+    places : sequence of EffectPlace
+        linear effects
+
+    Returns
+    -------
+    (K, K) array
+        1 where one can be chosen to look just like the other, 0 where nothing of it can; a row of zeros for an effect
+        that adds nothing here
+    """
+    bench = column_space(here.jacobian)
+    rows = rows_at(here, here.point, here.positions, circumstances)
+    spaces = []
+    for place in places:
+        columns = signature_columns([place], rows)
+        left = columns - bench @ (bench.T @ columns)
+        left[:, np.linalg.norm(left, axis=0) < 1e-9 * np.linalg.norm(columns, axis=0)] = 0.0
+        spaces.append(column_space(left))
+    alike = np.zeros((len(places), len(places)))
+    for i, first in enumerate(spaces):
+        for j, second in enumerate(spaces):
+            if first.shape[1] and second.shape[1]:
+                alike[i, j] = min(1.0, float(np.linalg.norm(first.T @ second, 2)))
+    return alike

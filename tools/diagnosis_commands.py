@@ -1,0 +1,79 @@
+"""The command that diagnoses a record; a thin layer over `trihedron.library.diagnose`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, cast
+
+from cyclopts import Parameter
+
+from trihedron.answers import Answer, answer
+from trihedron.options import Bounds, DiagnosisBaseline, Gravity, JsonFile, Mounting, NoiseBound, ReportFile
+from trihedron.outputs import distinct_files
+
+if TYPE_CHECKING:
+    from trihedron.diagnosis import Diagnosis
+    from trihedron.records import StrapdownRecord
+    from trihedron.records.reading import TableRun
+    from trihedron.strapdown.result import StrapdownDiagnosis
+
+
+def diagnose(
+    record: Annotated[Path, Parameter(help="Position record, raw record or strapdown record, CSV or Parquet.")],
+    /,
+    *,
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    baseline: DiagnosisBaseline = None,
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    rates: Annotated[
+        Literal["instantaneous", "averaged"], Parameter(help="What a rate in a strapdown record means.")
+    ] = "instantaneous",
+    json: JsonFile = None,
+    report: ReportFile = None,
+    export: Annotated[Path | None, Parameter(help="Write the extended FMUs into this folder.")] = None,
+) -> Answer:
+    """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
+
+    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
+    """
+    distinct_files({"the record": record, "--json": json, "--report": report})
+    from trihedron import library
+    from trihedron.records import StrapdownRecord
+
+    run = library.measured_run(record)
+    result = library.diagnose(
+        run,
+        noise_bound=noise_bound,
+        gravity=gravity,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        rates=rates,
+        progress=True,
+    )
+    lines = list(result.lines())
+    if report is not None:
+        from trihedron.printing import write_report
+
+        write_report(report, page_of(result, run))
+    if export is not None and result.verdict == "explained":
+        from trihedron.diagnosis.extension import export_extended
+        from trihedron.strapdown.gain import export_gyros
+
+        places = [cause.place for cause in result.causes]
+        write = export_gyros if isinstance(run, StrapdownRecord) else export_extended
+        lines += map(str, write(places, export))
+    return answer(lines, json, result.json_text())
+
+
+def page_of(result: "Diagnosis | StrapdownDiagnosis", run: "TableRun | StrapdownRecord") -> str:
+    """The page of a diagnosis."""
+    from trihedron.records import StrapdownRecord
+
+    if isinstance(run, StrapdownRecord):
+        from trihedron.report.strapdown_page import strapdown_page
+
+        return strapdown_page(cast("StrapdownDiagnosis", result))
+    from trihedron.report.diagnosis_sections import diagnosis_page
+
+    return diagnosis_page(cast("Diagnosis", result), run.record)

@@ -1,0 +1,1 @@
+"""Strapdown records with hidden effects: made by simulation, diagnosed, counted."""

@@ -1,0 +1,121 @@
+"""A suite of strapdown records run: cases drawn, measured, diagnosed, held against their secrets."""
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from trihedron.errors import InputError
+from trihedron.hidden_strapdown.cases import SIZES, draw_case, draw_clean
+from trihedron.hidden_strapdown.outcomes import StrapdownOutcome, outcome_of
+from trihedron.hidden_suite.suite import MOST_CASES
+from trihedron.records import write_strapdown_record
+from trihedron.strapdown.diagnosis import diagnose_strapdown
+
+
+@dataclass(frozen=True)
+class StrapdownOptions:
+    """What a suite draws.
+
+    Attributes
+    ----------
+    clean : bool
+        hide nothing
+    effects : tuple of str
+        names to draw from; all that a record can hide where there are none
+    sizes : (float, float)
+        least and largest, relative to that of sure detection
+    """
+
+    clean: bool = False
+    effects: tuple[str, ...] = ()
+    sizes: tuple[float, float] = SIZES
+
+
+@dataclass(frozen=True)
+class StrapdownSuite:
+    """A suite and what came of it.
+
+    Attributes
+    ----------
+    options : StrapdownOptions
+    seed : int
+    outcomes : tuple of StrapdownOutcome
+        in the order of the cases
+    """
+
+    options: StrapdownOptions
+    seed: int
+    outcomes: tuple[StrapdownOutcome, ...]
+
+
+def run_strapdown_suite(
+    options: StrapdownOptions,
+    cases: int,
+    seed: int,
+    *,
+    records: Path | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> StrapdownSuite:
+    """Draw, measure and diagnose strapdown records; the diagnosis gets the record and nothing else.
+
+    Parameters
+    ----------
+    options : StrapdownOptions
+    cases : int
+        how many; case i is the same whatever their number
+    seed : int
+    records : Path, optional
+        existing folder in which every record is written too
+    jobs : int
+        processes
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Raises
+    ------
+    InputError
+        numbers out of range, or an effect that cannot be hidden
+    """
+    if not 1 <= cases <= MOST_CASES:
+        raise InputError(f"--cases {cases}: must be a whole number from 1 to {MOST_CASES}")
+    if not 0 <= seed < 2**31:
+        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
+    if not 1 <= jobs <= 64:
+        raise InputError(f"--jobs {jobs}: must be a whole number from 1 to 64")
+    if not 0.0 < options.sizes[0] <= options.sizes[1] <= 1e3:
+        raise InputError(f"--size {options.sizes[0]:g} {options.sizes[1]:g}: give the least and the greatest, above 0")
+    console = Console(stderr=True)
+    with mapping(jobs) as each:
+        found = each(partial(run_case, options, seed, records), range(cases))
+        shown = track(
+            found, "cases", total=cases, console=console, disable=not (progress and console.is_terminal), transient=True
+        )
+        return StrapdownSuite(options, seed, tuple(shown))
+
+
+@contextmanager
+def mapping(
+    jobs: int,
+) -> Iterator[Callable[[Callable[[int], StrapdownOutcome], Iterable[int]], Iterable[StrapdownOutcome]]]:
+    """`map`, here or in so many processes; results come in order."""
+    if jobs == 1:
+        yield map
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            yield pool.map
+
+
+def run_case(options: StrapdownOptions, seed: int, records: Path | None, index: int) -> StrapdownOutcome:
+    """One case from the drawing to the outcome."""
+    case = draw_clean(seed, index) if options.clean else draw_case(seed, index, options.effects, options.sizes)
+    record = case.record()
+    if records is not None:
+        write_strapdown_record(record, records / f"case-{index:05d}.csv")
+    return outcome_of(case, diagnose_strapdown(record, rerun=False))

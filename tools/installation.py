@@ -1,0 +1,178 @@
+"""What is installed, for which platforms FMUs can be exported, and whether a run works: behind `trihedron doctor`."""
+
+import os
+import platform
+import sys
+import tempfile
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trihedron.shown import Shown
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+SCHEMA = "trihedron.doctor/1"
+CORE = (
+    *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
+    *("matplotlib", "numba", "llvmlite"),
+)
+EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs", "mkdocs-material"), "cluster": ("dask", "distributed")}
+"""What each extra of the package installs."""
+POSITIONS, DWELL_S = 12, 2.0
+"""Of the run that is tried."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at: what, how it is, and whether that is as it should be (None: a matter of choice)."""
+
+    subject: str
+    state: str
+    good: bool | None = True
+
+
+@dataclass(frozen=True, repr=False)
+class Installation(Shown):
+    """The state of the installation."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def works(self) -> bool:
+        """Whether everything that is needed is there and a run works."""
+        return all(finding.good is not False for finding in self.findings)
+
+    def lines(self) -> list[str]:
+        """The verdict, then a line for each finding."""
+        wrong = [finding.subject for finding in self.findings if finding.good is False]
+        verdict = "everything works" if not wrong else f"does not work: {', '.join(wrong)}"
+        width = max(len(finding.subject) for finding in self.findings)
+        mark = {True: "yes", False: "NO", None: "-"}
+        return [verdict, *(f"{mark[f.good]:>4}  {f.subject:<{width}}  {f.state}" for f in self.findings)]
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each finding: subject, state, good."""
+        import polars as pl
+
+        return pl.DataFrame([vars(f) for f in self.findings], schema_overrides={"good": pl.Boolean})
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of schema trihedron.doctor/1."""
+        return {"schema": SCHEMA, "works": self.works, "findings": [dict(vars(f)) for f in self.findings]}
+
+
+def doctor() -> Installation:
+    """Look at the installation and try a run: simulate a table and a block, calibrate what was measured.
+
+    Returns
+    -------
+    Installation
+    """
+    return Installation(
+        (
+            Finding("trihedron", metadata.version("trihedron")),
+            Finding("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),
+            *_packages(),
+            *_platforms(),
+            _cache(),
+            _printing(),
+            _run(),
+        )
+    )
+
+
+def _packages() -> list[Finding]:
+    found = [_package(name) for name in CORE]
+    missing = [name for name, state in zip(CORE, found, strict=True) if state is None]
+    shown = ", ".join(f"{name} {state}" for name, state in zip(CORE, found, strict=True) if state is not None)
+    said = f"{shown}; MISSING: {', '.join(missing)}" if missing else shown
+    findings = [Finding("libraries", said, not missing)]
+    for extra, names in EXTRAS.items():
+        versions = [_package(name) for name in names]
+        there = all(state is not None for state in versions)
+        state = ", ".join(f"{name} {v or 'missing'}" for name, v in zip(names, versions, strict=True))
+        hint = "" if there else f'; pip install "trihedron[{extra}]"'
+        findings.append(Finding(f"extra {extra}", state + hint, True if there else None))
+    return findings
+
+
+def _package(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _platforms() -> list[Finding]:
+    from trihedron.fmus.native.compiler import compiles, host_compiler, zig_version
+    from trihedron.fmus.native.platforms import PLATFORMS, host_name
+    from trihedron.fmus.native.prebuilt import has_prebuilt
+
+    compiler, zig = host_compiler(), zig_version()
+    said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
+    findings = [Finding("C compiler", said if zig is None else f"{said}; zig {zig}", True if compiler or zig else None)]
+    for name in PLATFORMS:
+        here = ", this machine" if name == host_name() else ""
+        if compiles(name):
+            state, good = f"compiled{here}", True
+        elif has_prebuilt():
+            state, good = f"components as they came with the package; none with effects{here}", True
+        else:
+            state, good = f'cannot be exported{here}; pip install "trihedron[native]"', None
+        findings.append(Finding(f"native FMUs for {name}", state, good))
+    return findings
+
+
+def _cache() -> Finding:
+    from trihedron.fmus.native.compiler import cache_folder
+
+    folder = cache_folder()
+    at = folder
+    while not at.exists() and at != at.parent:
+        at = at.parent
+    writable = at.is_dir() and os.access(at, os.W_OK)
+    return Finding(
+        "cache",
+        str(folder) if writable else f"{folder}, not writable: each run begins anew",
+        True if writable else None,
+    )
+
+
+def _printing() -> Finding:
+    from trihedron.printing import converter
+
+    program = converter()
+    return Finding(
+        "reports as PDF", program or "no Chromium, Chrome or Edge; reports are HTML", True if program else None
+    )
+
+
+def _run() -> Finding:
+    """A run of the whole chain, on a template's scenario."""
+    from time import perf_counter
+
+    from trihedron.bench_run import simulate
+    from trihedron.calibration import calibrate
+    from trihedron.orchestrator.built import usual_flavour
+    from trihedron.templates import new
+
+    subject = "a run"
+    try:
+        with tempfile.TemporaryDirectory(prefix="trihedron-doctor-", ignore_cleanup_errors=True) as folder:
+            scenario = new("scenario", Path(folder) / "bench.toml", positions=POSITIONS)[0]
+            text = scenario.read_text(encoding="utf-8")
+            scenario.write_text(text.replace("dwell_s = 20.0", f"dwell_s = {DWELL_S}"), encoding="utf-8")
+            begin = perf_counter()
+            done = simulate(scenario)
+            seconds = perf_counter() - begin
+            if done.positions is None:
+                return Finding(subject, f"gives no positions: {done.no_positions}", False)
+            verdict = calibrate(done.positions, noise_bound=1e-5).verdict
+    except Exception as error:
+        # Whatever stops it is what the user asked for.
+        return Finding(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
+    said = f"{done.height} steps in {seconds:.1f} s by {usual_flavour()} FMUs; calibrated: {verdict}"
+    return Finding(subject, said, verdict == "consistent")

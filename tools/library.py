@@ -1,0 +1,317 @@
+"""What `import trihedron as th` gives: a function for each thing that the program does.
+
+Every command is a thin layer over one of these. Results print themselves, show themselves in a notebook, and go to
+polars by `to_polars`; those of a published schema go to JSON by `to_json`.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from numpy.typing import ArrayLike
+
+from trihedron.bench_run import Simulation, simulate
+from trihedron.checking import Check, check
+from trihedron.errors import InputError
+from trihedron.exporting import Exported, export
+from trihedron.installation import Installation, doctor
+from trihedron.records import StrapdownRecord, read_record
+from trihedron.records.reading import TableRun, measured_run_of, record_of, table_run_of
+from trihedron.templates import new
+
+if TYPE_CHECKING:
+    from trihedron.applying import Application
+    from trihedron.attitude import AttitudeRun
+    from trihedron.calibration import Calibration
+    from trihedron.diagnosis import Diagnosis
+    from trihedron.hidden import HiddenRecord
+    from trihedron.planning.common_plan import CommonPlan
+    from trihedron.planning.plan import Plans
+    from trihedron.strapdown.inspection import Inspection
+    from trihedron.strapdown.result import StrapdownDiagnosis
+
+__all__ = [
+    "Check",
+    "Exported",
+    "InputError",
+    "Installation",
+    "Simulation",
+    "apply",
+    "attitude_of_record",
+    "calibrate",
+    "check",
+    "diagnose",
+    "doctor",
+    "export",
+    "hide",
+    "inspect",
+    "new",
+    "plan",
+    "plan_positions",
+    "read_record",
+    "simulate",
+]
+
+TableSource = "str | Path | DataFrame | PositionRecord | RawRecord | TableRun | Simulation"
+StrapdownSource = "str | Path | DataFrame | StrapdownRecord"
+Kind = TypeVar("Kind")
+
+
+def table_run(source: Any) -> TableRun:
+    """The position record of whatever holds one: a file, a table in memory, a record, a simulation.
+
+    Raises
+    ------
+    InputError
+        when there is none, in one line
+    """
+    if isinstance(source, TableRun):
+        return source
+    if isinstance(source, Simulation):
+        if source.positions is None:
+            raise InputError(source.no_positions or "the simulation has recorded no position record of a table")
+        return TableRun(source.positions)
+    return table_run_of(source)
+
+
+def measured_run(source: Any) -> TableRun | StrapdownRecord:
+    """A strapdown record, or what `table_run` gives."""
+    if isinstance(source, TableRun | Simulation):
+        return table_run(source)
+    return measured_run_of(source)
+
+
+def strapdown_record(source: Any) -> StrapdownRecord:
+    """The strapdown record of a file, a table in memory, or itself.
+
+    Raises
+    ------
+    InputError
+        when it is a record of a table
+    """
+    if isinstance(source, StrapdownRecord):
+        return source
+    found = read_record(Path(source)) if isinstance(source, str | Path) else record_of(source)
+    if not isinstance(found, StrapdownRecord):
+        raise InputError(f"{found.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
+    return found
+
+
+def calibrate(
+    record: TableSource,
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    convention: Literal["A1", "A2"] = "A1",
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: str | Mapping[str, ArrayLike] = "identity",
+    targets: Sequence[str] = (),
+    priors: Sequence[str] = (),
+) -> "Calibration":
+    """Solve the guaranteed linear programme: estimates, guaranteed errors, exact intervals, verdict.
+
+    Parameters
+    ----------
+    record : path, DataFrame, record or Simulation
+        a position record, or a raw record, whose rests are averaged
+    noise_bound : float, optional
+        σ, the bound of one averaged reading's error, as a fraction of g; without it the record must tell
+    gravity : float
+        model value [m/s²]
+    convention, baseline, bounds, mounting, targets, priors
+        as in `trihedron.calibration.calibrate`
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> run = th.simulate("scenarios/static-calibration.toml")
+    >>> th.calibrate(run, noise_bound=1e-5).verdict
+    'consistent'
+    """
+    from trihedron.calibration import calibrate as solve
+
+    return solve(
+        table_run(record).record,
+        noise_bound=noise_bound,
+        gravity=gravity,
+        convention=convention,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        targets=targets,
+        priors=priors,
+    )
+
+
+def diagnose(
+    record: "TableSource | StrapdownSource",
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: str | Mapping[str, ArrayLike] = "identity",
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    progress: bool = False,
+) -> "Diagnosis | StrapdownDiagnosis":
+    """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
+
+    Parameters are those of `calibrate`; `progress` shows a bar on standard error, where that is a terminal. Of a
+    strapdown record `baseline` is "calibrated" or "nominal", as in `trihedron.strapdown.diagnosis.diagnose_strapdown`,
+    and `rates` says what a rate means; its bounds come from the record.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
+    """
+    run = measured_run(record)
+    if isinstance(run, StrapdownRecord):
+        from trihedron.strapdown.diagnosis import diagnose_strapdown
+
+        if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
+            raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
+        return diagnose_strapdown(run, gravity=gravity, baseline=baseline, rates=rates)
+    from trihedron.diagnosis import diagnose as judge
+
+    return judge(
+        run.record,
+        noise_bound=noise_bound,
+        gravity=gravity,
+        baseline=baseline or "asymmetric",
+        bounds=bounds,
+        mounting=mounting,
+        progress=progress,
+    )
+
+
+def plan(*targets: str, progress: bool = False, **options: Any) -> "Plans":
+    """The table positions and weights that estimate each target best, with the proof that none are better.
+
+    Parameters
+    ----------
+    targets : str
+        as "X4" or "X4-X5"; all of the convention when none is named
+    progress : bool
+        show a bar on a terminal
+    options
+        grid, admissible, bounds, convention, baseline, mounting of `trihedron.planning.plan.plan_targets`
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
+    """
+    from trihedron.planning.plan import Plans, plan_targets
+
+    return Plans(tuple(plan_targets(targets, progress=progress, **options)))
+
+
+def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "CommonPlan":
+    """One set of `count` positions for all targets, with what is proven of every other set.
+
+    Parameters
+    ----------
+    count : int
+    progress : bool
+        show bars on a terminal
+    options
+        the fields of `trihedron.planning.request.Request`
+
+    Raises
+    ------
+    InputError
+        for options that cannot be used
+    """
+    from trihedron.errors import nearest
+    from trihedron.planning.common_plan import plan_positions as search
+    from trihedron.planning.request import Request
+
+    known = list(Request.__dataclass_fields__)
+    for name in options:
+        if name not in known:
+            raise InputError(f"plan_positions: there is no option {name}; {nearest(name, known)}")
+    return search(count, Request(**options), progress=progress)
+
+
+def inspect(record: StrapdownSource, *, gravity: float = 9.80665) -> "Inspection":
+    """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
+
+    Raises
+    ------
+    InputError
+        for a record of a table, or gravity that is none
+    """
+    from trihedron.strapdown.inspection import inspect_record
+
+    if not 1.0 <= gravity <= 100.0:
+        raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
+    return inspect_record(strapdown_record(record), gravity=gravity)
+
+
+def attitude_of_record(record: StrapdownSource, **options: Any) -> "AttitudeRun":
+    """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
+
+    Options are those of `trihedron.attitude.attitude_of_record`: algorithm, rates, gyro_bias, rate_divisor, out,
+    progress.
+    """
+    from trihedron.attitude import attitude_of_record as run
+
+    return run(strapdown_record(record), **options)
+
+
+def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_bound: float = 0.0) -> "Application":
+    """Correct the readings of a record by a calibration.
+
+    Parameters
+    ----------
+    calibration : path or Calibration
+        the file of `trihedron calibrate --json`, or the value
+    record : path
+        position, raw or strapdown record
+    noise_bound : float
+        bound of the readings' own errors [g], for what remains after the correction
+
+    Raises
+    ------
+    InputError
+        for a calibration that is not consistent, or a record that cannot be used
+    """
+    from trihedron.applying import apply_calibration
+
+    return apply_calibration(calibration, Path(record), noise_bound=noise_bound)
+
+
+def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetric"] = "asymmetric") -> "HiddenRecord":
+    """A "measured" record with one hidden effect, and the secret.
+
+    Parameters
+    ----------
+    seed : int
+        decides truth, effect, size and noise
+    effects : str
+        draw from these only
+    baseline : str
+        "symmetric" lets scale-asymmetry be hidden
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> hidden = th.hide(7, "quadratic")
+    >>> th.diagnose(hidden.record, noise_bound=1e-5).causes[0].place.effect
+    'quadratic'
+    """
+    from trihedron.hidden import hidden_record
+
+    return hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")

@@ -1,0 +1,185 @@
+"""The page of a campaign: what was run, what came of it, what failed, and what changed against another one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from trihedron import __version__
+from trihedron.campaign.comparison import CHANCE, Comparison
+from trihedron.campaign.computing import Results, summarise
+from trihedron.campaign.file import Campaign
+from trihedron.campaign.store import Store
+from trihedron.campaign.texts import rate_text, told_values
+from trihedron.hidden_suite.suite import named_suite
+from trihedron.report.campaign_pictures import distributions_picture, rates_picture, sensitivity_picture
+from trihedron.report.page import Section, Table, render_page
+from trihedron.report.suite_pictures import confusion_picture
+
+KINDS = {
+    "calibration": "static calibrations",
+    "attitude": "attitude runs",
+    "simulation": "simulations of a scenario",
+    "hidden": "cases of hidden effects",
+}
+MOST_VALUES = 12
+"""Of a list of values that are shown."""
+LISTED = 200
+"""Rows of one table on the page."""
+SALTELLI = "Saltelli et al., Computer Physics Communications 181 (2010), 259–270: Sobol indices"
+
+
+def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Comparison | None = None) -> str:
+    """The page of a campaign that is complete.
+
+    Parameters
+    ----------
+    store, manifest
+        of `trihedron.campaign.store.open_result`
+    comparison : Comparison or None
+        with another campaign
+    """
+    campaign, results = store.campaign, Results(store)
+    summary = summarise(store)
+    sections: list[Section] = []
+    if comparison is not None:
+        sections.append(_changes(comparison))
+    sections.append(_about(campaign))
+    sections += _computed(summary["computed"], results)
+    if summary["failures"]:
+        rows = [[entry["runs"], entry["first_run"], entry["message"]] for entry in summary["failures"]]
+        sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
+    failed = summary["failed"]
+    verdict = f"{campaign.runs} {KINDS[campaign.kind]}, {failed or 'none'} failed."
+    if comparison is not None:
+        verdict += f" {_sentence(comparison)}"
+    worse = comparison is not None and bool(comparison.of("worse"))
+    sobol = campaign.sampling.method == "saltelli" and any(item.sensitivity for item in campaign.compute)
+    return render_page(
+        campaign.title or f"Campaign of {KINDS[campaign.kind]}",
+        verdict,
+        sections,
+        tone="attention" if failed or worse else "good" if comparison is not None else "neutral",
+        provenance={
+            "trihedron": __version__,
+            "campaign": manifest["order_sha256"],
+            "code": manifest["code_sha256"],
+            "seed": campaign.seed,
+        },
+        sources=[SALTELLI] if sobol else [],
+    )
+
+
+def _sentence(comparison: Comparison) -> str:
+    worse, better = comparison.of("worse"), comparison.of("better")
+    if not worse and not better:
+        return "Nothing got better or worse beyond chance."
+    said = [f"{len(group)} {word}" for group, word in ((worse, "worse"), (better, "better")) if group]
+    return f"Beyond chance got {', '.join(said)}."
+
+
+def _changes(comparison: Comparison) -> Section:
+    order = {"worse": 0, "better": 1, "changed": 2, "same": 3}
+    changes = sorted(comparison.changes, key=lambda c: (order[c.verdict], 1.0 if c.p is None else c.p))
+    rows = [[c.name, c.verdict, c.what, c.before, c.after, c.p, c.runs] for c in changes[:LISTED]]
+    pairs = "Runs of the same number are held against each other: " if comparison.paired else "Two samples of runs: "
+    test = "Wilcoxon's and McNemar's tests." if comparison.paired else "the tests of Mann and Whitney, and of Fisher."
+    return Section(
+        "Against the other campaign",
+        [f"{pairs}{test} p is corrected for the number of scalars (Holm); beyond chance is p ≤ {CHANCE:g}."],
+        table=Table(["scalar", "verdict", "what", "before", "after", "p", "runs"], rows),
+    )
+
+
+def _about(campaign: Campaign) -> Section:
+    how = {
+        "random": "drawn at random",
+        "latin-hypercube": "drawn from a Latin hypercube",
+        "sobol": "a Sobol sequence",
+        "saltelli": "Saltelli's arrangement of a Sobol sequence",
+    }[campaign.sampling.method]
+    said = [f"{campaign.runs} {KINDS[campaign.kind]}; the seed of the campaign is {campaign.seed}."]
+    if campaign.hidden is not None and campaign.hidden.suite is not None:
+        suite = campaign.hidden.suite
+        said = [f"The first {campaign.runs} cases of the suite {suite}, seed {named_suite(suite).seed}."]
+    if campaign.distributions:
+        said.append(f"{campaign.samples} points, {how}.")
+    if campaign.repeats > 1 and campaign.hidden is None:
+        said.append(f"Each is run {campaign.repeats} times with other random errors.")
+    rows: list[list[str]] = []
+    for name, axis in campaign.parameters.items():
+        ((form, value),) = axis.model_dump(exclude_none=True).items()
+        shown = ", ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
+        rows.append([name, form.replace("_", " "), shown + (", ..." if len(value) > MOST_VALUES else "")])
+    table = Table(["parameter", "distribution", "of"], rows) if rows else None
+    return Section("What was run", [" ".join(said)], table=table)
+
+
+def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Section]:
+    sections: list[Section] = []
+    curves: dict[str, dict[str, Any]] = {}
+    for item in items:
+        found = item["result"]
+        if "quantiles" in item:
+            sections.append(_quantiles(item, results))
+        elif "against" in item:
+            label = f"{item['rate']}: {told_values(item)}"
+            curves.setdefault(item["against"], {})[label] = found
+        elif "rate" in item:
+            title = f"How often {item['rate']} is {told_values(item)}"
+            sections.append(Section(title, [rate_text(found[0]) + "."]))
+        elif "confusion" in item:
+            title = f"{item['of']}, and what {item['confusion']} was"
+            sections.append(Section(title, svg=confusion_picture(found), caption=f"Rows: {item['of']}."))
+        else:
+            sections += [
+                Section(f"What {name} depends on", svg=sensitivity_picture(name, entry), caption=_method(entry))
+                for name, entry in found.items()
+            ]
+    return [*(_rates(against, found) for against, found in curves.items()), *sections]
+
+
+def _method(entry: Mapping[str, Any]) -> str:
+    if entry["method"] == "sobol":
+        without = f" {entry['rows_with_failures']} had a run that failed." if entry["rows_with_failures"] else ""
+        indices = f"First-order and total Sobol indices from {entry['rows']} rows"
+        return f"{indices}, with bootstrapped intervals of 95 %.{without}"
+    return "Spearman's rank correlation with each parameter; the band is ±0.1."
+
+
+def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
+    first = next(iter(curves.values()))
+    header = ["from", "to", "runs", *curves]
+    rows = [
+        [
+            f"{entry['low']:g}",
+            f"{entry['high']:g}",
+            entry["cases"],
+            *(f"{found[k]['count']}" for found in curves.values()),
+        ]
+        for k, entry in enumerate(first)
+        if any(found[k]["cases"] for found in curves.values())
+    ]
+    return Section(
+        f"Rates against {against}",
+        svg=rates_picture(curves, against),
+        caption="Lines are intervals of 95 % (Wilson).",
+        table=Table(header, rows),
+    )
+
+
+def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
+    found = item["result"]
+    there = {name: entry for name, entry in found.items() if entry["runs"]}
+    at = next((entry["quantiles"] for entry in there.values()), [])
+    header = ["scalar", "runs", "mean", *(f"{100.0 * q['at']:g} %" for q in at), "largest"]
+    rows = [
+        [name, entry["runs"], f"{entry['mean']:.4g}", *(f"{q['value']:.4g}" for q in entry["quantiles"]),
+         f"{entry['largest']:.4g}"]
+        for name, entry in there.items()
+    ]  # fmt: skip
+    columns = {name: np.asarray(results.numbers(name)) for name in there}
+    marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
+    title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
+    svg = distributions_picture(columns, marks)
+    return Section(title, svg=svg, caption="Dashed lines are the quantiles.", table=Table(header, rows))

@@ -1,0 +1,166 @@
+"""Pictures of a campaign: distributions of scalars, rates against a size, sensitivities, changes."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from trihedron.report.svg import drawing, say_empty, short, svg_text
+from trihedron.report.theme import BAND, DASHES, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
+
+BINS = 40
+DECADES = 2.0
+"""Positive values that span more decades are drawn against their logarithm."""
+MOST_TICKS = 5
+MOST_DRAWN = 12
+"""Scalars or parameters that one picture shows."""
+
+
+def distributions_picture(columns: Mapping[str, NDArray], marks: Mapping[str, Sequence[float]]) -> str:
+    """A histogram of each scalar, with its quantiles.
+
+    Parameters
+    ----------
+    columns : mapping of str to array
+        values of each scalar; what is not finite is left out
+    marks : mapping of str to sequence of float
+        values at which a line is drawn
+    """
+    names = list(columns)[:MOST_DRAWN]
+    rows = -(-len(names) // 2)
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 0.5 + 1.55 * max(rows, 1)), layout="constrained")
+        axes = figure.subplots(max(rows, 1), 2 if len(names) > 1 else 1, squeeze=False)
+        for ax in axes.flat[len(names) :]:
+            ax.set_axis_off()
+        for ax, name in zip(axes.flat, names, strict=False):
+            values = columns[name][np.isfinite(columns[name])]
+            ax.set_title(short(name, 44))
+            ax.set_yticks([])
+            ax.grid(visible=False)
+            if not len(values):
+                say_empty(ax)
+                continue
+            low, high = float(values.min()), float(values.max())
+            wide = low > 0.0 and math.log10(high / low) > DECADES
+            edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, max(high, low + 1e-300), BINS + 1)
+            if high == low:
+                edges = np.array([low - 0.5, low + 0.5])
+            ax.hist(values, bins=edges, color=FIRST.light, alpha=0.75, linewidth=0)
+            if wide:
+                ax.set_xscale("log")
+                ax.minorticks_off()
+                decades = np.arange(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
+                shown = decades[:: -(-len(decades) // MOST_TICKS)]
+                ax.set_xticks(10.0**shown, [f"{10.0**d:g}" for d in shown])
+            else:
+                ax.locator_params(axis="x", nbins=5)
+                if 0.0 < max(abs(low), abs(high)) < 1e-2:
+                    ax.ticklabel_format(axis="x", style="sci", scilimits=(0, 0))
+            for mark in marks.get(name, ()):
+                ax.axvline(mark, color=SECOND.light, linewidth=0.9, linestyle=(0, (4, 2)))
+        return svg_text(figure, f"Distribution of {', '.join(names)}; dashed lines are quantiles")
+
+
+def rates_picture(curves: Mapping[str, Sequence[Mapping[str, Any]]], against: str) -> str:
+    """Rates over ranges of a scalar, each with its interval of 95 %.
+
+    Parameters
+    ----------
+    curves : mapping of str to sequence of mapping
+        label -> ranges with low, high, cases, rate and interval
+    against : str
+        the scalar
+    """
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+        axes = figure.subplots()
+        handles = []
+        drawn = [entry for ranges in curves.values() for entry in ranges if entry["cases"]]
+        positive = bool(drawn) and max(e["high"] for e in drawn) > 0.0 and all(e["low"] >= 0.0 for e in drawn)
+        colours = (FIRST, SECOND, THIRD)
+        for k, (label, ranges) in enumerate(curves.items()):
+            there = [entry for entry in ranges if entry["cases"]]
+            x = np.array([_middle(entry["low"], entry["high"], positive=positive) for entry in there])
+            # Side by side, so that none hides another where both are the same.
+            x = x * 1.02 ** (2 * k - len(curves) + 1) if positive else x
+            colour, marker = colours[k % 3], "os^"[k % 3]
+            ends = np.array([entry["interval"] for entry in there]).reshape(-1, 2)
+            axes.vlines(x, ends[:, 0], ends[:, 1], color=colour.light, linewidth=0.9, alpha=0.6)
+            y = [entry["rate"] for entry in there]
+            axes.plot(x, y, marker=marker, markersize=4.2, color=colour.light, linestyle=DASHES[k % 3])
+            handles.append(Line2D([], [], color=colour.light, marker=marker, markersize=4.2, label=short(label, 60)))
+        if positive:
+            axes.set_xscale("log")
+            axes.minorticks_off()
+            low, high = axes.get_xlim()
+            ticks = [t for t in 10.0 ** np.arange(-12, 13) if low <= t <= high]
+            if len(ticks) < 3:
+                ticks = [m * 10.0**d for d in range(-12, 13) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**d <= high]
+            axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        axes.set_ylim(-0.04, 1.06)
+        axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
+        axes.set_xlabel(short(against))
+        axes.set_ylabel("part of the runs")
+        if handles:
+            figure.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 3))
+        if not drawn:
+            say_empty(axes)
+        return svg_text(figure, f"Part of the runs against {against}, with intervals of 95 %")
+
+
+def _middle(low: float, high: float, *, positive: bool) -> float:
+    if not positive:
+        return 0.5 * (low + high)
+    return math.sqrt(low * high) if low > 0.0 else high / math.sqrt(2.0)
+
+
+def sensitivity_picture(name: str, found: Mapping[str, Any]) -> str:
+    """How a scalar depends on the parameters: Sobol indices with their intervals, or rank correlations.
+
+    Parameters
+    ----------
+    name : str
+        of the scalar
+    found : mapping
+        what `trihedron.campaign.computing.sensitivity` says of it
+    """
+    sobol = found["method"] == "sobol"
+    key = "total" if sobol else "correlation"
+    rows = sorted(found["parameters"].items(), key=lambda pair: abs(pair[1][key] or 0.0))[-MOST_DRAWN:]
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 0.95 + 0.27 * max(len(rows), 2)), layout="constrained")
+        axes = figure.subplots()
+        axes.axvline(0.0, color=MUTED.light, linewidth=0.7)
+        handles = []
+        if sobol:
+            series = (("total", 0.14, FIRST, "o"), ("first", -0.14, SECOND, "s"))
+            for part, shift, colour, marker in series:
+                for y, (_, entry) in enumerate(rows):
+                    if entry[part] is not None:
+                        low, high = entry[f"{part}_interval"]
+                        axes.plot([low, high], [y + shift] * 2, color=colour.light, linewidth=1.0, alpha=0.6)
+                        axes.plot([entry[part]], [y + shift], marker=marker, markersize=4.4, color=colour.light)
+                label = {"total": "total", "first": "first order"}[part]
+                handles.append(Line2D([], [], color=colour.light, marker=marker, markersize=4.4, label=label))
+            axes.set_xlabel("part of the variance")
+        else:
+            axes.axvspan(-0.1, 0.1, color=BAND.light, linewidth=0, zorder=0)
+            for y, (_, entry) in enumerate(rows):
+                if entry[key] is not None:
+                    axes.plot([0.0, entry[key]], [y, y], color=FIRST.light, linewidth=1.6)
+                    axes.plot([entry[key]], [y], marker="o", markersize=4.4, color=FIRST.light)
+            axes.set_xlim(-1.05, 1.05)
+            axes.set_xlabel("rank correlation")
+        axes.set_yticks(range(len(rows)), [short(parameter, 34) for parameter, _ in rows])
+        axes.tick_params(axis="y", length=0, labelcolor=INK.light)
+        axes.set_ylim(-0.6, max(len(rows), 2) - 0.4)
+        if handles:
+            figure.legend(handles=handles, loc="outside upper left", ncols=2)
+        if not rows:
+            say_empty(axes)
+        return svg_text(figure, f"How {name} depends on the parameters")

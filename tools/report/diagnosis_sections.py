@@ -1,0 +1,181 @@
+"""Sections of a diagnosis: evidence, cause, gain, what is excluded; and the page of `trihedron diagnose`."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from trihedron.diagnosis import Diagnosis
+from trihedron.models.effects import CATALOGUE
+from trihedron.records import PositionRecord
+from trihedron.report.calibration_pictures import residuals
+from trihedron.report.cells import Cell
+from trihedron.report.diagnosis_pictures import held_out
+from trihedron.report.direction_pictures import residuals_over_inputs
+from trihedron.report.evidence_sections import centred, confusion_section, proved, ranking_section, witness_section
+from trihedron.report.excluded_sections import excluded_sections
+from trihedron.report.judgement_sections import judgement_sections, structure_sections, target_sections
+from trihedron.report.model_sections import cause_lines, extended_values, model_section
+from trihedron.report.next_sections import deciding, next_sections
+from trihedron.report.page import Section, Table, Tone, render_page
+from trihedron.report.record_sections import key_figures, measured_section, provenance
+from trihedron.report.rounding import Written, outwards, to_bound, unit_text
+from trihedron.report.sources import diagnosis_sources
+from trihedron.report.target_sections import target_section
+from trihedron.summaries import VERDICTS, open_targets
+
+TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
+
+
+def diagnosis_page(result: Diagnosis, record: PositionRecord) -> str:
+    """The page as HTML: verdict, record, model, residuals, targets, evidence, what is excluded, what next."""
+    named = result.causes if result.verdict == "explained" else ()
+    seeds = {}
+    if result.judgement is not None and result.judgement.shuffles:
+        seeds["seed of the shuffles"] = len(record)
+    return render_page(
+        f"Diagnosis of {record.path.name}",
+        verdict_sentence(result),
+        [
+            measured_section(record, result.baseline),
+            model_section(result.baseline, extended_values(result), named),
+            *diagnosis_sections(result, record),
+        ],
+        tone=TONES.get(result.verdict, "attention"),
+        key=key_figures(result.baseline)
+        | ({"with the effect": f"{result.findings[0].fit.radius:.3g} σ"} if result.findings else {}),
+        provenance=provenance(result.baseline, seeds),
+        sources=diagnosis_sources(result),
+    )
+
+
+def verdict_sentence(result: Diagnosis) -> str:
+    """The verdict, with the cause when one is named."""
+    nominal = result.baseline
+    if result.verdict == "explained":
+        return f"The simulation lacked this: {'; '.join(cause.sentence for cause in result.causes)}."
+    if result.verdict == "ambiguous":
+        count = f"{len(result.findings)}{'' if result.complete else ' or more'}"
+        proposed = len(result.next_positions)
+        sure = len(deciding(nominal.linearised, result.next_positions))
+        then = (
+            f" Of {proposed} further positions that are proposed {sure or 'none'} surely tell two of them apart."
+            if proposed
+            else ""
+        )
+        return (
+            f"The simulation lacks something, and the record does not say what: {count} sets of effects would explain "
+            f"it.{then}"
+        )
+    if result.verdict == "unexplained":
+        return (
+            f"The simulation lacks something that is not in the catalogue: no parameters leave less than "
+            f"{nominal.radius:.3g} σ, and no set of up to three effects mends it."
+        )
+    if result.verdict == "insufficient":
+        return (
+            f"Too little was measured to judge the simulation: the readings do not determine {open_targets(nominal)}."
+        )
+    return VERDICTS[result.verdict].capitalize() + "."
+
+
+def diagnosis_sections(result: Diagnosis, record: PositionRecord, files: list[Path] | None = None) -> list[Section]:
+    """From the residuals to what is excluded and what to measure next."""
+    sections = [*residual_sections(result)]
+    if result.causes:
+        sections.append(cause_section(result, files or []))
+    sections += target_sections(result) or [target_section(result.baseline)]
+    sections += [*witness_section(result.baseline, result.position_numbers), *ranking_section(result)]
+    sections += confusion_section(result, record)
+    if result.gain is not None:
+        sections.append(gain_section(result))
+    return [
+        *sections,
+        *judgement_sections(result),
+        *structure_sections(result),
+        *excluded_sections(result),
+        *next_sections(result.baseline.linearised, result.next_positions),
+    ]
+
+
+def residual_sections(result: Diagnosis) -> list[Section]:
+    """Residuals without and with the effects, over the angles and over the inputs."""
+    here = result.baseline.linearised
+    fit = result.findings[0].fit if result.findings else None
+    proof = proved(result.baseline, result.position_numbers)
+    before = centred(here.residual, here.bound, None)
+    after = centred(fit.residual, fit.bound, fit) if fit is not None else None
+    least = f"{result.baseline.radius:.2f} σ"
+    said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least}."
+    if fit is not None:
+        said += f" With the effect{'s' if len(fit.places) > 1 else ''} it leaves {fit.radius:.2f} σ."
+    return [
+        Section(
+            "Residuals before and after" if fit is not None else "Residuals",
+            [said],
+            residuals(np.degrees(here.positions.alpha), np.degrees(here.positions.beta), before, after, proof),
+            "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
+        ),
+        Section(
+            "Residuals against the inputs",
+            [],
+            residuals_over_inputs(here.input, before, after, proof),
+            "Residuals of each accelerometer against its own input.",
+        ),
+    ]
+
+
+def cause_section(result: Diagnosis, files: list[Path]) -> Section:
+    """The cause that was named, or the candidates that remain."""
+    rows: list[list[Cell]] = []
+    for finding in result.findings:
+        for cause in finding.causes:
+            effect = CATALOGUE[cause.place.effect].at(cause.place)
+            for parameter, value, (low, high) in zip(effect.parameters, cause.values, cause.intervals, strict=True):
+                half = 0.5 * (high - low) if math.isfinite(high - low) else None
+                ends = outwards(low, high, half) if half else (Written(f"{low:.3g}"), Written(f"{high:.3g}"))
+                left = Written(f"{finding.fit.radius:.2f}")
+                rows.append(
+                    [cause.place.title, parameter.name, to_bound(value, half), *ends, unit_text(parameter.unit), left]
+                )
+    named = result.verdict == "explained"
+    same = [e.title for cause in result.causes for e in cause.equivalents]
+    same += [" with ".join(place.title for place in places) for places in result.equivalent_sets]
+    told = [cause.sentence.capitalize() + "." for finding in result.findings for cause in finding.causes]
+    if same and named:
+        told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
+    if result.mounting is not None:
+        told.append(
+            f"A second mounting, {result.mounting.mounting}, tells apart {' and '.join(result.mounting.separates)}: "
+            f"their correlation falls from {result.mounting.correlation_before:.2f} to "
+            f"{result.mounting.correlation_after:.2f}."
+        )
+    if not result.complete:
+        told.append("The search was cut off: more sets of effects would make the model consistent.")
+    return Section(
+        "The cause" if named else "Causes that remain",
+        told,
+        table=Table(["effect", "parameter", "estimate", "low", "high", "unit", "leaves [σ]"], rows),
+        files=files,
+        equations=cause_lines([cause for finding in result.findings for cause in finding.causes]) if not named else (),
+    )
+
+
+def gain_section(result: Diagnosis) -> Section:
+    """What the extended simulation gains on positions that were not used."""
+    assert result.gain is not None
+    gain, sigma = result.gain, result.baseline.noise_bound
+    summary = gain.summary()
+    before = np.where(gain.scored, gain.before, np.nan) / sigma
+    after = np.where(gain.scored, gain.after, np.nan) / sigma
+    return Section(
+        "The gain on positions that were not used",
+        [
+            f"{len(gain.positions)} positions were left out of the fit and simulated by the FMUs, without the effect "
+            f"and with it. Root mean square {summary['held_out_rms_before']:.1e} g before, "
+            f"{summary['held_out_rms_after']:.1e} g after; maximum {summary['held_out_max_before']:.1e} g before, "
+            f"{summary['held_out_max_after']:.1e} g after."
+        ],
+        held_out(before, after, [int(result.position_numbers[i]) for i in gain.positions]),
+        "Measurement less simulation at the positions that were held out.",
+    )

@@ -1,0 +1,144 @@
+"""What speaks for a verdict: the readings that prove it, the ranking of effects, what could be taken for what."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.calibration import Calibration
+from trihedron.calibration.estimates import chebyshev_centre
+from trihedron.diagnosis import Diagnosis
+from trihedron.diagnosis.circumstances import circumstances_of
+from trihedron.diagnosis.disturbance import is_linear
+from trihedron.diagnosis.extended_fit import ExtendedFit
+from trihedron.diagnosis.likeness import likeness
+from trihedron.diagnosis.search import catalogue_places, title_of
+from trihedron.models.effects import EffectPlace
+from trihedron.records import PositionRecord
+from trihedron.report.cells import Cell
+from trihedron.report.diagnosis_pictures import candidates
+from trihedron.report.likeness_picture import likeness_picture
+from trihedron.report.page import Section, Table
+from trihedron.report.rounding import Written, minus
+
+MOST_RANKED = 16
+MOST_COMPARED = 10
+
+
+def centred(residual: NDArray, bound: NDArray, fit: ExtendedFit | None) -> NDArray:
+    """Residuals (N, 3) over their bounds; of an extended fit, at its Chebyshev centre."""
+    left = residual if fit is None else residual - fit.jacobian @ fit.centre
+    return (left / bound).reshape(-1, 3)
+
+
+def proved(result: Calibration, numbers: NDArray) -> NDArray:
+    """Readings (N, 3) of bool that prove a falsification; `numbers` are the record's own of its rows."""
+    witness = set(result.witness)
+    proof = np.zeros((len(result.linearised.reading), 3), dtype=bool)
+    for i, axis in np.ndindex(*proof.shape):
+        proof[i, axis] = (int(numbers[i]), axis + 1) in witness
+    return proof
+
+
+def centre_residual(result: Calibration) -> NDArray:
+    """Residuals (N, 3) [g] where the largest of them, in units of its bound, is least."""
+    here = result.linearised
+    return here.residual_at(chebyshev_centre(here)[1]).reshape(-1, 3)
+
+
+def witness_section(result: Calibration, numbers: NDArray) -> list[Section]:
+    """The readings that prove that no parameters fit; a section, or none."""
+    if not result.witness:
+        return []
+    here = result.linearised
+    left = centre_residual(result) / here.bound.reshape(-1, 3)
+    rows: list[list[Cell]] = [
+        [
+            int(numbers[i]),
+            int(axis) + 1,
+            Written(minus(f"{np.degrees(here.positions.alpha[i]):.4f}")),
+            Written(minus(f"{np.degrees(here.positions.beta[i]):.4f}")),
+            Written(minus(f"{here.input[i, axis]:.3f}")),
+            Written(minus(f"{left[i, axis]:+.2f}")),
+        ]
+        for i, axis in np.argwhere(proved(result, numbers))
+    ]
+    return [
+        Section(
+            "Evidence: the readings that prove it",
+            [
+                f"These {len(result.witness)} readings alone, whatever the others are, cannot all be within "
+                f"{result.radius:.3g} σ of any parameters' prediction. If one of them is known to be spoilt, leave its "
+                "row out and look again."
+            ],
+            table=Table(
+                ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"], rows
+            ),
+        )
+    ]
+
+
+def ranking_section(result: Diagnosis) -> list[Section]:
+    """What each effect would leave; a section, or none."""
+    if not result.tried:
+        return []
+    shown = result.tried[:MOST_RANKED]
+    mending = sum(radius <= 1.0 for _, radius in result.tried)
+    told = {0: "None of them does.", 1: "One does."}.get(mending, f"{mending} do.")
+    return [
+        Section(
+            "Evidence: which effect mends it",
+            [
+                f"Each of the {len(result.tried)} effects of the catalogue that are linear was added to the model in "
+                f"turn. At or below one σ the extended model explains every reading. {told}"
+            ],
+            candidates([title for title, _ in shown], [radius for _, radius in shown]),
+            f"Least largest residual that each effect leaves, in units of σ; the best {len(shown)}.",
+        )
+    ]
+
+
+def confusion_section(result: Diagnosis, record: PositionRecord) -> list[Section]:
+    """What could be taken for what at these positions, and the classes; a section, or none."""
+    places = compared(result, record)
+    if len(places) < 2:
+        return []
+    here = result.baseline.linearised
+    alike = likeness(here, circumstances_of(record), places)
+    rows: list[Sequence[Cell]] = [
+        [cause.place.title, ", ".join(e.title for e in cause.equivalents)]
+        for finding in result.findings
+        for cause in finding.causes
+        if cause.equivalents
+    ]
+    rows += [["the set that was named", title_of(members)] for members in result.equivalent_sets]
+    said = [
+        "How alike effects look at the positions of this record, beyond what the model's parameters imitate: 1 means "
+        "that the one can be sized to look just like the other, 0 that it cannot at all. Close to 1 it takes small "
+        "noise to confuse them."
+    ]
+    if result.findings and not rows:
+        said.append("What was found is alone in its class: some measurement on this bench tells it from every other.")
+    return [
+        Section(
+            "Evidence: what could be taken for what",
+            said,
+            likeness_picture([place.title for place in places], alike),
+            "Cosine of the least angle between what two effects add to the readings.",
+            Table(["effect", "no measurement with these mountings tells it from"], unrepeated(rows)) if rows else None,
+        )
+    ]
+
+
+def unrepeated(rows: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
+    """The rows, each once."""
+    return [row for k, row in enumerate(rows) if row not in rows[:k]]
+
+
+def compared(result: Diagnosis, record: PositionRecord) -> list[EffectPlace]:
+    """The effects that were found, then the best ranked ones; those with a signature."""
+    places = catalogue_places(result.baseline.baseline, circumstances_of(record))
+    named = {place.title: place for place in places if is_linear(place) and place.effect != "outlier"}
+    found = [place.title for finding in result.findings for place in finding.places]
+    titles = dict.fromkeys([*found, *(title for title, _ in result.tried)])
+    return [named[title] for title in titles if title in named][:MOST_COMPARED]

@@ -1,0 +1,165 @@
+"""What an extension does to moves and windows that were not used: the extended FMU, exported, run by the orchestrator.
+
+The record is cut into blocks in time. For each the parameters are estimated on the others, without the effects and with
+them; the exported FMUs carry the attitude through the record with these; the errors of the block's own pieces count.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.fmus import build
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.orchestrator.built import usual_flavour
+from trihedron.strapdown.building import Built, with_parameters
+from trihedron.strapdown.carrying import GyroModel, carried_attitude
+from trihedron.strapdown.gravity_system import GravityPieces, directions_of, move_errors
+from trihedron.strapdown.held_out import blocks_in_time, largest_angle, rms_angle
+from trihedron.strapdown.inspection import Inspection
+from trihedron.strapdown.norm_calibration import NAMES
+from trihedron.strapdown.segments import Segments
+from trihedron.strapdown.signatures import turned
+from trihedron.strapdown.system import weighted_step
+from trihedron.strapdown.truth_system import window_errors
+
+FOLDS = 4
+NAMED_FOR = {"GyroCompensation": "GyroBlock"}
+"""The component whose effects another one takes out."""
+LONG, FOLDS_OF_LONG = 1_000_000, 2
+"""A record of more rows is cut into two blocks: each costs two runs."""
+ARCMIN = np.pi / 180.0 / 60.0
+"""[rad]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """Errors of pieces that were not used to estimate anything, of each kind of moves or windows.
+
+    Attributes
+    ----------
+    segments : tuple of Segments
+        the kinds; the first is the one that is quoted
+    before, after : tuple of (S, d) array
+        without and with the effects [rad]
+    """
+
+    segments: tuple[Segments, ...]
+    before: tuple[NDArray[np.float64], ...]
+    after: tuple[NDArray[np.float64], ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Root mean squares and maxima [arcmin], of the kind that is quoted and of every other."""
+        rows = [
+            {
+                "over": parts.label,
+                "pieces": len(parts),
+                "held_out_rms_before": rms_angle(before) / ARCMIN,
+                "held_out_rms_after": rms_angle(after) / ARCMIN,
+                "held_out_max_before": largest_angle(before) / ARCMIN,
+                "held_out_max_after": largest_angle(after) / ARCMIN,
+            }
+            for parts, before, after in zip(self.segments, self.before, self.after, strict=True)
+        ]
+        return {**rows[0], "others": rows[1:]}
+
+
+def export_extended(places: Sequence[EffectPlace], folder: Path, flavour: str) -> dict[str, Path]:
+    """Write the FMUs that carry the attitude, extended by effects, into a folder: component -> file."""
+    of_gyros = [p for p in places if CATALOGUE[p.effect].component == "GyroBlock"]
+    of_computer = [p for p in places if CATALOGUE[p.effect].component == "AttitudeComputer"]
+    return {
+        "GyroCompensation": build("GyroCompensation", folder, of_gyros, flavour=flavour),
+        "AttitudeComputer": build("AttitudeComputer", folder, of_computer, flavour=flavour),
+    }
+
+
+def export_gyros(places: Sequence[EffectPlace], folder: Path) -> list[Path]:
+    """Write the components that effects extend, and the compensation that takes them out, into a folder."""
+    components = dict.fromkeys(c for place in places if (c := CATALOGUE[place.effect].component) is not None)
+    if "GyroBlock" in components:
+        components["GyroCompensation"] = None
+    return [
+        build(name, folder, [p for p in places if CATALOGUE[p.effect].component == NAMED_FOR.get(name, name)])
+        for name in components
+    ]
+
+
+def measure_gain(found: Inspection, built: Built, places: Sequence[EffectPlace]) -> Gain:
+    """Estimate on some blocks, run the exported FMUs, take the errors of the others.
+
+    Parameters
+    ----------
+    found : Inspection
+        of the record
+    built : Built
+        its system
+    places : sequence of EffectPlace
+        the effects that were named
+    """
+    system = built.system
+    blocks = blocks_in_time(system, FOLDS_OF_LONG if len(built.motion) > LONG else FOLDS)
+    of_row = blocks.rows(system)
+    scored = [k for k, part in enumerate(system.parts) if part.scored]
+    results: list[list[NDArray]] = []
+    with tempfile.TemporaryDirectory(prefix="trihedron-extended-", ignore_cleanup_errors=True) as name:
+        for number, chosen in enumerate(((), tuple(places))):
+            folder = Path(name) / str(number)
+            folder.mkdir()
+            fmus = export_extended(chosen, folder, usual_flavour())
+            errors = [np.full(system.parts[k].error.shape, np.nan) for k in scored]
+            matrix = system.matrix(chosen)
+            whole: list[NDArray] | None = None
+            for block in range(blocks.count):
+                if whole is None or matrix.shape[1]:
+                    used = of_row != block
+                    whole = _errors(found, built, chosen, weighted_step(matrix[used], system.residual[used]), fmus)
+                for error, k, at in zip(errors, scored, range(len(scored)), strict=True):
+                    mine = blocks.of_piece[k] == block
+                    error[mine] = whole[at][mine]
+            results.append(errors)
+    order = sorted(range(len(scored)), key=lambda i: abs(i - (0 if built.forces else len(scored) // 2)))
+    segments = tuple(system.parts[scored[i]].segments for i in order)
+    return Gain(segments, tuple(results[0][i] for i in order), tuple(results[1][i] for i in order))
+
+
+def _errors(
+    found: Inspection, built: Built, places: Sequence[EffectPlace], solution: NDArray, fmus: dict[str, Path]
+) -> list[NDArray]:
+    """Errors of all scored pieces with the parameters of a solution, by the exported FMUs."""
+    system = built.system
+    count = len(NAMES) if built.forces else 0
+    step = solution[: len(system.names)]
+    effects = effects_of(system.names, places, solution)
+    forces = {p: v for p, v in effects.items() if CATALOGUE[p.effect].component == "AccelerometerBlock"}
+    gyros = with_parameters(built.model, built.own, step[count:])
+    others = {p: v for p, v in effects.items() if p not in forces}
+    bias = gyros.bias
+    if built.at_rest is not None:
+        bias = bias - built.at_rest[:, system.numbers_of(places)] @ solution[len(system.names) :]
+    model = GyroModel(bias, gyros.scale_misalignment, others)
+    attitude = carried_attitude(built.motion, model, found.gravity, fmus)
+    if isinstance(built.pieces, GravityPieces):
+        up = directions_of(system.point[:count] + step[:count], found.rests, found.gravity, forces)
+        return [
+            move_errors(turned(moves, attitude), up[ends[:, 0]], up[ends[:, 1]])
+            for moves, ends in zip(built.pieces.moves, built.pieces.ends, strict=True)
+        ]
+    assert found.record.attitude is not None
+    return [window_errors(windows, found.record.attitude, attitude) for windows in built.pieces]
+
+
+def effects_of(
+    names: Sequence[tuple[str, str]], places: Sequence[EffectPlace], solution: NDArray
+) -> dict[EffectPlace, tuple[float, ...]]:
+    """Values of the effects' parameters from a solution (P + k,)."""
+    found, at = {}, len(names)
+    for place in places:
+        effect = CATALOGUE[place.effect].at(place)
+        found[place] = effect.from_coefficients(solution[at : at + len(effect.parameters)])
+        at += len(effect.parameters)
+    return found

@@ -1,0 +1,163 @@
+"""The second witness: blocks in time that are left out, shuffled signatures, and the order in which effects help.
+
+An effect that does not improve what was left out, or whose signature does as well at pieces that it does not belong
+to, is not named.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.models.effects import EffectPlace
+from trihedron.strapdown.held_out import Blocks, angles, blocks_in_time, predicted, rms_angle
+from trihedron.strapdown.system import System
+
+SHUFFLES = 40
+CHANCE = 0.05
+"""An effect is not named when more than this part of its shuffles predicts what was left out as well."""
+MOST_STEPS = 4
+HELPS = 0.02
+"""An effect stands in the order when it takes so much off the errors that were left out."""
+
+
+@dataclass(frozen=True)
+class Witness:
+    """What was left out says of one effect of a set.
+
+    Attributes
+    ----------
+    place : EffectPlace
+    without, with_it : float
+        root mean square of the errors left out over their bounds, with the set but for the effect, and with it
+    as_good, shuffles : int
+        shuffles of its signature, and how many of them did as well
+    """
+
+    place: EffectPlace
+    without: float
+    with_it: float
+    as_good: int
+    shuffles: int
+
+    @property
+    def supports(self) -> bool:
+        """Whether the effect may be named."""
+        return self.with_it < self.without and self.as_good <= CHANCE * self.shuffles
+
+    @property
+    def objection(self) -> str:
+        """Why it may not."""
+        if not self.with_it < self.without:
+            return f"{self.place.title} does not improve the parts of the record that were left out"
+        return (
+            f"{self.as_good} of {self.shuffles} shuffles of {self.place.title} over the record predict what was left "
+            "out as well"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `judgement`."""
+        return {
+            "effect": self.place.effect,
+            "where": self.place.where,
+            "rms_without": self.without,
+            "rms_with": self.with_it,
+            "shuffles": {"tried": self.shuffles, "as_good": self.as_good},
+        }
+
+
+@dataclass(frozen=True)
+class Order:
+    """In which order effects help most with what was left out, by windows of one length.
+
+    Attributes
+    ----------
+    label : str
+        of the windows or moves
+    start : float
+        root mean square error of the baseline [rad]
+    steps : tuple of (EffectPlace, float)
+        each effect with the error that is left [rad]
+    """
+
+    label: str
+    start: float
+    steps: tuple[tuple[EffectPlace, float], ...]
+
+    @property
+    def effects(self) -> tuple[EffectPlace, ...]:
+        """The effects in their order."""
+        return tuple(place for place, _ in self.steps)
+
+
+def witnesses(system: System, places: Sequence[EffectPlace]) -> tuple[Witness, ...]:
+    """Leave out blocks in time and shuffle the signatures of each effect of a set in turn."""
+    blocks = blocks_in_time(system)
+    reached = _rms(predicted(system, places, blocks))
+    rng = np.random.default_rng(len(system.residual))
+    found = []
+    for place in places:
+        others = [p for p in places if p != place]
+        as_good = 0
+        for _ in range(SHUFFLES):
+            as_good += _rms(predicted(_shuffled(system, place, rng), places, blocks)) <= reached
+        without = _rms(predicted(system, others, blocks))
+        found.append(Witness(place, without, reached, int(as_good), SHUFFLES))
+    return tuple(found)
+
+
+def _rms(values: NDArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _shuffled(system: System, place: EffectPlace, rng: np.random.Generator) -> System:
+    """The system with the signature of one effect moved to other pieces of the same kind."""
+    block = system.blocks[system.places.index(place)]
+    parts = []
+    for part in system.parts:
+        columns = part.columns.copy()
+        columns[..., block] = part.columns[rng.permutation(len(part))][..., block]
+        parts.append(replace(part, columns=columns))
+    return replace(system, parts=tuple(parts))
+
+
+def order_of_effects(system: System, places: Sequence[EffectPlace]) -> tuple[Order, ...]:
+    """The order for each kind of windows or moves by itself, with what is known at rest beside it."""
+    found = []
+    for k, part in enumerate(system.parts):
+        if part.scored:
+            wanted = [i for i, other in enumerate(system.parts) if i == k or not other.scored]
+            found.append(_order(system.of_parts(wanted), wanted.index(k), places))
+    return tuple(found)
+
+
+def _order(system: System, scored: int, places: Sequence[EffectPlace]) -> Order:
+    blocks = blocks_in_time(system)
+    start = current = _left(system, (), blocks, scored)
+    chosen: list[EffectPlace] = []
+    steps = []
+    while len(chosen) < min(len(places), MOST_STEPS):
+        tried = [(_left(system, [*chosen, p], blocks, scored), p) for p in places if p not in chosen]
+        best, place = min(tried, key=lambda entry: entry[0])
+        if best > (1.0 - HELPS) * current:
+            break
+        chosen.append(place)
+        steps.append((place, best))
+        current = best
+    return Order(system.parts[scored].label, start, tuple(steps))
+
+
+def _left(system: System, places: Sequence[EffectPlace], blocks: Blocks, scored: int) -> float:
+    return rms_angle(angles(system, predicted(system, places, blocks))[scored])
+
+
+def is_stable(orders: Sequence[Order]) -> bool:
+    """Whether no two lengths put two effects that both have in opposite orders, and all begin with the same effect."""
+    for a in orders:
+        for b in orders:
+            common = [place for place in a.effects if place in b.effects]
+            if common != [place for place in b.effects if place in common]:
+                return False
+    return len({order.effects[:1] for order in orders}) <= 1

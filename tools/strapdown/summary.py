@@ -1,0 +1,156 @@
+"""What `trihedron diagnose` prints of a strapdown record."""
+
+import math
+from typing import TYPE_CHECKING
+
+from trihedron.diagnosis.result import Cause
+from trihedron.models.effects import CATALOGUE
+from trihedron.strapdown.gain import ARCMIN
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+    from trihedron.strapdown.result import StrapdownDiagnosis
+
+VERDICTS = {
+    "consistent": "consistent: the simulation explains the record within its noise; no effect is named",
+    "insufficient": "insufficient: the record cannot tell whether the simulation is wrong",
+    "explained": "explained: a smallest set of effects brings every error within its bound, and no other does",
+    "ambiguous": "ambiguous: several sets of effects would bring every error within its bound",
+    "unexplained": "unexplained: the simulation is falsified and nothing that can be named mends it",
+}
+MOST_LINES = 6
+
+
+def diagnosis_lines(result: "StrapdownDiagnosis") -> list[str]:
+    """Verdict, evidence, causes and gain."""
+    lines = [VERDICTS[result.verdict]]
+    lines += [f"to add: {text}" for text in result.missing]
+    if result.radius is None or result.noise_bound is None:
+        return lines + [f"warning: {text}" for text in result.warnings]
+    lines.append(
+        f"reference {result.reference}, {result.baseline} block; bound {result.noise_bound / ARCMIN:.3g} arcmin "
+        f"({result.noise_bound_from}); radius {result.radius:.3f}"
+    )
+    lines += bias_lines(result)
+    for number, causes in enumerate(result.candidates[:MOST_LINES] if result.causes else ()):
+        if number:
+            lines.append("or")
+        for cause in causes:
+            lines += cause_lines(cause, result.inspection.sampling.period)
+    if result.causes:
+        lines.append(f"radius with {'it' if len(result.causes) == 1 else 'them'} {result.extended_radius:.3f}")
+    if len(result.candidates) > MOST_LINES:
+        lines.append(f"... and {len(result.candidates) - MOST_LINES} sets more")
+    lines += length_lines(result)
+    lines += gain_lines(result)
+    lines += [
+        f"left out: rms {w.without:.2f} -> {w.with_it:.2f} of the bound by {w.place.title}; as good when shuffled: "
+        f"{w.as_good} of {w.shuffles}"
+        for w in result.witnesses
+    ]
+    lines += [f"not named: {text}" for text in result.objections]
+    lines += why_lines(result)
+    for entry in result.residual_structure[:4]:
+        lines.append(
+            f"error about axis {entry['axis']}: {100 * entry['explained']:.0f} % of it is predicted by {entry['on']}; "
+            f"{100 * entry['explainable']:.0f} % is more than noise"
+        )
+    lines += [f"measure next: {text}" for text in result.separate]
+    return lines + [f"warning: {text}" for text in result.warnings]
+
+
+def bias_lines(result: "StrapdownDiagnosis") -> list[str]:
+    """The mean at rest that was taken out."""
+    if result.bias_at_rest is None:
+        return []
+    shown = ", ".join(f"{math.degrees(value):+.4f}" for value in result.bias_at_rest)
+    text = f"gyro bias at rest, taken out: {shown} deg/s"
+    if result.bias_left_in is not None:
+        text += f"; left in it would make the errors {result.bias_left_in / ARCMIN:.3g} arcmin rms"
+    return [text]
+
+
+def sentence_of(cause: Cause, period: float) -> str:
+    """What an engineer is told; latency also in samples."""
+    if cause.place.effect == "latency":
+        return f"{cause.sentence}, {abs(cause.values[0]) / period:.2f} samples"
+    return cause.sentence
+
+
+def cause_lines(cause: Cause, period: float) -> list[str]:
+    """A cause with its parameters."""
+    lines = [f"cause: {cause.place.title}: {sentence_of(cause, period)}"]
+    parameters = CATALOGUE[cause.place.effect].at(cause.place).parameters
+    for parameter, value, (low, high) in zip(parameters, cause.values, cause.intervals, strict=True):
+        lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
+    return lines + [f"  cannot be told in this record from {other.title}" for other in cause.equivalents]
+
+
+def length_lines(result: "StrapdownDiagnosis") -> list[str]:
+    """What each length of windows or moves says."""
+    lines = []
+    for length in result.lengths:
+        text = (
+            f"over {length.label} ({length.pieces} pieces): rms {length.rms / ARCMIN:.3g} arcmin, largest "
+            f"{length.largest / ARCMIN:.3g}, bound {length.bound / ARCMIN:.3g}, radius {length.radius:.3g}"
+        )
+        if length.order is not None:
+            steps = [f"{place.effect} {left / ARCMIN:.3g}" for place, left in length.order.steps]
+            text += f"; left out {length.order.start / ARCMIN:.3g}"
+            text += f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
+        lines.append(text)
+    if result.order_stable is not None and len(result.lengths) > 1:
+        lines.append(
+            "the order of the effects is the same at every length"
+            if result.order_stable
+            else "the order of the effects is not stable over the lengths"
+        )
+    return lines
+
+
+def gain_lines(result: "StrapdownDiagnosis") -> list[str]:
+    """Errors of pieces that were not used, before and after."""
+    if result.gain is None:
+        return []
+    summary = result.gain.summary()
+    return [
+        f"not used, simulated by the exported FMUs over {row['over']} ({row['pieces']} pieces): rms "
+        f"{row['held_out_rms_before']:.3g} -> {row['held_out_rms_after']:.3g} arcmin, max "
+        f"{row['held_out_max_before']:.3g} -> {row['held_out_max_after']:.3g}"
+        for row in [summary, *summary["others"]]
+    ]
+
+
+def why_lines(result: "StrapdownDiagnosis") -> list[str]:
+    """Why nothing is named in a record that the simulation explains."""
+    if result.verdict != "consistent":
+        return []
+    lines = [
+        "no effect is named: with the block's own parameters every error stays within the noise, so nothing more is "
+        "supported"
+    ]
+    if result.excluded:
+        lines.append(f"{len({(e['effect'], e['where']) for e in result.excluded})} effects are bounded by the record:")
+        shown = [e for e in result.excluded if e["where"] in ("gyro-block", "attitude-computer")]
+        lines += [f"  {e['effect']} {e['parameter']} below {e['above']:.2g} {e['unit']}" for e in shown]
+    if result.not_seen:
+        lines.append(f"this record cannot show: {', '.join(place.title for place in result.not_seen)}")
+    return lines
+
+
+def causes_table(result: "StrapdownDiagnosis") -> "DataFrame":
+    """Causes and their parameters."""
+    import polars as pl
+
+    rows = [
+        (cause.place.effect, cause.place.where, parameter.name, parameter.unit, value, low, high)
+        for causes in (result.candidates if result.causes else ())
+        for cause in causes
+        for parameter, value, (low, high) in zip(
+            CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
+        )
+    ]
+    header = ["effect", "where", "parameter", "unit", "estimate", "low", "high"]
+    kinds = dict(zip(header, [pl.String] * 4 + [pl.Float64] * 3, strict=True))
+    return pl.DataFrame([list(row) for row in rows], schema=kinds, orient="row")

@@ -1,0 +1,123 @@
+"""Files to fill in: a scenario that runs as it is, records with their columns explained, mountings."""
+
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from typing import Literal, get_args
+
+from trihedron.errors import InputError, nearest
+from trihedron.records.columns import POSITION, RAW, STRAPDOWN_RATES
+from trihedron.writing import write_text
+
+Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]
+TEMPLATES: tuple[str, ...] = get_args(Template)
+"""Kinds of files that `new` makes; a "record" is a position record."""
+POSITIONS = 12
+"""Positions of a template where nothing else is asked for."""
+
+ABOUT = {
+    "position": "counts the positions in the order of measurement, from 1",
+    "time_s": "s, grows from row to row",
+    "alpha_deg": "encoder reading of the outer axis, degrees",
+    "beta_deg": "encoder reading of the inner axis, degrees",
+    "f1_mps2": "readings of the three accelerometers, m/s2; a level block reads (0, 0, +g)",
+    "w1_radps": "readings of the three gyros, rad/s",
+}
+
+
+def new(kind: str, path: str | Path | None = None, *, positions: int = POSITIONS) -> list[Path]:
+    """Write a file to fill in.
+
+    Parameters
+    ----------
+    kind : str
+        one of `TEMPLATES`
+    path : path, optional
+        the file; without it <kind>.toml or <kind>.csv in the current folder
+    positions : int
+        of a scenario's programme and of a position record: so many of the plan that the package holds
+
+    Returns
+    -------
+    list of Path
+        what was written; of a scenario its position programme too
+
+    Raises
+    ------
+    InputError
+        for another kind, a file that is there already, or a number of positions without a plan
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.new("scenario", "bench.toml")  # doctest: +SKIP
+    """
+    if kind not in TEMPLATES:
+        raise InputError(f"new {kind}: there is no such template; {nearest(kind, TEMPLATES)}")
+    ending = ".toml" if kind in ("scenario", "mounting") else ".csv"
+    target = Path(path) if path is not None else Path(f"{kind}{ending}")
+    if target.suffix.lower() != ending:
+        raise InputError(f"{target}: a {kind} is a {ending} file; give a name that ends so")
+    if '"' in target.stem or "\\" in target.stem:
+        raise InputError(f"{target}: a quote or a backslash cannot stand in the name of a template")
+    files = {target: _text(kind, target.stem, positions)}
+    if kind == "scenario":
+        files[target.with_name(f"{target.stem}-positions.csv")] = _programme(positions)
+    for file in files:
+        if file.exists() or file.is_symlink():
+            raise InputError(f"{file}: is there already; give another name")
+    for file, text in files.items():
+        write_text(file, text)
+    return list(files)
+
+
+def _text(kind: str, name: str, positions: int) -> str:
+    if kind in ("scenario", "mounting"):
+        text = resources.files("trihedron.templates").joinpath(f"{kind}.toml").read_text(encoding="utf-8")
+        return text.format(name=name)
+    made: dict[str, Callable[[], str]] = {
+        "record": lambda: _position_record(name, positions),
+        "raw-record": lambda: _series(RAW.required, "a row for each sample, the moves of the table included", name),
+        "strapdown-record": lambda: _series(STRAPDOWN_RATES.required, "a row for each sample", name),
+    }
+    return made[kind]()
+
+
+def _angles(positions: int) -> list[tuple[float, float]]:
+    from math import degrees
+
+    from trihedron.planning.request import stored_counts, stored_positions
+
+    places = stored_positions(positions)
+    if places is None:
+        counts = stored_counts()
+        raise InputError(
+            f"--positions {positions}: there is no plan of so many; there are plans of {counts[0]} to {counts[-1]}"
+        )
+    return [(round(degrees(alpha), 4), round(degrees(beta), 4)) for alpha, beta in places.angle.tolist()]
+
+
+def _programme(positions: int) -> str:
+    rows = [f"{alpha:g},{beta:g}" for alpha, beta in _angles(positions)]
+    said = "# Where the table goes, in this order; a column dwell_s may give each position its own time."
+    return "\n".join([said, "alpha_deg,beta_deg", *rows, ""])
+
+
+def _about(names: tuple[str, ...], what: str, name: str) -> list[str]:
+    said = [f"# {what}. `trihedron check {name}.csv` says what is not filled in yet."]
+    said += [f"# {column}: {ABOUT[column]}" for column in names if column in ABOUT]
+    return said
+
+
+def _position_record(name: str, positions: int) -> str:
+    lines = _about(POSITION.required, "A row for each rest of the table: fill in the angles that were set, too", name)
+    lines += ["# Where known, more columns: temperature_degC; approach_alpha, approach_beta (+1 or -1); mounting."]
+    lines.append(",".join(POSITION.required))
+    lines += [f"{k},,{alpha:g},{beta:g},,," for k, (alpha, beta) in enumerate(_angles(positions), start=1)]
+    return "\n".join([*lines, ""])
+
+
+def _series(names: tuple[str, ...], what: str, name: str) -> str:
+    row = "," * (len(names) - 1)
+    more = "# Where known, more columns: temperature_degC" + ("; q0, q1, q2, q3" if "w1_radps" in names else "")
+    return "\n".join([*_about(names, what[0].upper() + what[1:], name), more + ".", ",".join(names), f"0.00{row}", ""])
