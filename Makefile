@@ -32,6 +32,7 @@ lint: $(READY) build/typing/trihedron
 
 docs: $(READY)
 	$(BIN)/python -m trihedron.reference docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 setup: $(READY)
 

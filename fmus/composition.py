@@ -22,6 +22,13 @@ def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
     )
 
 
+def can_extend(component: Component, place: EffectPlace) -> bool:
+    """Whether an effect extends a component: its own, or the inverse of its own where all that it does is add."""
+    effect = CATALOGUE[place.effect]
+    undone = bool(component.undoes) and effect.component == component.undoes and effect.stage == "reading_effects"
+    return undone or effect.component == component.name
+
+
 def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
     """The component with effects composed into it.
 
@@ -32,12 +39,9 @@ def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
     """
     for i, place in enumerate(effects):
         effect = CATALOGUE[place.effect]
-        undone = effect.component == component.undoes and effect.component is not None
-        if undone and effect.stage != "reading_effects":
-            raise ValueError(
-                f"effect {place.title} has no inverse: it is not a sum that {component.name} could take out"
-            )
-        if not undone and effect.component != component.name:
+        if not can_extend(component, place):
+            if component.undoes and effect.component == component.undoes:
+                raise ValueError(f"effect {place.title} has no inverse that {component.name} could be")
             home = effect.component or "no component"
             raise ValueError(f"effect {place.title} extends {home}, not {component.name}")
         if place in component.effects or place in effects[:i]:

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from strapdown_records import POSES, record_of_motion
+from strapdown_records import POSES, strapdown_record, true_motion
+from trihedron import cli
 from trihedron.hidden import write_hidden_record
 from trihedron.records import write_strapdown_record
 from trihedron.templates import new
@@ -61,7 +62,9 @@ def command(line: str, *inputs: str, slow: bool = False) -> Command:
 
 COMMANDS = (
     command("simulate run.toml --out out --json out.json", "run.toml"),
-    command("calibrate measured.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "measured.csv"),
+    command(
+        "calibrate measured.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "measured.csv"
+    ),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
     command("inspect strapdown.csv --json out.json --allan out.svg", "strapdown.csv"),
@@ -78,6 +81,7 @@ COMMANDS = (
     command("new scenario out.toml --json out.json"),
     command("completion bash --json out.json"),
     command("campaign campaign.toml --jobs 1 --out out", "campaign.toml"),
+    command("campaign-report finished --report out.html --json out.json"),
     command("doctor --json out.json"),
     command("reproduce calibration --json out.json", slow=True),
     command("reproduce attitude --json out.json --out out", slow=True),
@@ -97,7 +101,9 @@ def make_inputs(folder: Path) -> None:
     write_hidden_record(folder / "clean.csv", 5, None, effects=())
     calibration = calibrate(read_position_record(folder / "clean.csv"), noise_bound=1e-5)
     (folder / "calibration.json").write_text(calibration.json_text(), encoding="utf-8")
-    record = record_of_motion(POSES[:6])
+    finished = ["--jobs", "1", "--out", str(folder / "finished"), "--quiet"]
+    assert cli.main(["campaign", str(folder / "campaign.toml"), *finished]) == 0
+    record = strapdown_record(true_motion(POSES[:6]))
     write_strapdown_record(record, folder / "strapdown.csv")
     new("scenario", folder / "bench.toml")
     angles = pl.read_csv(folder / "bench-positions.csv", comment_prefix="#")

@@ -37,6 +37,8 @@ class Block:
         the exit status of its last command
     fragment : bool
         a part of a file, which only has to be well-formed
+    follows : bool
+        whether it stands directly below the block before
     """
 
     language: str
@@ -46,6 +48,7 @@ class Block:
     acceptance: bool = False
     status: int = 0
     fragment: bool = False
+    follows: bool = False
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -56,6 +59,7 @@ def blocks_of(page: Path) -> list[Block]:
     found = [*fences, *(m for m in COMMENT.finditer(text) if not any(a <= m.start() < b for a, b in inside))]
     marks: dict[str, str] = {}
     blocks = []
+    end = 0
     for match in sorted(found, key=lambda match: match.start()):
         line = text.count("\n", 0, match.start()) + 1
         if match.re is COMMENT:
@@ -75,9 +79,11 @@ def blocks_of(page: Path) -> list[Block]:
                 "acceptance" in marks,
                 int(marks.get("status") or 0),
                 "fragment" in marks,
+                not text[end : match.start()].strip(),
             )
         )
         marks = {}
+        end = match.end()
     return blocks
 
 
@@ -158,8 +164,8 @@ class Reader:
         self._printed = told.getvalue()
 
     def _text(self, block: Block, where: str) -> None:
-        """What the block before printed; a block without one before is text."""
-        if self._printed is not None:
+        """What the block directly above printed; elsewhere it is text."""
+        if block.follows and self._printed is not None:
             assert matches(block.text, self._printed), f"{where}: printed is\n{self._printed}"
         self._printed = None
 

@@ -43,6 +43,7 @@ EXTENDED = {
         EffectPlace("cross-product", "accelerometer-1", axes=(2, 3)),
         EffectPlace("temperature-scale", "accelerometer-2"),
         EffectPlace("hysteresis", "accelerometer-3"),
+        EffectPlace("lever-arm", "accelerometer-2"),
         EffectPlace("dead-zone", "accelerometer-1"),
         EffectPlace("quantisation", "accelerometer-3"),
     ],

@@ -1,4 +1,4 @@
-"""The documentation does what it says: every block of code runs, the site builds strictly and asks nothing of others."""
+"""The documentation does what it says: blocks of code run, the site builds strictly and asks nothing of others."""
 
 import re
 import shutil
@@ -23,7 +23,9 @@ def read_page(page: Path, tmp_path: Path, *, long: bool) -> None:
     Reader(page, folder, long=long).read()
 
 
-@pytest.mark.parametrize("page", [p for p in RUNNABLE if any(not b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "page", [p for p in RUNNABLE if any(not b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem
+)
 def test_blocks_of_code_do_what_the_page_says(page, tmp_path):
     read_page(page, tmp_path, long=False)
 
@@ -82,9 +84,13 @@ def test_the_site_asks_nothing_of_the_network(site):
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         asked += re.findall(r'<(?:script|img|iframe|source)[^>]*\bsrc="(?:https?:)?//[^"]*"', text)
-        asked += [tag for tag in re.findall(r'<link[^>]*href="(?:https?:)?//[^"]*"[^>]*>', text) if "canonical" not in tag]
+        asked += [
+            tag for tag in re.findall(r'<link[^>]*href="(?:https?:)?//[^"]*"[^>]*>', text) if "canonical" not in tag
+        ]
     for sheet in site.rglob("*.css"):
-        asked += re.findall(r"(?:url\(|@import\s+[\"'])\s*[\"']?(?:https?:)?//[^)\"']*", sheet.read_text(encoding="utf-8"))
+        asked += re.findall(
+            r"(?:url\(|@import\s+[\"'])\s*[\"']?(?:https?:)?//[^)\"']*", sheet.read_text(encoding="utf-8")
+        )
     assert asked == []
 
 

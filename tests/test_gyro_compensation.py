@@ -2,17 +2,21 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 
 from gyro_readings import PERIOD, gyro_readings, lively_motion
+from trihedron.errors import InputError
+from trihedron.exporting import export_components
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
 
-ERRORS = {
+ERRORS: dict[str, Any] = {
     "scale_misalignment": np.array([1e-2, 2e-2, -3e-2, 4e-2, -5e-2, 6e-3, 7e-3, -8e-2, 9e-2]),
     "bias": np.array([0.01, -0.02, 0.03]),
 }
@@ -98,3 +102,13 @@ def test_what_it_cannot_use_stops_the_step(inputs, said):
     for name, value in inputs.items():
         model.set(at[name], value)
     assert said in component.messages[model.do_step(PERIOD, PERIOD) - 1]
+
+
+def test_the_inverse_is_exported_with_the_effects_that_it_takes_out(tmp_path):
+    titles = ["latency gyro-block", "gyro-g-sensitivity gyro-block"]
+    export_components(["GyroBlock", "GyroCompensation"], tmp_path, effects=titles)
+    for name in ("GyroBlock", "GyroCompensation"):
+        described = {v.name for v in read_model_description(tmp_path / f"{name}.fmu").modelVariables}
+        assert {"latency.gyro_block.delay", "gyro_g_sensitivity.gyro_block.coefficient_31"} <= described
+    with pytest.raises(InputError, match="extends GyroBlock, not exported here"):
+        export_components(["GyroCompensation"], tmp_path, effects=["gyro-quantisation gyro-block"])

@@ -13,7 +13,7 @@ from trihedron import cli
 from trihedron.errors import InputError
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.scenario import Scenario, read_scenario
 from trihedron.ssp.document import children, parsed
 from trihedron.ssp.exporting import export_ssp
 from trihedron.ssp.importing import scenario_of_ssp
@@ -186,6 +186,21 @@ def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
     with pytest.raises(InputError, match="--fmi 3"):
         export_ssp(bench(), tmp_path / "x.ssp", fmi=3)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
+    scenario = read_scenario(SCENARIOS / "table-stabilised.toml")
+    run = scenario.run.model_copy(update={"stop_s": 20 * scenario.run.step_s})
+    scenario = scenario.model_copy(update={"run": run})
+    path = export_ssp(scenario, tmp_path / "around.ssp", flavour="python")
+    expected = simulate(scenario).table
+    with scenario_of_ssp(path) as imported:
+        assert imported.scenario.run.coupling == scenario.run.coupling is not None
+        assert simulate(imported.scenario).table.equals(expected)
+    with scenario_of_ssp(path, coupling="jacobi") as imported:
+        assert imported.scenario.run.coupling == "jacobi"
+    assert cli.main(["simulate", str(SCENARIOS / "table-stabilised.toml"), "--coupling", "jacobi"]) == 2
+    assert "--coupling: belongs to an .ssp" in capsys.readouterr().err
 
 
 def test_by_commands(tmp_path, monkeypatch, capsys):

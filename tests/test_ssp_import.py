@@ -288,6 +288,7 @@ def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch
     path = packed(tmp_path, fmus, system("root", GAIN, OTHER, wires=around, more=STEP), "Gain")
     assert cli.main(["simulate", path.name]) == 2
     assert "gain -> other -> gain" in capsys.readouterr().err
+    assert cli.main(["simulate", path.name, "--coupling", "jacobi", "--out", "around"]) == 0
     shutil.rmtree(tmp_path / "made-run", ignore_errors=True)
     straight = packed(tmp_path, fmus, system("root", GAIN, bound=(inline("gain.gian|Real|1"),)), "Gain")
     assert cli.main(["simulate", straight.name, "--step", "1", "--out", "r"]) == 0

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
+from trihedron.options import JsonFile, OutFolder
 from trihedron.outputs import distinct_files
 
 
@@ -20,7 +20,7 @@ def attitude(
     ] = "instantaneous",
     rate_divisor: Annotated[int, Parameter(help="Add up so many increments to one: a slower gyro.")] = 1,
     compare: Annotated[bool, Parameter(help="Run every algorithm and show them side by side.")] = False,
-    out: Path | None = None,
+    out: OutFolder | None = None,
     json: JsonFile = None,
 ) -> Answer:
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.

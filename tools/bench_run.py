@@ -104,6 +104,7 @@ def simulate(
     *,
     out: str | Path | None = None,
     step: float | None = None,
+    coupling: str | None = None,
     progress: bool = False,
 ) -> Simulation:
     """Run a scenario; where its run is a raw record of a table, average its rests into a position record.
@@ -116,6 +117,8 @@ def simulate(
         folder that everything is written to; nothing is written without it
     step : float, optional
         length of a step [s] of an .ssp, where it does not say one or another is wanted
+    coupling : str, optional
+        how the cycles of an .ssp are taken, "jacobi" or "iterate"; a scenario says so itself
     progress : bool
         show a bar on standard error, where that is a terminal
 
@@ -134,23 +137,25 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    with _opened(scenario, step) as (checked, ignored):
+    with _opened(scenario, step, coupling) as (checked, ignored):
         return _simulated(checked, None if out is None else Path(out), ignored, progress=progress)
 
 
 @contextmanager
 def _opened(
-    scenario: "str | Path | Mapping[str, Any] | Scenario", step: float | None
+    scenario: "str | Path | Mapping[str, Any] | Scenario", step: float | None, coupling: str | None
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """The scenario, as long as its files are there; and what was ignored of it."""
     if isinstance(scenario, str | Path) and Path(scenario).suffix.lower() == ".ssp":
         from trihedron.ssp.importing import scenario_of_ssp
 
-        with scenario_of_ssp(Path(scenario), step=step) as imported:
+        with scenario_of_ssp(Path(scenario), step=step, coupling=coupling) as imported:
             yield imported.scenario, imported.ignored
         return
     if step is not None:
         raise InputError("--step: belongs to an .ssp; a scenario says run.step_s")
+    if coupling is not None:
+        raise InputError("--coupling: belongs to an .ssp; a scenario says run.coupling")
     if isinstance(scenario, Scenario):
         yield scenario, ()
     elif isinstance(scenario, Mapping):
@@ -207,9 +212,11 @@ def run_scenario(path: Path, out: Path | None, *, progress: bool, step: float | 
     return list(run_into_folder(path, out, progress=progress, step=step).files)
 
 
-def run_into_folder(path: Path, out: Path | None, *, progress: bool, step: float | None = None) -> Simulation:
-    """As `run_scenario`, with the whole result."""
-    with _opened(path, step) as (scenario, ignored):
+def run_into_folder(
+    path: Path, out: Path | None, *, progress: bool, step: float | None = None, coupling: str | None = None
+) -> Simulation:
+    """As `run_scenario`, with the whole result; `coupling` as `simulate` takes it."""
+    with _opened(path, step, coupling) as (scenario, ignored):
         if ignored:
             shown = ", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else "")
             print(f"{path}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)

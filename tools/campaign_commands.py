@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from trihedron.errors import InputError
 from trihedron.options import JsonFile, ReportFile
-from trihedron.outputs import distinct_files
+from trihedron.outputs import distinct_files, ordinary_folder
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -29,7 +29,11 @@ def campaign(
     ] = None,
     resume: Annotated[bool, Parameter(help="Go on with what the folder holds already.")] = False,
     out: Annotated[
-        Path | None, Parameter(help="Folder for the results; by default <campaign>-campaign in the current folder.")
+        Path | None,
+        Parameter(
+            validator=ordinary_folder,
+            help="Folder for the results; by default <campaign>-campaign in the current folder.",
+        ),
     ] = None,
 ) -> None:
     """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
@@ -43,13 +47,10 @@ def campaign(
     """
     from trihedron.campaign.campaign import run_campaign
     from trihedron.campaign.texts import summary_text
-    from trihedron.report.campaign_page import campaign_page
-    from trihedron.writing import write_text
 
     done = run_campaign(campaign, out, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=True)
     print(summary_text(done.summary))
     print(f"\n{done.computed} runs in {done.seconds:.1f} s")
-    write_text(done.page, campaign_page(done.store, done.manifest))
     for file in done.files:
         print(file)
 

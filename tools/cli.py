@@ -39,8 +39,8 @@ app = App(
 )
 
 for command in (
-    *(apply, attitude, calibrate, campaign, check, demo, diagnose, doctor, export, export_ssp, fmpy_input, hidden),
-    *(inspect, new, plan, reproduce, simulate),
+    *(apply, attitude, calibrate, campaign, campaign_report, check, demo, diagnose, doctor, export, export_ssp),
+    *(fmpy_input, hidden, inspect, new, plan, reproduce, simulate),
 ):
     app.command(command)
 add_completion(app)

@@ -9,12 +9,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from trihedron.answers import STANDARD_OUTPUT, Answer, answer
-from trihedron.options import JsonFile
+from trihedron.options import JsonFile, OutFolder
 
 
 def demo(
     *,
-    out: Path = Path("demo-results"),
+    out: OutFolder = Path("demo-results"),
     seed: int = 2026,
     show: Annotated[bool, Parameter(negative="--no-show")] = True,
     json: JsonFile = None,

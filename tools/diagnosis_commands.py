@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from trihedron.answers import Answer, answer
 from trihedron.options import Bounds, DiagnosisBaseline, Gravity, JsonFile, Mounting, NoiseBound, ReportFile
-from trihedron.outputs import distinct_files
+from trihedron.outputs import distinct_files, ordinary_folder
 
 if TYPE_CHECKING:
     from trihedron.diagnosis import Diagnosis
@@ -30,7 +30,9 @@ def diagnose(
     ] = "instantaneous",
     json: JsonFile = None,
     report: ReportFile = None,
-    export: Annotated[Path | None, Parameter(help="Write the extended FMUs into this folder.")] = None,
+    export: Annotated[
+        Path | None, Parameter(validator=ordinary_folder, help="Write the extended FMUs into this folder.")
+    ] = None,
 ) -> Answer:
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
+from trihedron.options import JsonFile, OutFolder
 
 
 def export(
@@ -21,7 +21,7 @@ def export(
     effect: Annotated[
         tuple[str, ...], Parameter(help='Extend by an effect, as "quadratic accelerometer-3"; may be repeated.')
     ] = (),
-    out: Path = Path("fmus-exported"),
+    out: OutFolder = Path("fmus-exported"),
     json: JsonFile = None,
 ) -> Answer:
     """Write components as FMUs; all of them when none is named.

@@ -151,7 +151,9 @@ def export_components(
         a name that no component has, an effect of a component that is not exported, a platform that nothing here
         compiles for, or a folder that cannot be written
     """
-    known = component_names()
+    from trihedron.fmus.composition import can_extend
+
+    known, table = component_names(), components()
     for name in names:
         if name not in known:
             raise InputError(f"component {name}: is not known; {nearest(name, known)}")
@@ -163,15 +165,15 @@ def export_components(
     extended = {str(CATALOGUE[place.effect].component) for place in places}
     chosen = list(dict.fromkeys(names)) or [name for name in known if name in extended] or list(known)
     for place in places:
-        if CATALOGUE[place.effect].component not in chosen:
+        if not any(can_extend(table[name], place) for name in chosen):
             raise InputError(f"--effect {place.title}: extends {CATALOGUE[place.effect].component}, not exported here")
     try:
         if flavour == "native":
-            chosen_platforms(platform or "host")
+            chosen_platforms("host" if platform is None else platform)
         with whole_folder(out) as beside:
             for name in with_progress(chosen):
-                own = [place for place in places if CATALOGUE[place.effect].component == name]
-                build(name, beside, own, flavour=flavour, fmi=fmi, platform=platform or "host")
+                own = [place for place in places if can_extend(table[name], place)]
+                build(name, beside, own, flavour=flavour, fmi=fmi, platform="host" if platform is None else platform)
                 if flavour == "native":
                     write_reference_results(name, own, beside, fmi)
     except BuildError as error:

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
-from trihedron.options import Baseline, JsonFile
+from trihedron.options import Baseline, JsonFile, OutFolder
 from trihedron.outputs import distinct_files, ordinary_file
 
 
@@ -33,7 +33,7 @@ def hidden(
     positions: tuple[int, int] | None = None,
     size: Annotated[tuple[float, float] | None, Parameter(allow_leading_hyphen=True)] = None,
     noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
-    out: Path | None = None,
+    out: OutFolder | None = None,
     jobs: int = 1,
     json: JsonFile = None,
 ) -> Answer:

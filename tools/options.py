@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.outputs import json_file, ordinary_file
+from trihedron.outputs import json_file, ordinary_file, ordinary_folder
 from trihedron.printing import report_file
 
 Baseline = Literal["asymmetric", "symmetric"]
@@ -30,6 +30,7 @@ Bounds = Annotated[
     Parameter(allow_leading_hyphen=True, help="u^max and v0^max of (1.7): when the sign of an input is certain."),
 ]
 Mounting = Annotated[str, Parameter(help="Name of a preset, or a TOML file with [name] matrix = [[...], ...].")]
+OutFolder = Annotated[Path, Parameter(name="--out", validator=ordinary_folder)]
 JsonFile = Annotated[
     Path | None,
     Parameter(

@@ -8,8 +8,26 @@ from trihedron.errors import InputError
 
 def ordinary_file(_: object, path: Path | None) -> None:
     """Refuse the name of a device or a pipe: a file that appears whole takes the place of what stands there."""
-    if path is not None and path.exists() and not path.is_file() and not path.is_dir():
+    if path is None:
+        return
+    if path.exists() and not path.is_file() and not path.is_dir():
         raise InputError(f"{path}: is not a regular file; give the name of a file")
+    _in_a_folder(path)
+
+
+def ordinary_folder(_: object, path: Path | None) -> None:
+    """Refuse the name of a folder where a file stands, before anything is computed for it."""
+    if path is None:
+        return
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: is a file; give the name of a folder")
+    _in_a_folder(path)
+
+
+def _in_a_folder(path: Path) -> None:
+    above = next((parent for parent in path.parents if parent.exists()), None)
+    if above is not None and not above.is_dir():
+        raise InputError(f"{path}: cannot be written ({above} is a file)")
 
 
 def json_file(_: object, path: Path | None) -> None:

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
+from trihedron.outputs import ordinary_folder
 
 Signed = Parameter(allow_leading_hyphen=True)
 
@@ -54,7 +55,9 @@ class PositionOptions:
     extra: Annotated[int | None, Parameter(allow_leading_hyphen=True, help="Extra positions for --detect; 6.")] = None
     mountings: Annotated[
         tuple[str, ...] | None,
-        Parameter(consume_multiple=True, help="Several mountings, presets or TOML files: the set is split over them."),
+        Parameter(
+            consume_multiple=(1, None), help="Several mountings, presets or TOML files: the set is split over them."
+        ),
     ] = None
     seed: Annotated[int | None, Parameter(allow_leading_hyphen=True, help="Of search and random order; 0.")] = None
     starts: Annotated[int | None, Parameter(allow_leading_hyphen=True, help="Local searches; 30.")] = None
@@ -67,7 +70,10 @@ class PositionOptions:
     noise_bound: Annotated[
         float | None, Parameter(allow_leading_hyphen=True, help="σ, as a fraction of g, for --check; 1e-5.")
     ] = None
-    out: Annotated[Path | None, Parameter(help="Folder for programme, table list, operator's page, picture.")] = None
+    out: Annotated[
+        Path | None,
+        Parameter(validator=ordinary_folder, help="Folder for programme, table list, operator's page, picture."),
+    ] = None
 
     def given(self) -> dict[str, Any]:
         """The options that were given, by their field names."""

@@ -13,6 +13,7 @@ from trihedron.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
 from trihedron.report.diagnosis_sections import residual_sections
 from trihedron.report.effect_pictures import effect_sheet
+from trihedron.report.explanation_pictures import interval_picture, strips_picture
 from trihedron.writing import write_text
 
 PICTURE_SEED = 2026
@@ -112,6 +113,8 @@ def main(arguments: list[str]) -> None:
     write_text(docs / "reference.md", reference_page())
     write_text(docs / "pictures" / "residuals.svg", readme_picture())
     write_text(docs / "pictures" / "effects.svg", effect_sheet())
+    write_text(docs / "pictures" / "strips.svg", strips_picture())
+    write_text(docs / "pictures" / "intervals.svg", interval_picture())
 
 
 if __name__ == "__main__":

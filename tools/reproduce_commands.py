@@ -6,9 +6,8 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from trihedron.answers import Answer, answer
-from trihedron.errors import InputError
 from trihedron.options import JsonFile
-from trihedron.outputs import distinct_files
+from trihedron.outputs import distinct_files, ordinary_folder
 
 reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
 
@@ -29,7 +28,9 @@ def calibration(*, json: JsonFile = None) -> Answer:
 @reproduce.command
 def attitude(
     *,
-    out: Annotated[Path | None, Parameter(help="Folder for attitude.csv and attitude.svg.")] = None,
+    out: Annotated[
+        Path | None, Parameter(validator=ordinary_folder, help="Folder for attitude.csv and attitude.svg.")
+    ] = None,
     json: JsonFile = None,
 ) -> Answer:
     """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
@@ -38,8 +39,6 @@ def attitude(
     """
     written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
     distinct_files({**written, "--json": json})
-    if out is not None and out.exists() and not out.is_dir():
-        raise InputError(f"--out {out}: is a file; give the name of a folder")
     from trihedron.attitude.reproduction import reproduce_attitude
     from trihedron.attitude.reproduction_output import reproduction_json, reproduction_summary, write_reproduction
 

@@ -21,8 +21,9 @@ def commands_page() -> str:
     lines = [
         "# Commands",
         "",
-        "As `--help` says it; made from the code. Every command has `--quiet`; exit status: 0 the work was done, whatever "
-        "the verdict, 2 the input cannot be used (said in one line), 1 a fault of the program, 130 interrupted.",
+        "As `--help` says it; made from the code. Every command has `--quiet`; exit status: 0 the work was done, "
+        "whatever the verdict, 2 the input cannot be used (said in one line), 1 a fault of the program, 130 "
+        "interrupted.",
         "",
     ]
     for name in sorted(name for name in app if not name.startswith("-")):

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,8 +18,8 @@ from campaign_runs import CALIBRATION, content, written
 from trihedron.campaign.campaign import run_campaign
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
-LONGER = CALIBRATION.replace("points = 7", "points = 100")
-"""Two hundred calibrations in a hundred files."""
+LONGER = CALIBRATION.replace("points = 7", "points = 60")
+"""A hundred and twenty calibrations in sixty files."""
 MOST_SECONDS = 300.0
 
 
@@ -88,7 +89,7 @@ def test_workers_killed_at_random_moments(tmp_path, unbroken, engine):
                 kills += 1
     said, complaints = main.communicate()
     assert main.returncode == 0, complaints
-    assert "200 runs, 0 failed" in said
+    assert "120 runs, 0 failed" in said
     assert kills > 0
     print(f"{engine}: {kills} workers killed", file=sys.stderr)
     assert content(out) == unbroken
@@ -126,7 +127,7 @@ def test_ctrl_c_leaves_a_whole_folder(tmp_path, unbroken):
     main.send_signal(signal.SIGINT)
     _, complaints = main.communicate(timeout=30.0)
     assert main.returncode == 130
-    assert re.fullmatch(r"trihedron: interrupted; \d+ of 200 runs are in \S+; --resume goes on\n", complaints)
+    assert re.fullmatch(r"trihedron: interrupted; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
     wait_for(lambda: not any(command_of(pid) for pid in workers))
     there = content(out)
     assert all(unbroken[name] == value for name, value in there.items())
@@ -145,11 +146,11 @@ def test_a_dask_cluster_of_three_local_workers_gives_the_same_bytes(tmp_path, un
 
 
 @contextlib.contextmanager
-def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any], str]]:
     """A scheduler and workers as processes of their own: the scheduler and its address."""
     told = folder / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with contextlib.ExitStack() as stack:
         words = ["--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(told)]
         scheduler = stack.enter_context(ended(subprocess.Popen([*dask, *words], **quiet)))
@@ -162,7 +163,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[bytes
 
 
 @contextlib.contextmanager
-def ended(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
+def ended(process: subprocess.Popen[Any]) -> Iterator[subprocess.Popen[Any]]:
     try:
         yield process
     finally:
@@ -184,7 +185,7 @@ def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on
         scheduler.kill()
         _, complaints = main.communicate(timeout=60.0)
     assert main.returncode == 2
-    assert re.fullmatch(r"trihedron: --scheduler: .*; \d+ of 200 runs are in \S+; --resume goes on\n", complaints)
+    assert re.fullmatch(r"trihedron: --scheduler: .*; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
     assert all(unbroken[name] == value for name, value in content(out).items())
     with cluster(tmp_path / "again", 2) as (_, address):
         main = started(path, out, "--engine", "dask", "--scheduler", address, "--resume")
@@ -208,7 +209,7 @@ def test_a_disk_that_is_full(tmp_path, unbroken):
         assert "--resume goes on" in complaints
         assert complaints.count("\n") == 1
         there = content(out)
-        assert 0 < files_done(out) < 100
+        assert 0 < files_done(out) < 60
         assert all(unbroken[name] == value for name, value in there.items())
         subprocess.run(["mount", "-o", "remount,size=8m", str(small)], check=True)
         main = started(path, out, "--jobs", "2", "--resume")

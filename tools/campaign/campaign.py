@@ -18,7 +18,7 @@ from trihedron.campaign.work import Computed
 from trihedron.errors import InputError
 from trihedron.writing import write_text
 
-SUMMARY = "summary.json"
+SUMMARY, PAGE = "summary.json", "index.html"
 TIMING = "timing.json"
 """What differs from one execution to the next; no other file of the folder does."""
 
@@ -53,17 +53,7 @@ class Done:
     def files(self) -> list[Path]:
         """What a person looks at first."""
         folder = self.store.folder
-        return [folder / RUNS, folder / SUMMARY, self.page]
-
-    @property
-    def page(self) -> Path:
-        """The page of results."""
-        return self.store.folder / "index.html"
-
-    @property
-    def manifest(self) -> Mapping[str, Any]:
-        """What says which campaign it is."""
-        return read_manifest(self.store.folder)
+        return [folder / RUNS, folder / SUMMARY, folder / PAGE]
 
 
 def default_folder(path: Path) -> Path:
@@ -110,6 +100,8 @@ def run_campaign(
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
+    from trihedron.report.campaign_page import campaign_page
+
     clock = Clock()
     order, campaign = make_order(path)
     # What the file asks for and cannot be done is said before anything is written.
@@ -141,6 +133,7 @@ def run_campaign(
             raise InputError(f"{error}; {_so_far(store, done, total)}") from error
         summary = summarise(store)
         write_text(folder / SUMMARY, json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        write_text(folder / PAGE, campaign_page(store, read_manifest(folder)))
         result = Done(store, total, failed, total - before, clock.seconds, tally, summary)
         _write_timing(result)
     return result
@@ -155,6 +148,7 @@ def _write_timing(done: Done) -> None:
         "runs": done.computed,
         "seconds": done.seconds,
         "worker_seconds": done.tally.seconds,
+        "worker_cpu_seconds": done.tally.cpu_seconds,
         "kills": done.tally.kills,
     }
     write_text(done.store.folder / TIMING, json.dumps(content, indent=1) + "\n")

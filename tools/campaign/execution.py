@@ -85,13 +85,14 @@ class Tally:
 
     Attributes
     ----------
-    seconds : float
-        of all workers together
+    seconds, cpu_seconds : float
+        that all workers together worked, by the clock and of their processors
     kills : int
         workers that ended while they had work
     """
 
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     kills: int = 0
 
 
@@ -177,6 +178,7 @@ def execute(
                 keep(computed)
                 batches.measured(computed.seconds)
                 tally.seconds += computed.seconds
+                tally.cpu_seconds += computed.cpu_seconds
     return tally
 
 

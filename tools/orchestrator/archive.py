@@ -123,6 +123,8 @@ def _read(path: Path, label: str) -> bytes:
     try:
         if path.is_dir():
             raise InputError(f"{label}: is a folder; give an .fmu file")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{label}: is a pipe or a device; give an .fmu file")
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"{label}: is larger than {MOST_BYTES >> 30} GiB; not read")
         return path.read_bytes()

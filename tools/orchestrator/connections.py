@@ -106,7 +106,7 @@ def stepping_order(names: Sequence[str], wires: Iterable[Wire]) -> list[str]:
         first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
         cycle = [*cycle[first:], *cycle[:first]]
         named = " -> ".join([*cycle, cycle[0]])
-        say = 'take one out, or say how it is taken: run.coupling = "jacobi" or "iterate"'
+        say = 'take one out, or say how it is taken: run.coupling = "jacobi" or "iterate" (of an .ssp: --coupling)'
         raise InputError(f"connections form a cycle: {named}; {say}") from error
     order: list[str] = []
     ready: set[str] = set()

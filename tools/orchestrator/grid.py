@@ -44,7 +44,9 @@ def _counted(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
         return Grid(run.start_s, run.step_s, max(programme_ends))
     span = run.stop_s - run.start_s
     ratio = span / run.step_s
-    steps = round(ratio) if ratio < 2**53 else 0
+    if not ratio < 2**53:
+        raise InputError(f"run.step_s = {run.step_s!r} makes {ratio:.3g} steps; at most {MOST_STEPS} are possible")
+    steps = round(ratio)
     if steps < 1 or abs(steps * run.step_s - span) > 1e-9 * span:
         fewer, more = span / max(1, math.floor(ratio)), span / max(1, math.ceil(ratio))
         fits = f"{more!r} would" if fewer == more else f"{more:.9g} or {fewer:.9g} would"

@@ -69,6 +69,8 @@ def _chosen(label: str, header: Sequence[str], wanted: Sequence[str] | None) -> 
 
 
 def _read_csv(content: bytes, label: str, wanted: Sequence[str] | None) -> NumberTable:
+    if b"\0" in content:
+        raise InputError(f"{label}: is a binary file; a CSV file is needed")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -150,16 +150,11 @@ def _method(entry: Mapping[str, Any]) -> str:
 def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
     first = next(iter(curves.values()))
     header = ["from", "to", "runs", *curves]
-    rows = [
-        [
-            f"{entry['low']:g}",
-            f"{entry['high']:g}",
-            entry["cases"],
-            *(f"{found[k]['count']}" for found in curves.values()),
-        ]
-        for k, entry in enumerate(first)
-        if any(found[k]["cases"] for found in curves.values())
-    ]
+    rows: list[list[str | int]] = []
+    for k, entry in enumerate(first):
+        counts = [str(found[k]["count"]) for found in curves.values()]
+        if any(found[k]["cases"] for found in curves.values()):
+            rows.append([f"{entry['low']:g}", f"{entry['high']:g}", entry["cases"], *counts])
     return Section(
         f"Rates against {against}",
         svg=rates_picture(curves, against),

@@ -251,7 +251,8 @@ def excluded_section(result: StrapdownDiagnosis) -> Section:
     ]
     said = ["Larger sizes of these effects contradict the record."] if rows else []
     if result.not_seen:
-        said.append(f"At no possible size this record could show: {', '.join(p.title for p in result.not_seen)}.")
+        names = dict.fromkeys(place.effect for place in result.not_seen)
+        said.append(f"This record could show at no possible size, and they were not searched: {', '.join(names)}.")
     table = Table(["effect", "parameter", "excluded above", "unit"], rows) if rows else None
     return Section("What the record excludes", said, table=table)
 

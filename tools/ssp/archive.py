@@ -80,6 +80,8 @@ def unpack_ssp(path: Path, folder: Path) -> str:
     try:
         if path.is_dir():
             raise InputError(f"{label}: is a folder; give an .ssp file")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{label}: is a pipe or a device; give an .ssp file")
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"{label}: is larger than {MOST_BYTES >> 30} GiB; not read")
         content = path.read_bytes()

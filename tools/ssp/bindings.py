@@ -178,20 +178,34 @@ def _value(text: str, given: Given, variable: Variable) -> Value:
     kind = variable.kind
     try:
         if kind == "Real" and given.kind in ("Real", "Integer"):
-            return given.factor * float(text) + given.offset if given.factor != 1.0 or given.offset else float(text)
+            plain = _real(text)
+            return given.factor * plain + given.offset if given.factor != 1.0 or given.offset else plain
         if kind == "Boolean" and given.kind == "Boolean":
             return TRUTHS[text.strip()]
         if kind == "String" and given.kind == "String":
             return text
         if kind == "Enumeration" and given.kind == "Enumeration":
             named = {item: number for number, item in variable.items}
-            return named[text] if text in named else int(text)
+            return named[text] if text in named else _whole(text)
         if kind in ("Integer", "Enumeration") and given.kind == "Integer":
-            number = given.factor * int(text) + given.offset
+            number = given.factor * _whole(text) + given.offset
             return int(number) if math.isfinite(number) and number == int(number) else number
     except (ValueError, KeyError, OverflowError) as error:
         raise InputError(f"'{text}' is not a value of {variable.name}, which is {kind}") from error
     raise InputError(f"is {given.kind}, but {variable.name} is {kind}")
+
+
+def _real(text: str) -> float:
+    """A number as XML writes it: Python would take other digits and 1_000 too."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
+def _whole(text: str) -> int:
+    if not text.isascii() or "_" in text:
+        raise ValueError(text)
+    return int(text)
 
 
 def _converted(value: float, given: Given, variable: Variable, scales: Mapping[str, Scale]) -> float:

@@ -27,6 +27,12 @@ from trihedron.writing import whole_file
 RECORD = "extra/trihedron/record.json"
 """What the scenario records, for `trihedron simulate`; other tools do not read it."""
 
+COUPLING = "extra/trihedron/coupling.json"
+"""How the scenario takes cycles, for `trihedron simulate`; there only where it says so."""
+
+COUPLING_SETTINGS = ("coupling", "tolerance", "iterations")
+"""What `[run]` says of cycles."""
+
 
 def export_ssp(
     scenario: Scenario,
@@ -63,6 +69,8 @@ def export_ssp(
         what the scenario asks for and cannot be done, or what cannot stand in an .ssp: timed rows, names that other
         tools do not take
     """
+    if out.suffix.lower() != ".ssp":
+        raise InputError(f"{out}: must end in .ssp; other tools know it by that")
     if fmi != 2:
         raise InputError(f"--fmi {fmi}: an .ssp has FMUs of FMI 2.0; FMPy and OMSimulator run no others in it")
     if flavour is None:
@@ -71,9 +79,9 @@ def export_ssp(
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
     try:
         if flavour == "native":
-            chosen_platforms(platform or "host")
+            chosen_platforms("host" if platform is None else platform)
         with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as scratch:
-            members = _members(scenario, flavour, platform or "host", Path(scratch))
+            members = _members(scenario, flavour, "host" if platform is None else platform, Path(scratch))
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
     except InputError as error:
@@ -124,9 +132,16 @@ def _members(scenario: Scenario, flavour: Flavour, platform: str, folder: Path) 
         members[each.file] = parameter_set_xml(each)
         if each.mapping_file is not None:
             members[each.mapping_file] = mapping_xml(each.mapping)
-    record = scenario.as_written()["record"]
-    members[RECORD] = (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
+    written = scenario.as_written()
+    members[RECORD] = _json_bytes(written["record"])
+    coupling = {name: written["run"][name] for name in COUPLING_SETTINGS if name in written["run"]}
+    if coupling:
+        members[COUPLING] = _json_bytes(coupling)
     return members
+
+
+def _json_bytes(value: object) -> bytes:
+    return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def _fmu_files(

@@ -18,8 +18,11 @@ from trihedron.scenario import Scenario, first_problem
 from trihedron.ssp.archive import unpack_ssp
 from trihedron.ssp.bindings import value_for
 from trihedron.ssp.description import Description, Node, Part, reached, read_description
-from trihedron.ssp.exporting import RECORD
+from trihedron.ssp.exporting import COUPLING, COUPLING_SETTINGS, RECORD
 from trihedron.ssp.self_contained import PROGRAMME
+
+
+LONGEST_MESSAGE = 800
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class Imported:
 
 
 @contextmanager
-def scenario_of_ssp(path: Path, *, step: float | None = None) -> Iterator[Imported]:
+def scenario_of_ssp(path: Path, *, step: float | None = None, coupling: str | None = None) -> Iterator[Imported]:
     """Unpack an .ssp and read it as a scenario.
 
     Parameters
@@ -48,6 +51,9 @@ def scenario_of_ssp(path: Path, *, step: float | None = None) -> Iterator[Import
         the file
     step : float, optional
         length of a step [s]; without it that of OMSimulator's annotation, or the smallest that an FMU asks for
+
+    coupling : str, optional
+        how cycles of connections are taken, "jacobi" or "iterate"; without it as the exported scenario says
 
     Raises
     ------
@@ -59,13 +65,21 @@ def scenario_of_ssp(path: Path, *, step: float | None = None) -> Iterator[Import
         folder.mkdir()
         unpack_ssp(path, folder)
         try:
-            imported = _scenario(path, folder, Path(name), step)
+            imported = _scenario(path, folder, Path(name), step, coupling)
         except RecursionError as error:
             raise InputError(f"{path}: is not a system that can be read (nested too deeply)") from error
+        except InputError as error:
+            raise InputError(_one_line(str(error))) from error
         yield imported
 
 
-def _scenario(path: Path, folder: Path, scratch: Path, step: float | None) -> Imported:
+def _one_line(text: str) -> str:
+    """A message in one line of bearable length, whatever names and values the archive has."""
+    line = "".join(c if c.isprintable() else " " for c in text)
+    return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
+
+
+def _scenario(path: Path, folder: Path, scratch: Path, step: float | None, coupling: str | None) -> Imported:
     label = str(path)
     description = read_description(folder, label)
     fmus = [part for part in description.system.walk() if part.source is not None]
@@ -89,13 +103,13 @@ def _scenario(path: Path, folder: Path, scratch: Path, step: float | None) -> Im
             parameters[at]["lead_steps"] = 0
     data: dict[str, Any] = {
         "title": "",
-        "run": _run(description, step, steps, label),
+        "run": _run(description, step, steps, label) | _coupling(folder, label, coupling),
         "fmus": {names[p.path]: {"fmu": p.source, "parameters": parameters[p.path]} for p in fmus},
         "connections": _connections(description.system, names),
         "base_folder": folder,
         "source": path,
     }
-    recorded = _record(folder, label)
+    recorded = _own(folder, label, RECORD)
     if recorded is not None:
         data["record"] = recorded
     try:
@@ -144,15 +158,27 @@ def _connections(system: Part, names: Mapping[tuple[str, ...], str]) -> list[dic
     ]
 
 
-def _record(folder: Path, label: str) -> Any:
-    """What Trihedron's own export says of the record."""
-    file = folder / RECORD
+def _own(folder: Path, label: str, name: str) -> Any:
+    """What Trihedron's own export says beside the system, None where it says nothing."""
+    file = folder / name
     if not file.is_file():
         return None
     try:
         return json.loads(file.read_text("utf-8"))
     except (ValueError, RecursionError, OSError) as error:
-        raise InputError(f"{label}: {RECORD}: is not JSON ({error})") from error
+        raise InputError(f"{label}: {name}: is not JSON ({error})") from error
+
+
+def _coupling(folder: Path, label: str, given: str | None) -> dict[str, Any]:
+    """How cycles are taken: as asked for, else as the scenario that was exported says."""
+    if given is not None:
+        return {"coupling": given}
+    own = _own(folder, label, COUPLING)
+    if own is None:
+        return {}
+    if not isinstance(own, dict) or not set(own) <= set(COUPLING_SETTINGS):
+        raise InputError(f"{label}: {COUPLING}: has other things than {', '.join(COUPLING_SETTINGS)}")
+    return own
 
 
 def _parameters(

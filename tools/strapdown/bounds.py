@@ -111,8 +111,9 @@ def rest_wander(rests: Rests, up: NDArray | None, white: NDArray) -> NDArray[np.
         columns += list(up.T)
         products = [up[:, i] * up[:, j] for i in range(3) for j in range(i, 3)]
         # One product follows from the others and the constant.
-        if len(rests) >= len(columns) + len(products) - 1 + SPARE:
-            columns += products
+        if len(rests) < len(columns) + len(products) - 1 + SPARE:
+            return np.full(3, np.nan)
+        columns += products
     design = np.stack(columns, axis=1)
     design = design / np.maximum(np.abs(design).max(axis=0), 1e-300)
     free = len(design) - np.linalg.matrix_rank(design, tol=1e-6)

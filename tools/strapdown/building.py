@@ -83,6 +83,14 @@ def force_places(temperature: NDArray | None) -> list[EffectPlace]:
     return tried
 
 
+def not_searched(built: Built) -> tuple[EffectPlace, ...]:
+    """Effects on the block that a record of this kind does not show: they are not searched."""
+    own = (*built.own, *built.system.places)
+    components = ("GyroBlock", "AttitudeComputer", "AccelerometerBlock")
+    every = (p for e in CATALOGUE.values() if e.component in components for p in e.places)
+    return tuple(place for place in every if place not in own)
+
+
 def baseline_names(places: Sequence[EffectPlace], *, forces: bool) -> tuple[tuple[str, str], ...]:
     """Names and units of the baseline's parameters: the accelerometers' nine where gravity is the reference."""
     names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES] if forces else []

@@ -6,24 +6,26 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.diagnosis.result import Cause
 from trihedron.errors import InputError
 from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.models.effects import EffectPlace
 from trihedron.records import StrapdownRecord
-from trihedron.strapdown.building import BIAS, Built, build_with_gravity, build_with_truth
-from trihedron.strapdown.gain import effects_of, measure_gain
-from trihedron.strapdown.held_out import angles, blocks_in_time, largest_angle, predicted, rms_angle
+from trihedron.strapdown.building import BIAS, Built, build_with_gravity, build_with_truth, not_searched
+from trihedron.strapdown.gain import measure_gain
+from trihedron.strapdown.held_out import rms_angle
 from trihedron.strapdown.inspection import Inspection, inspect_record
-from trihedron.strapdown.intervals import excluded_sizes, parameter_ends
-from trihedron.strapdown.judging import is_stable, order_of_effects, witnesses
+from trihedron.strapdown.intervals import excluded_sizes
+from trihedron.strapdown.judging import witnesses
+from trihedron.strapdown.lengths import by_length, length_of, only_at_one_length
 from trihedron.strapdown.norm_calibration import LARGEST
 from trihedron.strapdown.plausibility import check_record, missing_things
-from trihedron.strapdown.result import BaselineParameter, Length, StrapdownDiagnosis
-from trihedron.strapdown.search import LIMIT, Found, SetFit, classes_of, fit_set, seen_places, smallest_sets
+from trihedron.strapdown.reference_errors import RECORD_NOISE, with_reference_errors
+from trihedron.strapdown.result import BaselineParameter, StrapdownDiagnosis
+from trihedron.strapdown.search import LIMIT, SetFit, classes_of, fit_set, seen_places, smallest_sets
 from trihedron.strapdown.separation import what_separates
+from trihedron.strapdown.sizes import causes_of, estimates, left_of
 from trihedron.strapdown.structure import piece_quantities, quoted_number, residual_structure
-from trihedron.strapdown.system import System, weighted_step
+from trihedron.strapdown.system import System
 
 BASELINES = ("calibrated", "nominal")
 MOST_CANDIDATES = 12
@@ -77,8 +79,11 @@ def diagnose_strapdown(
     if missing:
         return StrapdownDiagnosis("insufficient", found, reference, baseline, missing=missing, warnings=warnings)
     built = (build_with_truth if known else build_with_gravity)(found, baseline, rates)
-    system, bound_from = with_reference_errors(built.system) if known else (built.system, RECORD_NOISE)
-    built = replace(built, system=system)
+    bound_from = RECORD_NOISE
+    if known:
+        built, bound_from, jumps = with_reference_errors(built)
+        warnings = (*warnings, *jumps)
+    system = built.system
     quoted = quoted_number(built)
     start = StrapdownDiagnosis(
         "insufficient",
@@ -94,34 +99,6 @@ def diagnose_strapdown(
         quantities=piece_quantities(built, system.parts[quoted].segments),
     )
     return judged(start, built, rerun=rerun)
-
-
-RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
-WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
-LEFT_OUT = (
-    "the largest errors that all effects together leave in parts of the record that were left out: the noise at rest "
-    "is smaller, so the true attitude errs more in motion than at rest, or something is not in the catalogue"
-)
-
-
-def with_reference_errors(system: System) -> tuple[System, str]:
-    """The system with bounds that the true attitude's own errors allow, and what they are taken from.
-
-    Where all effects together cannot bring the errors within the noise at rest, no set of them can: then what they
-    leave in blocks that are left out is the bound, for each length of windows.
-    """
-    places = seen_places(system) if np.all(system.parts[0].bound > 0.0) else list(system.places)
-    if all((part.bound > 0.0).all() for part in system.parts):
-        whole = fit_set(system, places)
-        if whole.radius <= LIMIT:
-            return system, WITH_TRUTH
-    even = replace(system, parts=tuple(replace(p, bound=np.ones_like(p.bound)) for p in system.parts))
-    left = angles(even, predicted(even, places, blocks_in_time(even)))
-    parts = tuple(
-        replace(part, bound=np.maximum(part.bound, np.abs(error).max()))
-        for part, error in zip(system.parts, left, strict=True)
-    )
-    return replace(system, parts=parts), LEFT_OUT
 
 
 def sampling_warnings(found: Inspection) -> tuple[str, ...]:
@@ -141,7 +118,7 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     """The diagnosis of a system."""
     system = built.system
     seen = seen_places(system)
-    not_seen = tuple(place for place in system.places if place not in seen)
+    not_seen = (*(place for place in system.places if place not in seen), *not_searched(built))
     classes = classes_of(system, seen)
     places = list(classes)
     found = smallest_sets(system, places)
@@ -170,7 +147,7 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     heard = sorted(witnesses(system, best.places), key=lambda witness: -witness.without)
     by_need = [witness.place for witness in heard]
     candidates = (tuple(sorted(candidates[0], key=lambda cause: by_need.index(cause.place))),)
-    objections = (*(w.objection for w in heard if not w.supports), *only_at_one_length(best.places, lengths, classes))
+    objections = (*(w.objection for w in heard if not w.supports), *only_at_one_length(system, best, lengths))
     start = replace(start, candidates=candidates, witnesses=tuple(heard), objections=objections)
     if objections:
         structure = tuple(residual_structure(built, start.inspection))
@@ -214,79 +191,6 @@ def undetermined(parameters: Sequence[BaselineParameter], excluded: Sequence[dic
     if not built.own and not any(entry["effect"] == "gyro-scale-misalignment" for entry in excluded):
         return ("the block hardly turns: no scale factor of a gyro is bounded; turn it about each of its axes",)
     return ()
-
-
-def estimates(system: System, fit: SetFit, *, ends: bool = False) -> tuple[BaselineParameter, ...]:
-    """The baseline's parameters by a fit, with what the record leaves possible where that is asked for."""
-    count = len(system.names)
-    values = system.point + weighted_step(system.matrix(fit.places), system.residual)[:count]
-    limits = parameter_ends(system, fit)[:count] if ends else np.full((count, 2), np.nan)
-    if ends:
-        values = np.clip(values, limits[:, 0], limits[:, 1])
-    return tuple(
-        BaselineParameter(name, unit, float(value), *(float(end) if np.isfinite(end) else None for end in pair))
-        for (name, unit), value, pair in zip(system.names, values, limits, strict=True)
-    )
-
-
-def causes_of(system: System, fit: SetFit, classes: dict[EffectPlace, tuple[EffectPlace, ...]]) -> tuple[Cause, ...]:
-    """A set of effects with their sizes by least squares and what the record leaves possible of them."""
-    ends = parameter_ends(system, fit)[len(system.names) :]
-    solution = weighted_step(system.matrix(fit.places), system.residual)
-    solution[len(system.names) :] = np.clip(solution[len(system.names) :], ends[:, 0], ends[:, 1])
-    values = effects_of(system.names, fit.places, solution)
-    found, at = [], 0
-    for place in fit.places:
-        count = len(CATALOGUE[place.effect].at(place).parameters)
-        own = tuple((float(low), float(high)) for low, high in ends[at : at + count])
-        found.append(Cause(place, classes.get(place, ()), tuple(float(v) for v in values[place]), own))
-        at += count
-    return tuple(found)
-
-
-def left_of(system: System, fit: SetFit) -> tuple[NDArray[np.float64], ...]:
-    """Errors that a fit leaves, for each part (S, d) [rad]."""
-    return tuple(angles(system, system.residual - system.matrix(fit.places) @ fit.solution))
-
-
-def by_length(system: System, places: Sequence[EffectPlace]) -> tuple[tuple[Length, ...], bool]:
-    """What each length says by itself, and whether the orders of the effects agree."""
-    orders = order_of_effects(system, places)
-    scored = [k for k, part in enumerate(system.parts) if part.scored]
-    lengths = tuple(
-        replace(length_of(system, k, places, search=True), order=order) for k, order in zip(scored, orders, strict=True)
-    )
-    return lengths, is_stable(orders)
-
-
-def length_of(system: System, k: int, places: Sequence[EffectPlace], *, search: bool) -> Length:
-    """What part k says, with what is known at rest."""
-    part = system.parts[k]
-    alone = system.of_parts([i for i, other in enumerate(system.parts) if i == k or not other.scored])
-    found = smallest_sets(alone, places) if search else Found((fit_set(alone, ()),))
-    radius = fit_set(alone, ()).radius
-    return Length(
-        part.label,
-        len(part),
-        float(np.median(part.bound)),
-        rms_angle(part.error),
-        largest_angle(part.error),
-        radius,
-        tuple(fit.places for fit in found.fits),
-        None,
-    )
-
-
-def only_at_one_length(
-    places: Sequence[EffectPlace], lengths: Sequence[Length], classes: dict[EffectPlace, tuple[EffectPlace, ...]]
-) -> tuple[str, ...]:
-    """Effects that only one of several lengths needs: they are not named."""
-    said = []
-    for place in places:
-        needing = [length.label for length in lengths if any(place in chosen for chosen in length.sets)]
-        if len(lengths) > 1 and len(needing) == 1:
-            said.append(f"{place.title} is needed over {needing[0]} and over no other length of windows or moves")
-    return tuple(said)
 
 
 def beyond_instruments(system: System, fit: SetFit) -> tuple[str, ...]:

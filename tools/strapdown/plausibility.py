@@ -28,9 +28,7 @@ def check_record(found: Inspection) -> None:
         one line: gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves
     """
     path = found.record.path
-    said = list(found.turning.said)
-    if not said:
-        said = list(truth_check(found))
+    said = list(truth_check(found)) or list(found.turning.said)
     if said:
         raise InputError(f"{path}: {'; '.join(said)}")
     moves = len(found.moves) or bool(found.excitation.any())
@@ -66,7 +64,8 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     if float((left**2).sum()) > LEAST_SHARE * float((target**2).sum()):
         return ("the gyros do not turn as the true attitude does: is it body to reference, scalar first?",)
     error = np.sqrt(np.outer((left**2).mean(axis=0), np.diag(np.linalg.inv(design.T @ design))))
-    return tuple(text.replace("of the accelerometers", "of the true attitude") for text in meaning(matrix, error))
+    said = (text.replace("of the accelerometers", "of the true attitude") for text in meaning(matrix, error))
+    return tuple(text.replace("as gravity turns", "as the true attitude turns") for text in said)
 
 
 def missing_things(found: Inspection, *, truth: bool) -> tuple[str, ...]:

@@ -235,10 +235,12 @@ class StrapdownDiagnosis(Shown):
         """What a person reads."""
         from trihedron.strapdown.summary import diagnosis_lines
 
-        return diagnosis_lines(self)
+        shown: Any = self
+        return diagnosis_lines(shown)
 
     def to_polars(self) -> "DataFrame":
         """Causes and their parameters, as a table."""
         from trihedron.strapdown.summary import causes_table
 
-        return causes_table(self)
+        shown: Any = self
+        return causes_table(shown)

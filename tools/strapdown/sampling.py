@@ -12,6 +12,8 @@ GAP = 1.5
 """A time between rows is a gap from so many periods on."""
 CLIPPED_ROWS = 3
 """So many rows in a row at the extreme of a channel are saturated."""
+STUCK_ROWS, SELDOM = 5, 0.02
+"""So many rows in a row at one value, of a channel of which so few rows repeat the one before, are stuck."""
 DISTINCT = 20
 """A channel with fewer different values shows steps, not a limit."""
 FEWEST_ROWS = 16
@@ -25,7 +27,7 @@ class Sampling:
     Attributes
     ----------
     period : float
-        median time between rows [s]
+        mean time between rows, gaps left out [s]
     jitter_rms, jitter_max : float
         of the time between rows about the period, gaps left out [s]
     gaps : tuple of (float, float)
@@ -64,8 +66,9 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     if len(record) < FEWEST_ROWS:
         raise InputError(f"{record.path}: has {len(record)} rows; at least {FEWEST_ROWS} are needed")
     between = np.diff(record.time_s)
-    period = float(np.median(between))
-    is_gap = between > GAP * period
+    is_gap = between > GAP * np.median(between)
+    # The median tells gaps; of stamps that jitter it is off by more than the mean, by which rates would be too.
+    period = float(np.mean(between[~is_gap]))
     off = between[~is_gap] - period
     channels = {f"w{i + 1}": v for i, v in enumerate(rates_of(record).T)}
     channels |= {f"f{i + 1}": v for i, v in enumerate(record.specific_force.T)}
@@ -87,9 +90,10 @@ def saturated_rows(values: NDArray[np.float64]) -> int:
 
 
 def saturated_mask(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Rows of a channel (N,) in runs of three and more at its largest or its least value, if that is a limit.
+    """Rows of a channel (N,) at its largest or its least value, if that is a limit, and where it stays at another one.
 
-    The steps of a quiet channel repeat too: a limit is far from what the channel reads most of the time.
+    A limit is held for three rows and more and is far from what the channel reads most of the time: the steps of a
+    quiet channel repeat too. A channel that hardly ever repeats a value and then stays at one, far out, is clipped too.
     """
     found = np.zeros(len(values), dtype=bool)
     if len(np.unique(values)) < DISTINCT:
@@ -97,9 +101,29 @@ def saturated_mask(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     middle = float(np.median(values))
     spread = float(np.median(np.abs(values - middle)))
     for extreme in (float(values.max()), float(values.min())):
-        if abs(extreme - middle) > 3.0 * spread:
-            edges = np.diff(np.concatenate([[False], values == extreme, [False]]).astype(int))
-            begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-            for begin, end in zip(begins, ends, strict=True):
-                found[begin:end] = end - begin >= CLIPPED_ROWS
+        at = values == extreme
+        if abs(extreme - middle) > 3.0 * spread and longest_run(at) >= CLIPPED_ROWS:
+            found |= at
+    repeated = np.concatenate([[False], np.diff(values) == 0.0])
+    far = np.abs(values - middle) > 3.0 * spread
+    begins, ends = runs_of(repeated & far)
+    held = ends - begins >= STUCK_ROWS - 1
+    alone = np.array(repeated)
+    for begin, end in zip(begins[held], ends[held], strict=True):
+        alone[begin - 1 : end] = False
+    if np.mean(alone) < SELDOM:
+        for begin, end in zip(begins[held], ends[held], strict=True):
+            found[begin - 1 : end] = True
     return found
+
+
+def runs_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Beginnings and ends of the runs of a mask (N,)."""
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def longest_run(mask: NDArray[np.bool_]) -> int:
+    """Length of the longest run of a mask (N,)."""
+    begins, ends = runs_of(mask)
+    return int((ends - begins).max(initial=0))

@@ -135,7 +135,8 @@ def why_lines(result: "StrapdownDiagnosis") -> list[str]:
         shown = [e for e in result.excluded if e["where"] in ("gyro-block", "attitude-computer")]
         lines += [f"  {e['effect']} {e['parameter']} below {e['above']:.2g} {e['unit']}" for e in shown]
     if result.not_seen:
-        lines.append(f"this record cannot show: {', '.join(place.title for place in result.not_seen)}")
+        names = dict.fromkeys(place.effect for place in result.not_seen)
+        lines.append(f"this record cannot show: {', '.join(names)}")
     return lines
 
 

@@ -1,0 +1,79 @@
+"""What moves or windows of one length say by themselves, and what that says of effects that all lengths together need."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.models.effects import EffectPlace
+from trihedron.strapdown.held_out import largest_angle, rms_angle
+from trihedron.strapdown.judging import is_stable, order_of_effects
+from trihedron.strapdown.result import Length
+from trihedron.strapdown.search import Found, SetFit, fit_set, smallest_sets
+from trihedron.strapdown.system import Part, System
+
+SHOWN = 1.5
+"""An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""
+
+
+def by_length(system: System, places: Sequence[EffectPlace]) -> tuple[tuple[Length, ...], bool]:
+    """What each length says by itself, and whether the orders of the effects agree."""
+    orders = order_of_effects(system, places)
+    scored = [k for k, part in enumerate(system.parts) if part.scored]
+    lengths = tuple(
+        replace(length_of(system, k, places, search=True), order=order) for k, order in zip(scored, orders, strict=True)
+    )
+    return lengths, is_stable(orders)
+
+
+def length_of(system: System, k: int, places: Sequence[EffectPlace], *, search: bool) -> Length:
+    """What part k says, with what is known at rest."""
+    part = system.parts[k]
+    alone = of_length(system, k)
+    found = smallest_sets(alone, places) if search else Found((fit_set(alone, ()),))
+    radius = fit_set(alone, ()).radius
+    return Length(
+        part.label,
+        len(part),
+        float(np.median(part.bound)),
+        rms_angle(part.error),
+        largest_angle(part.error),
+        radius,
+        tuple(fit.places for fit in found.fits),
+        None,
+    )
+
+
+def only_at_one_length(system: System, best: SetFit, lengths: Sequence[Length]) -> tuple[str, ...]:
+    """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
+    said, at = [], len(system.names)
+    scored = [k for k, part in enumerate(system.parts) if part.scored]
+    for place in best.places:
+        own = system.numbers_of([place])
+        size = best.solution[at : at + len(own)]
+        at += len(own)
+        needing = [length.label for length in lengths if any(place in chosen for chosen in length.sets)]
+        if len(needing) > 1:
+            continue
+        others = [p for p in best.places if p != place]
+        against = []
+        for k, length in zip(scored, lengths, strict=True):
+            alone = of_length(system, k)
+            shown = replace(alone, parts=with_error(alone, own, size))
+            if length.label not in needing and fit_set(shown, others).radius > SHOWN:
+                against.append(length.label)
+        if against:
+            needed = f"is needed over {needing[0]} alone" if needing else "is needed over no length by itself"
+            said.append(f"{place.title} {needed}; over {', '.join(against)} it would show and is not needed")
+    return tuple(said)
+
+
+def with_error(system: System, columns: NDArray, size: NDArray) -> tuple[Part, ...]:
+    """The parts of a system whose errors are those of one effect of a size."""
+    return tuple(replace(part, error=part.columns[..., columns] @ size) for part in system.parts)
+
+
+def of_length(system: System, k: int) -> System:
+    """The system of part k, with what is known at rest."""
+    return system.of_parts([i for i, other in enumerate(system.parts) if i == k or not other.scored])

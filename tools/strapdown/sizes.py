@@ -1,0 +1,48 @@
+"""Sizes of parameters and effects: estimates, and what the record leaves possible."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trihedron.diagnosis.result import Cause
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.strapdown.gain import effects_of
+from trihedron.strapdown.held_out import angles
+from trihedron.strapdown.intervals import parameter_ends
+from trihedron.strapdown.result import BaselineParameter
+from trihedron.strapdown.search import SetFit
+from trihedron.strapdown.system import System, weighted_step
+
+
+def estimates(system: System, fit: SetFit, *, ends: bool = False) -> tuple[BaselineParameter, ...]:
+    """The baseline's parameters by a fit, with what the record leaves possible where that is asked for."""
+    count = len(system.names)
+    values = system.point + weighted_step(system.matrix(fit.places), system.residual)[:count]
+    limits = parameter_ends(system, fit)[:count] if ends else np.full((count, 2), np.nan)
+    if ends:
+        values = np.clip(values, limits[:, 0], limits[:, 1])
+    return tuple(
+        BaselineParameter(name, unit, float(value), *(float(end) if np.isfinite(end) else None for end in pair))
+        for (name, unit), value, pair in zip(system.names, values, limits, strict=True)
+    )
+
+
+def causes_of(system: System, fit: SetFit, classes: Mapping[EffectPlace, tuple[EffectPlace, ...]]) -> tuple[Cause, ...]:
+    """A set of effects with their sizes by least squares and what the record leaves possible of them."""
+    ends = parameter_ends(system, fit)[len(system.names) :]
+    solution = weighted_step(system.matrix(fit.places), system.residual)
+    solution[len(system.names) :] = np.clip(solution[len(system.names) :], ends[:, 0], ends[:, 1])
+    values = effects_of(system.names, fit.places, solution)
+    found, at = [], 0
+    for place in fit.places:
+        count = len(CATALOGUE[place.effect].at(place).parameters)
+        own = tuple((float(low), float(high)) for low, high in ends[at : at + count])
+        found.append(Cause(place, classes.get(place, ()), tuple(float(v) for v in values[place]), own))
+        at += count
+    return tuple(found)
+
+
+def left_of(system: System, fit: SetFit) -> tuple[NDArray[np.float64], ...]:
+    """Errors that a fit leaves, for each part (S, d) [rad]."""
+    return tuple(angles(system, system.residual - system.matrix(fit.places) @ fit.solution))
