@@ -18,10 +18,13 @@ def write_archive(path: Path, members: Mapping[str, bytes], first: str = "modelD
         name of the member that stands first
     """
     beside = path.with_suffix(path.suffix + ".part")
-    with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-        for name in sorted(members, key=lambda name: (name != first, name)):
-            entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = 0o644 << 16
-            archive.writestr(entry, members[name], compresslevel=9)
-    beside.replace(path)
+    try:
+        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+            for name in sorted(members, key=lambda name: (name != first, name)):
+                entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry.external_attr = 0o644 << 16
+                archive.writestr(entry, members[name], compresslevel=9)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -39,9 +39,8 @@ def written(folder: Path, text: str, name: str = "campaign.toml") -> Path:
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """Every file of a campaign's folder but the timing."""
-    files = (path for path in folder.rglob("*") if path.is_file() and path.name != "timing.json")
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+    """Every file of a campaign's folder."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 class ScriptedEngine:

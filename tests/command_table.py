@@ -62,9 +62,7 @@ def command(line: str, *inputs: str, slow: bool = False) -> Command:
 
 COMMANDS = (
     command("simulate run.toml --out out --json out.json", "run.toml"),
-    command(
-        "calibrate measured.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "measured.csv"
-    ),
+    command("calibrate clean.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "clean.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
     command("inspect strapdown.csv --json out.json --allan out.svg", "strapdown.csv"),
@@ -74,7 +72,7 @@ COMMANDS = (
     command("hidden --cases 1 --mode clean --positions 12 14 --out out --json out.json"),
     command("export AccelerometerBlock --out out --json out.json"),
     command("export-ssp run.toml --out out.ssp --flavour python --json out.json", "run.toml"),
-    command("plan --target X4 --grid 5 --json out.json --report out.html --picture out.svg"),
+    command("plan --target X4 --grid 15 --json out.json --report out.html --picture out.svg"),
     command("plan --positions 6 --starts 1 --cuts 0 --out out --json out.json"),
     command("plan --check angles.csv --json out.json", "angles.csv"),
     command("check run.toml --json out.json", "run.toml"),

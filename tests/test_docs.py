@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from browser import browser, browser_program
 from doc_blocks import ROOT, Reader, blocks_of, matches
 
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
@@ -67,15 +68,14 @@ def site(tmp_path_factory):
 
 
 def test_the_site_builds_strictly_with_every_page(site):
-    missing = [page.stem for page in PAGES if page.parent != ROOT and page.stem != "index"
-               and not (site / page.stem / "index.html").is_file()]  # fmt: skip
+    missing = [page.stem for page in PAGES if page.parent != ROOT and not (site / f"{page.stem}.html").is_file()]
     assert missing == []
 
 
 def test_every_page_is_in_the_navigation(site):
     home = (site / "index.html").read_text(encoding="utf-8")
     nav = home[home.index("md-nav--primary") :]
-    missing = [p.stem for p in PAGES if p.parent != ROOT and p.stem != "index" and f'href="{p.stem}/"' not in nav]
+    missing = [p.stem for p in PAGES if p.parent != ROOT and p.stem != "index" and f'href="{p.stem}.html"' not in nav]
     assert missing == []
 
 
@@ -92,6 +92,30 @@ def test_the_site_asks_nothing_of_the_network(site):
             r"(?:url\(|@import\s+[\"'])\s*[\"']?(?:https?:)?//[^)\"']*", sheet.read_text(encoding="utf-8")
         )
     assert asked == []
+
+
+@pytest.mark.skipif(browser_program() is None, reason="no Chromium or Chrome on the path")
+def test_pages_of_the_site_open_in_a_browser_from_the_disk(site):
+    program = browser_program()
+    assert program is not None
+    with browser(program) as window:
+        for name in ("index", "tutorial", "falsified", "commands", "reference"):
+            for width in (1280, 400):
+                seen = window.open(site / f"{name}.html", width)
+                assert (seen["scroll"], seen["outside"], seen["images"]) == (width, [], []), f"{name} at {width}"
+        assert window.complaints == []
+
+
+def test_commands_and_library_are_described_from_the_code(site):
+    from trihedron import __all__
+    from trihedron.cli import app
+
+    commands = (site / "commands.html").read_text(encoding="utf-8")
+    missing = [name for name in app if not name.startswith("-") and f'<h2 id="{name}">' not in commands]
+    assert missing == []
+    assert "--noise-bound" in commands
+    library = (site / "api.html").read_text(encoding="utf-8")
+    assert [name for name in __all__ if not name.startswith("__") and f">th.{name}<" not in library] == []
 
 
 def test_links_in_the_readme_and_the_changelog_lead_somewhere():

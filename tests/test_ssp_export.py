@@ -185,6 +185,10 @@ def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
             export_ssp(bench(**sections), tmp_path / "x.ssp", flavour="python")
     with pytest.raises(InputError, match="--fmi 3"):
         export_ssp(bench(), tmp_path / "x.ssp", fmi=3)
+    with pytest.raises(InputError, match=r"x\.zip: must end in \.ssp"):
+        export_ssp(bench(), tmp_path / "x.zip")
+    with pytest.raises(InputError, match="there is no native FMU for it"):
+        export_ssp(bench(), tmp_path / "x.ssp", platform="")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,13 +1,14 @@
 """An .ssp made elsewhere: its bindings, mappings, units, nested systems and experiment are honoured, or refused."""
 
 import math
+import os
 import shutil
-import zipfile
 from pathlib import Path
 
 import pytest
 
 from foreign_fmus import build_foreign
+from ssp_files import HEAD, component, inline, packed, system, values, wire
 from trihedron import cli
 from trihedron.errors import InputError
 from trihedron.fmus import build
@@ -15,11 +16,8 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.orchestrator import simulate
 from trihedron.scenario import Scenario
 from trihedron.ssp.importing import scenario_of_ssp
-from trihedron.ssp.namespaces import NAMESPACES, declared
 
-HEAD = " ".join(f'{name}="{uri}"' for name, uri in declared(*NAMESPACES).items())
 MEAN_RATE = next(a.number for a in ALGORITHMS if a.name == "mean-rate")
-EXPERIMENT = '<ssd:DefaultExperiment startTime="2" stopTime="4"/>'
 STEP = (
     '<ssd:Annotations><ssc:Annotation type="org.openmodelica"><a><FixedStepMaster stepSize="0.5"/></a>'
     "</ssc:Annotation></ssd:Annotations>"
@@ -34,70 +32,6 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build("TurntableMotion", folder)
     build("AttitudeComputer", folder)
     return folder
-
-
-def values(*parameters: str, units: str = "") -> str:
-    """A parameter set of `name Type value unit` each."""
-    lines = []
-    for text in parameters:
-        name, kind, value, *unit = text.split("|")
-        shown = f' unit="{unit[0]}"' if unit else ""
-        lines.append(f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"{shown}/></ssv:Parameter>')
-    inside = f"<ssv:Units>{units}</ssv:Units>" if units else ""
-    parts = f"<ssv:Parameters>{''.join(lines)}</ssv:Parameters>{inside}"
-    return f'<ssv:ParameterSet {HEAD} version="1.0" name="p">{parts}</ssv:ParameterSet>'
-
-
-def inline(*parameters: str, units: str = "", attributes: str = "", mapping: str = "") -> str:
-    held = f"<ssd:ParameterValues>{values(*parameters, units=units)}</ssd:ParameterValues>"
-    return f"<ssd:ParameterBinding {attributes}>{held}{mapping}</ssd:ParameterBinding>"
-
-
-def bindings(*each: str) -> str:
-    return f"<ssd:ParameterBindings>{''.join(each)}</ssd:ParameterBindings>" if each else ""
-
-
-def connectors(**kinds: str) -> str:
-    each = "".join(f'<ssd:Connector name="{n.replace("_1", "[1]")}" kind="{k}"/>' for n, k in kinds.items())
-    return f"<ssd:Connectors>{each}</ssd:Connectors>"
-
-
-def component(name: str, model: str, *bound: str, attributes: str = "", **kinds: str) -> str:
-    ends = connectors(**kinds) if kinds else ""
-    source = f'source="resources/{model}.fmu"'
-    return f'<ssd:Component name="{name}" {source} {attributes}>{ends}{bindings(*bound)}</ssd:Component>'
-
-
-def system(
-    name: str, *elements: str, wires: str = "", bound: tuple[str, ...] = (), more: str = "", **kinds: str
-) -> str:
-    ends = connectors(**kinds) if kinds else ""
-    held = f"<ssd:Elements>{''.join(elements)}</ssd:Elements>" + (
-        f"<ssd:Connections>{wires}</ssd:Connections>" if wires else ""
-    )
-    return f'<ssd:System name="{name}">{ends}{bindings(*bound)}{held}{more}</ssd:System>'
-
-
-def wire(start: str, end: str, inside: str = "") -> str:
-    ends = ""
-    for side, text in (("start", start), ("end", end)):
-        element, dot, name = text.partition(".")
-        ends += f' {side}Element="{element}" {side}Connector="{name}"' if dot else f' {side}Connector="{element}"'
-    return f"<ssd:Connection{ends}>{inside}</ssd:Connection>"
-
-
-def packed(folder: Path, fmus: Path, whole: str, *models: str, tail: str = EXPERIMENT, **files: str) -> Path:
-    """An .ssp of a system and FMUs."""
-    path = folder / "made.ssp"
-    name = "ssd:SystemStructureDescription"
-    root = f'<{name} {HEAD} name="made" version="1.0">{whole}{tail}</{name}>'
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("SystemStructure.ssd", root)
-        for model in models:
-            archive.write(fmus / f"{model}.fmu", f"resources/{model}.fmu")
-        for name, text in files.items():
-            archive.writestr(f"resources/{name.replace('_', '.')}", text)
-    return path
 
 
 def imported(path: Path) -> tuple[Scenario, tuple[str, ...]]:
@@ -218,6 +152,10 @@ def test_units_names_and_transformations(tmp_path, fmus):
         ("times|Real|2", "is Real, but times is Integer"),
         ("times|Integer|99999999999", "does not fit 32 bits"),
         ("inverted|Boolean|yes", "'yes' is not a value of inverted"),
+        ("gain|Real|1_000", "'1_000' is not a value of gain"),
+        ("times|Integer|٣", "'٣' is not a value of times"),
+        ("gain|Real|1&#10;2", "'1 2' is not a value of gain"),
+        (f"times|Integer|{'x' * 5000}", "which is Integer"),
         ("gain|Binary|00", "parameter 'gain' has no value of a type that FMI 2.0 has"),
     ],
 )
@@ -280,6 +218,24 @@ def test_an_experiment_that_says_no_end_or_none_that_is_a_number(tmp_path, fmus)
     assert "no stopTime" in refusal(packed(tmp_path, fmus, whole, "Gain", tail=""))
     soon = '<ssd:DefaultExperiment stopTime="soon"/>'
     assert "'soon', not a finite number" in refusal(packed(tmp_path, fmus, whole, "Gain", tail=soon))
+
+
+def test_an_experiment_too_long_to_count(tmp_path, fmus):
+    ages = '<ssd:DefaultExperiment startTime="-1e308" stopTime="1e308"/>'
+    path = packed(tmp_path, fmus, system("root", GAIN, more=STEP), "Gain", tail=ages)
+    with pytest.raises(InputError, match="makes inf steps; at most"):
+        run(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="skipped: no named pipes")
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    for name in ("made.ssp", "made.fmu"):
+        os.mkfifo(tmp_path / name)
+    assert "is a pipe or a device" in refusal(tmp_path / "made.ssp")
+    fmus = {"a": {"fmu": "made.fmu"}}
+    data = {"run": {"step_s": 0.1, "stop_s": 1.0}, "fmus": fmus, "base_folder": tmp_path}
+    with pytest.raises(InputError, match="is a pipe or a device"):
+        simulate(Scenario.model_validate(data))
 
 
 def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch):

@@ -12,8 +12,8 @@ from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
 from trihedron.cli import main
 from trihedron.errors import InputError
 from trihedron.records import StrapdownRecord, write_strapdown_record
+from trihedron.report.allan_pictures import allan_curve, allan_picture
 from trihedron.strapdown import inspect_record
-from trihedron.strapdown.allan_picture import allan_curve, allan_picture
 from trihedron.strapdown.inspection import inspection_text
 from trihedron.strapdown.sampling import sampling_of
 

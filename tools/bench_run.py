@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, one_line
 from trihedron.orchestrator import Run, default_folder
 from trihedron.orchestrator import simulate as run_once
 from trihedron.records import PositionRecord, RawRecord, read_record, write_position_record
@@ -219,7 +219,7 @@ def run_into_folder(
     with _opened(path, step, coupling) as (scenario, ignored):
         if ignored:
             shown = ", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else "")
-            print(f"{path}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
+            print(f"{path}: {len(ignored)} parameters name nothing in it: {one_line(shown)}", file=sys.stderr)
         done = _simulated(scenario, out if out is not None else default_folder(scenario), ignored, progress=progress)
     if done.no_positions:
         print(f"no position record: {done.no_positions}", file=sys.stderr)

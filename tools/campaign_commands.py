@@ -50,7 +50,7 @@ def campaign(
 
     done = run_campaign(campaign, out, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=True)
     print(summary_text(done.summary))
-    print(f"\n{done.computed} runs in {done.seconds:.1f} s")
+    print(f"\n{done.cost}")
     for file in done.files:
         print(file)
 

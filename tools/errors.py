@@ -10,6 +10,15 @@ class InputError(Exception):
     """
 
 
+LONGEST_MESSAGE = 800
+
+
+def one_line(text: str) -> str:
+    """A message in one line of bearable length, whatever names and values an archive from elsewhere has."""
+    line = "".join(c if c.isprintable() else " " for c in text)
+    return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
+
+
 def nearest_file(path: Path) -> str:
     """What follows "no such file": "; did you mean 'x'?" where a file beside it is called much the same."""
     from difflib import get_close_matches
@@ -20,6 +29,11 @@ def nearest_file(path: Path) -> str:
         return ""
     close = get_close_matches(path.name, beside, n=1, cutoff=0.6)
     return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def reason(error: OSError) -> str:
+    """What the system says of a file; libraries that are not Python's put it into the message, with a number."""
+    return error.strerror or str(error).partition(" (os error")[0] or type(error).__name__
 
 
 def unreadable(path: Path, error: OSError) -> str:

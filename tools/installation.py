@@ -19,7 +19,7 @@ CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
     *("matplotlib", "numba", "llvmlite"),
 )
-EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs", "mkdocs-material"), "cluster": ("dask", "distributed")}
+EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed")}
 """What each extra of the package installs."""
 POSITIONS, DWELL_S = 12, 2.0
 """Of the run that is tried."""

@@ -25,9 +25,11 @@ def ordinary_folder(_: object, path: Path | None) -> None:
 
 
 def _in_a_folder(path: Path) -> None:
-    above = next((parent for parent in path.parents if parent.exists()), None)
-    if above is not None and not above.is_dir():
-        raise InputError(f"{path}: cannot be written ({above} is a file)")
+    for above in path.parents:
+        if above.is_dir():
+            return
+        if above.exists():
+            raise InputError(f"{path}: cannot be written ({above} is a file)")
 
 
 def json_file(_: object, path: Path | None) -> None:

@@ -4,6 +4,7 @@ import math
 import sys
 from pathlib import Path
 
+from trihedron.architecture import architecture_picture
 from trihedron.diagnosis import diagnose
 from trihedron.fmus import components
 from trihedron.fmus.component import Component, Variable
@@ -44,8 +45,8 @@ def reference_page() -> str:
         "",
         *EFFECTS_INTRODUCTION,
         "",
-        "| effect | places | parameters | extends |",
-        "|---|---|---|---|",
+        "| effect | what it adds | places | parameters | extends |",
+        "|---|---|---|---|---|",
     ]
     parts += [effect_line(effect) for effect in CATALOGUE.values()]
     return "\n".join([*parts, ""])
@@ -97,7 +98,18 @@ def effect_line(effect: Effect) -> str:
         f"{', '.join(names)} [{unit}], at most {largest if largest != math.pi else 'π'}"
         for (unit, largest), names in alike.items()
     )
-    return f"| `{effect.name}` | {where or 'any reading'} | {said} | {effect.component or 'nothing'} |"
+    adds = formula_text(effect)
+    return f"| `{effect.name}` | {adds} | {where or 'any reading'} | {said} | {effect.component or 'nothing'} |"
+
+
+def formula_text(effect: Effect) -> str:
+    """What an effect adds, with its parameters' names; where it differs between the places, each formula."""
+    letters = {"p": "p", "i": "i", "j": "j", "angle": "angle", "order": "order"}
+    names = {p.name: p.name for place in effect.places for p in effect.at(place).parameters}
+    names |= {p.name: p.name for p in effect.parameters}
+    formulas = dict.fromkeys(effect.at(place).formula for place in effect.places or ())
+    texts = [formula.format(**letters, **names).replace("'", "") for formula in formulas or {effect.formula: None}]
+    return "; ".join(text.replace("|", "\\|").replace("_", "\\_").replace("*", "\\*") for text in texts if text)
 
 
 def readme_picture() -> str:
@@ -115,6 +127,7 @@ def main(arguments: list[str]) -> None:
     write_text(docs / "pictures" / "effects.svg", effect_sheet())
     write_text(docs / "pictures" / "strips.svg", strips_picture())
     write_text(docs / "pictures" / "intervals.svg", interval_picture())
+    write_text(docs / "pictures" / "architecture.svg", architecture_picture(Path(__file__).resolve().parents[1]))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Pages of the documentation that are made from the code whenever the site is built: commands, and the library.
 
-mkdocs calls `on_files` (mkdocs.yml, `hooks`).
+mkdocs calls the functions that begin with `on_` (mkdocs.yml, `hooks`).
 """
 
 import inspect
@@ -94,3 +94,18 @@ def on_files(files: Any, config: Any) -> Any:
     for name, text in (("commands.md", commands_page()), ("api.md", api_page())):
         files.append(File.generated(config, name, content=text))
     return files
+
+
+def on_post_page(output: str, page: Any, config: Any) -> str:
+    """A page without the script that the theme would fetch from elsewhere, to search in files on the disk."""
+    return without_foreign_scripts(output)
+
+
+def on_post_template(output_content: str, template_name: str, config: Any) -> str:
+    """The same of pages that are not in the folder, as the one for what is not found."""
+    return without_foreign_scripts(output_content)
+
+
+def without_foreign_scripts(text: str) -> str:
+    """HTML without scripts of other places."""
+    return re.sub(r'<script src="https://[^"]*"></script>', "", text)

@@ -30,7 +30,7 @@ def inspect(
 
     found = library.inspect(record, gravity=gravity)
     if allan is not None:
-        from trihedron.strapdown.allan_picture import allan_picture
+        from trihedron.report.allan_pictures import allan_picture
         from trihedron.writing import write_text
 
         write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, reason
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
             raise InputError(f"{path}: is a device or a pipe; give the name of a file")
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
     os.close(handle)
     beside = Path(name)
     try:
@@ -43,7 +43,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         beside.chmod(0o666 & ~umask)
         beside.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
         beside.unlink(missing_ok=True)
 
@@ -61,14 +61,14 @@ def whole_folder(path: Path) -> Iterator[Path]:
             raise InputError(f"{path}: is a file; give the name of a folder")
         beside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
     try:
         yield beside
         path.mkdir(exist_ok=True)
         for file in sorted(beside.iterdir()):
             file.replace(path / file.name)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
 

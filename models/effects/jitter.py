@@ -24,11 +24,14 @@ def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
 
 
 def signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
-    """Signature (N, 3, 1): the rates times the part by which the intervals differ from whole nominal periods."""
+    """Signature (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
+
+    Over the interval that is an angle of the rate times interval less whole periods, as the kernel's over a step.
+    """
     if rows.period <= 0.0:
         return np.zeros((*rows.rate.shape, 1))
     steps = rows.step / rows.period
-    away = steps - np.maximum(np.floor(steps + 0.5), 1.0)
+    away = 1.0 - np.maximum(np.floor(steps + 0.5), 1.0) / steps
     return (rows.rate * away[:, None])[..., None]
 
 

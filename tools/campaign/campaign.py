@@ -19,8 +19,6 @@ from trihedron.errors import InputError
 from trihedron.writing import write_text
 
 SUMMARY, PAGE = "summary.json", "index.html"
-TIMING = "timing.json"
-"""What differs from one execution to the next; no other file of the folder does."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,14 @@ class Done:
     seconds: float
     tally: Tally
     summary: Mapping[str, Any]
+
+    @property
+    def cost(self) -> str:
+        """What it took, in words."""
+        said = f"{self.computed} runs in {self.seconds:.1f} s"
+        if self.computed:
+            said += f"; the workers worked {self.tally.seconds:.1f} s, {self.tally.cpu_seconds:.1f} s of processor time"
+        return said + (f"; {self.tally.kills} of them ended early" if self.tally.kills else "")
 
     @property
     def files(self) -> list[Path]:
@@ -134,24 +140,11 @@ def run_campaign(
         summary = summarise(store)
         write_text(folder / SUMMARY, json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
         write_text(folder / PAGE, campaign_page(store, read_manifest(folder)))
-        result = Done(store, total, failed, total - before, clock.seconds, tally, summary)
-        _write_timing(result)
-    return result
+    return Done(store, total, failed, total - before, clock.seconds, tally, summary)
 
 
 def _so_far(store: Store, done: int, total: int) -> str:
     return f"{done} of {total} runs are in {store.folder}; --resume goes on"
-
-
-def _write_timing(done: Done) -> None:
-    content = {
-        "runs": done.computed,
-        "seconds": done.seconds,
-        "worker_seconds": done.tally.seconds,
-        "worker_cpu_seconds": done.tally.cpu_seconds,
-        "kills": done.tally.kills,
-    }
-    write_text(done.store.folder / TIMING, json.dumps(content, indent=1) + "\n")
 
 
 @contextmanager

@@ -1,10 +1,12 @@
 """Where a campaign's work is done: processes of this machine, or a Dask cluster. Who does what is their affair."""
 
 import contextlib
+import logging
 import multiprocessing
 import os
 import signal
 import threading
+import time as clocks
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -17,6 +19,7 @@ MOST_JOBS = 1024
 _AHEAD = 2
 """Batches for each worker of a cluster that are under way at once: the next one waits where it will be done."""
 _START_SECONDS = 60.0
+_RENEW_SECONDS = 5.0
 _MOST_STILLBORN = 10
 """So many workers may end before they begin."""
 
@@ -160,10 +163,18 @@ class LocalEngine:
 
 
 class DaskEngine:
-    """A Dask cluster: the one at an address, or one of local processes."""
+    """A Dask cluster: the one at an address, or one of local processes.
 
-    def __init__(self, client: Any) -> None:
-        self._client = client
+    Parameters
+    ----------
+    client : distributed.Client
+    renew : callable
+        asks for workers in place of those that are gone for good
+    """
+
+    def __init__(self, client: Any, renew: Callable[[], None] = lambda: None) -> None:
+        self._client, self._renew = client, renew
+        self._renewed = clocks.monotonic()
         self._executor = client.get_executor(pure=False)
 
     def workers(self) -> int:
@@ -175,6 +186,10 @@ class DaskEngine:
     def free(self, busy: int) -> int:
         if self._client.status != "running":
             raise LostCluster("the scheduler does not answer")
+        if clocks.monotonic() - self._renewed > _RENEW_SECONDS:
+            # A worker that is killed as it starts is not started again by Dask.
+            self._renewed = clocks.monotonic()
+            self._renew()
         return _AHEAD * max(1, self.workers()) - busy
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
@@ -221,12 +236,12 @@ def engine_of(name: str, jobs: int | None, scheduler: str | None) -> Iterator[En
         return
     if scheduler is not None and jobs is not None:
         raise InputError("--jobs: a cluster has its own workers; give --scheduler or --jobs, one of the two")
-    with _dask_client(usable_cores() if jobs is None else jobs, scheduler) as client:
-        yield DaskEngine(client)
+    with _dask(usable_cores() if jobs is None else jobs, scheduler) as dask:
+        yield dask
 
 
 @contextlib.contextmanager
-def _dask_client(jobs: int, scheduler: str | None) -> Iterator[Any]:
+def _dask(jobs: int, scheduler: str | None) -> Iterator[DaskEngine]:
     try:
         from dask import config
         from distributed import Client, LocalCluster
@@ -236,23 +251,37 @@ def _dask_client(jobs: int, scheduler: str | None) -> Iterator[Any]:
         raise InputError(f"--jobs {jobs}: must be a whole number from 1 to {MOST_JOBS}")
     # A batch whose worker ends comes back at once; what is done about it is the same as for local processes.
     quiet = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "10s"}
-    with config.set(quiet), contextlib.ExitStack() as stack:
+    with config.set(quiet), _silent_logs(), contextlib.ExitStack() as stack:
         if scheduler is None:
-            import logging
-
             options: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-            cluster = stack.enter_context(LocalCluster(n_workers=jobs, threads_per_worker=1, **options))
-            yield stack.enter_context(Client(cluster))
+            cluster: Any = stack.enter_context(LocalCluster(n_workers=jobs, threads_per_worker=1, **options))
+            client = stack.enter_context(Client(cluster))
+            yield DaskEngine(client, lambda: cluster.scale(jobs))
             return
         try:
             client = Client(scheduler, timeout="10s")
         except (OSError, ValueError, TimeoutError) as error:
             raise InputError(f"--scheduler {scheduler}: does not answer ({_first_line(error)})") from error
         try:
-            yield client
+            yield DaskEngine(client)
         finally:
             with contextlib.suppress(Exception):
                 client.close(timeout=2)
+
+
+@contextlib.contextmanager
+def _silent_logs() -> Iterator[None]:
+    """What Dask says of workers and schedulers that are lost is said in our own words."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    loggers = [logging.getLogger(name) for name in names]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _first_line(error: BaseException) -> str:

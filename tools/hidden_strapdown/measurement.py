@@ -19,7 +19,7 @@ from trihedron.scenario import Scenario
 HELD_RATES, INCREMENTS = 2, 1
 """Kinds of input of the gyro block."""
 NOISE_STREAM = 7
-FURTHEST_STAMP = 0.2
+FURTHEST_STAMP = 0.24
 """Time stamps jitter by at most so many periods."""
 
 

@@ -143,6 +143,8 @@ def _described(xml: bytes, label: str) -> ModelDescription:
         description = fmpy.read_model_description(archive, validate=False)
     except Exception as error:  # FMPy raises whatever its parsing meets
         reason = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, KeyError):
+            reason = f"it refers to {error.args[0]!r}, which is not there"
         raise InputError(f"{label}: modelDescription.xml cannot be used ({reason})") from error
     if description.coSimulation is None:
         raise InputError(f"{label}: is for model exchange only; export it for co-simulation")

@@ -239,7 +239,7 @@ def _feed(bus: FmuBus, drive: Drive) -> None:
         if not mine:
             continue
         chosen = (
-            np.asarray(drive.values)[:, mine]
+            (drive.values if len(mine) == drive.values.shape[1] else drive.values[:, mine])
             if isinstance(drive.values, np.ndarray)
             else [[row[i] for i in mine] for row in drive.values]
         )

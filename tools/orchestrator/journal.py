@@ -14,7 +14,7 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, reason
 from trihedron.writing import whole_folder
 
 INCOMPLETE = "run.incomplete"
@@ -91,7 +91,7 @@ class Journal:
             self._made = missing
             (folder / "run.json").write_text(provenance_text({**self._provenance, "complete": False}), encoding="utf-8")
         except OSError as error:
-            raise InputError(f"{self._out}: cannot be written ({error.strerror})") from error
+            raise InputError(f"{self._out}: cannot be written ({reason(error)})") from error
 
     def _wait(self) -> None:
         """Wait for the part that is being written."""
@@ -100,7 +100,7 @@ class Journal:
             try:
                 writing.result()
             except OSError as error:
-                raise InputError(f"{self.folder}: cannot be written ({error.strerror})") from error
+                raise InputError(f"{self.folder}: cannot be written ({reason(error)})") from error
             except pl.exceptions.PolarsError as error:
                 raise InputError(f"{self.folder}: cannot be written ({error})") from error
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, one_line
 from trihedron.orchestrator.blocks import Values
 from trihedron.orchestrator.bus import make_buses
 from trihedron.orchestrator.connections import check_single_sources, resolve_connections
@@ -111,7 +111,7 @@ def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = Fa
         return _run(scenario, None if out is None else Path(out), progress=progress, compiled=compiled)
     except InputError as error:
         prefix = f"{scenario.source}: " if scenario.source is not None else ""
-        raise InputError(f"{prefix}{error}") from error
+        raise InputError(one_line(f"{prefix}{error}")) from error
     except MemoryError as error:
         raise InputError("the run does not fit into memory; raise record.every or record less") from error
 

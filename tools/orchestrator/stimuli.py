@@ -149,9 +149,14 @@ def resolve_rows(
         groups.setdefault((interface.name, variable.access), []).append((variable, values))
         _check_column(table, column, variable, values)
     return [
-        Drive(fmu, tuple(v for v, _ in group), np.column_stack([values for _, values in group])[rows], begins)
+        Drive(fmu, tuple(v for v, _ in group), _chosen(np.column_stack([values for _, values in group]), rows), begins)
         for (fmu, _), group in groups.items()
     ]
+
+
+def _chosen(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Some rows; where these are all of them, no copy: runs of an hour at 1 kHz are large."""
+    return values if len(rows) == len(values) else values[rows]
 
 
 def _check_column(table: NumberTable, column: str, variable: Variable, values: np.ndarray) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from trihedron import __version__
 from trihedron.models.effects import CATALOGUE
+from trihedron.report.allan_pictures import allan_picture
 from trihedron.report.judgement_sections import MOST_BARS
 from trihedron.report.page import Section, Table, Tone, render_page
 from trihedron.report.strapdown_pictures import (
@@ -15,7 +16,6 @@ from trihedron.report.strapdown_pictures import (
     gain_picture,
     order_picture,
 )
-from trihedron.strapdown.allan_picture import allan_picture
 from trihedron.strapdown.gain import ARCMIN
 from trihedron.strapdown.inspection import inspection_text
 from trihedron.strapdown.result import StrapdownDiagnosis

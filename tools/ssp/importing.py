@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, one_line
 from trihedron.orchestrator.archive import unpack
 from trihedron.orchestrator.interface import Interface, Value, interface_of
 from trihedron.scenario import Scenario, first_problem
@@ -20,9 +20,6 @@ from trihedron.ssp.bindings import value_for
 from trihedron.ssp.description import Description, Node, Part, reached, read_description
 from trihedron.ssp.exporting import COUPLING, COUPLING_SETTINGS, RECORD
 from trihedron.ssp.self_contained import PROGRAMME
-
-
-LONGEST_MESSAGE = 800
 
 
 @dataclass(frozen=True)
@@ -69,14 +66,8 @@ def scenario_of_ssp(path: Path, *, step: float | None = None, coupling: str | No
         except RecursionError as error:
             raise InputError(f"{path}: is not a system that can be read (nested too deeply)") from error
         except InputError as error:
-            raise InputError(_one_line(str(error))) from error
+            raise InputError(one_line(str(error))) from error
         yield imported
-
-
-def _one_line(text: str) -> str:
-    """A message in one line of bearable length, whatever names and values the archive has."""
-    line = "".join(c if c.isprintable() else " " for c in text)
-    return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
 
 
 def _scenario(path: Path, folder: Path, scratch: Path, step: float | None, coupling: str | None) -> Imported:

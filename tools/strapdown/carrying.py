@@ -1,6 +1,6 @@
 """Gyro block and attitude computer, as FMUs, carry the attitude through a record; the orchestrator runs them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,12 +72,16 @@ def carrying_scenario(motion: Motion, model: GyroModel, gravity: float, fmus: Ma
     """
     increments, count = motion.increments, len(motion) - 1
     ends = motion.period * np.arange(1, count + 1)
-    columns = {name: increments[:, p] for p, name in enumerate(INCREMENTS)} | {"interval_s": motion.step[1:]}
-    columns |= {f"f{p + 1}_mps2": motion.force[1:, p] * gravity for p in range(3)}
-    driven = {"compensation.interval": "interval_s"}
-    driven |= {f"compensation.increment_reading[{p}]": INCREMENTS[p - 1] for p in (1, 2, 3)}
-    driven |= {f"compensation.specific_force[{p}]": f"f{p}_mps2" for p in (1, 2, 3)}
-    if motion.temperature is not None:
+    columns = {name: increments[:, p] for p, name in enumerate(INCREMENTS)}
+    driven = {f"compensation.increment_reading[{p}]": INCREMENTS[p - 1] for p in (1, 2, 3)}
+    # Only effects depend on anything but the increments.
+    if reads(model.effects, "INPUT"):
+        columns |= {f"f{p + 1}_mps2": motion.specific_force[1:, p] for p in range(3)}
+        driven |= {f"compensation.specific_force[{p}]": f"f{p}_mps2" for p in (1, 2, 3)}
+    if model.effects:
+        columns |= {"interval_s": motion.step[1:]}
+        driven |= {"compensation.interval": "interval_s"}
+    if motion.temperature is not None and reads(model.effects, "TEMPERATURE"):
         columns["temperature_degC"] = motion.temperature[1:]
         driven["compensation.temperature"] = "temperature_degC"
     return Scenario(
@@ -107,6 +111,12 @@ def carrying_scenario(motion: Motion, model: GyroModel, gravity: float, fmus: Ma
             columns={name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)},
         ),
     )
+
+
+def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:
+    """Whether the kernel of some effect reads a place of the context."""
+    kernels = (CATALOGUE[place.effect].at(place).kernel for place in effects)
+    return any(quantity in kernel.__code__.co_names for kernel in kernels if kernel is not None)
 
 
 def _setting(

@@ -127,7 +127,7 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     if baseline.radius <= LIMIT:
         return without_causes(start, built, baseline, seen)
     start = replace(start, parameters=estimates(system, baseline))
-    lengths, stable = by_length(system, places)
+    lengths, stable = by_length(system, places, start.bias_at_rest)
     tried = sorted(((p.title, fit_set(system, [p]).radius) for p in places), key=lambda e: (round(e[1], 9), e[0]))
     start = replace(start, lengths=lengths, order_stable=stable, tried=tuple(tried), complete=found.complete)
     if start.bias_at_rest is not None and BIAS in system.places:

@@ -16,7 +16,7 @@ from trihedron.models.turntable import EARTH_RATE
 from trihedron.strapdown.bounds import GyroNoise, factor_for
 from trihedron.strapdown.norm_calibration import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
 from trihedron.strapdown.rests import Rests
-from trihedron.strapdown.segments import Segments, all_rows, move_segments, rest_segments
+from trihedron.strapdown.segments import MOST_SEGMENTS, Segments, all_rows, move_segments, rest_segments
 from trihedron.strapdown.signatures import piece_columns, turned
 from trihedron.strapdown.system import Part
 
@@ -134,11 +134,19 @@ class GravityPieces:
         return all_rows([self.rests, *self.moves])
 
 
+def spread(moves: Segments, ends: NDArray) -> tuple[Segments, NDArray[np.int_]]:
+    """All single moves; of more moves over several rests so many, spread over the record: they say much the same."""
+    if len(moves) <= MOST_SEGMENTS or moves.label == "1 move":
+        return moves, ends
+    kept = np.linspace(0, len(moves) - 1, MOST_SEGMENTS).round().astype(int)
+    return moves.selected(kept), ends[kept]
+
+
 def gravity_pieces(rests: Rests, broken: NDArray) -> GravityPieces:
     """Rests, and moves over one, two and three rests."""
     still, numbers = rest_segments(rests, broken)
     found = [move_segments(rests, broken, together) for together in TOGETHER]
-    found = [(moves, ends) for moves, ends in found if len(moves)]
+    found = [spread(moves, ends) for moves, ends in found if len(moves)]
     return GravityPieces(still, numbers, tuple(m for m, _ in found), tuple(e for _, e in found))
 
 

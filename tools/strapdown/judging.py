@@ -18,7 +18,7 @@ from trihedron.strapdown.system import System
 SHUFFLES = 40
 CHANCE = 0.05
 """An effect is not named when more than this part of its shuffles predicts what was left out as well."""
-MOST_STEPS = 4
+MOST_STEPS, MOST_TRIED = 4, 12
 HELPS = 0.02
 """An effect stands in the order when it takes so much off the errors that were left out."""
 
@@ -140,7 +140,10 @@ def _order(system: System, scored: int, places: Sequence[EffectPlace]) -> Order:
     steps = []
     while len(chosen) < min(len(places), MOST_STEPS):
         tried = [(_left(system, [*chosen, p], blocks, scored), p) for p in places if p not in chosen]
-        best, place = min(tried, key=lambda entry: entry[0])
+        tried.sort(key=lambda entry: entry[0])
+        best, place = tried[0]
+        # What hardly helps by itself is not tried again behind what helps most.
+        places = [p for _, p in tried[:MOST_TRIED]] + chosen if len(tried) > MOST_TRIED else places
         if best > (1.0 - HELPS) * current:
             break
         chosen.append(place)

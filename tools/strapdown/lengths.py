@@ -1,4 +1,4 @@
-"""What moves or windows of one length say by themselves, and what that says of effects that all lengths together need."""
+"""What moves or windows of one length say by themselves, and of effects that all lengths together need."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.models.effects import EffectPlace
+from trihedron.strapdown.building import BIAS
 from trihedron.strapdown.held_out import largest_angle, rms_angle
-from trihedron.strapdown.judging import is_stable, order_of_effects
+from trihedron.strapdown.judging import Order, is_stable, order_of_effects
 from trihedron.strapdown.result import Length
 from trihedron.strapdown.search import Found, SetFit, fit_set, smallest_sets
 from trihedron.strapdown.system import Part, System
@@ -17,12 +18,27 @@ SHOWN = 1.5
 """An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""
 
 
-def by_length(system: System, places: Sequence[EffectPlace]) -> tuple[tuple[Length, ...], bool]:
-    """What each length says by itself, and whether the orders of the effects agree."""
+def by_length(
+    system: System, places: Sequence[EffectPlace], bias: NDArray | None = None
+) -> tuple[tuple[Length, ...], bool]:
+    """What each length says by itself, and whether the orders of the effects agree.
+
+    Parameters
+    ----------
+    system : System
+    places : sequence of EffectPlace
+    bias : (3,) array or None
+        the gyros' mean at rest that was taken out [rad/s]: the order is taken with it left in, too
+    """
     orders = order_of_effects(system, places)
+    raw: Sequence[Order | None] = [None] * len(orders)
+    if bias is not None and BIAS in places:
+        left_in = replace(system, parts=with_error(system, system.numbers_of([BIAS]), bias, added=True))
+        raw = order_of_effects(left_in, places)
     scored = [k for k, part in enumerate(system.parts) if part.scored]
     lengths = tuple(
-        replace(length_of(system, k, places, search=True), order=order) for k, order in zip(scored, orders, strict=True)
+        replace(length_of(system, k, places, search=True), order=order, as_measured=before)
+        for k, order, before in zip(scored, orders, raw, strict=True)
     )
     return lengths, is_stable(orders)
 
@@ -41,7 +57,6 @@ def length_of(system: System, k: int, places: Sequence[EffectPlace], *, search: 
         largest_angle(part.error),
         radius,
         tuple(fit.places for fit in found.fits),
-        None,
     )
 
 
@@ -69,9 +84,10 @@ def only_at_one_length(system: System, best: SetFit, lengths: Sequence[Length]) 
     return tuple(said)
 
 
-def with_error(system: System, columns: NDArray, size: NDArray) -> tuple[Part, ...]:
-    """The parts of a system whose errors are those of one effect of a size."""
-    return tuple(replace(part, error=part.columns[..., columns] @ size) for part in system.parts)
+def with_error(system: System, columns: NDArray, size: NDArray, *, added: bool = False) -> tuple[Part, ...]:
+    """The parts of a system whose errors are those of one effect of a size, alone or added to their own."""
+    own = 1.0 if added else 0.0
+    return tuple(replace(part, error=own * part.error + part.columns[..., columns] @ size) for part in system.parts)
 
 
 def of_length(system: System, k: int) -> System:

@@ -27,8 +27,10 @@ class Motion:
         length of the interval [s]; the period over gaps
     rate : (N, 3) array
         mean reading of the gyros [rad/s]
-    force : (N, 3) array
-        readings of the accelerometers at the rows [g]
+    specific_force : (N, 3) array
+        readings of the accelerometers at the rows [m/s²]
+    gravity : float
+        model value [m/s²]
     temperature : (N,) array or None
         [°C]
     """
@@ -37,7 +39,8 @@ class Motion:
     time_s: NDArray[np.float64]
     step: NDArray[np.float64]
     rate: NDArray[np.float64]
-    force: NDArray[np.float64]
+    specific_force: NDArray[np.float64]
+    gravity: float
     temperature: NDArray[np.float64] | None
 
     def __len__(self) -> int:
@@ -48,15 +51,21 @@ class Motion:
         """Integrals (N - 1, 3) of the readings over the intervals [rad]."""
         return self.rate[1:] * self.step[1:, None]
 
+    def force(self, rows: slice | NDArray) -> NDArray[np.float64]:
+        """Readings of the accelerometers at some rows [g]."""
+        return self.specific_force[rows] / self.gravity
+
     def rows(self, begin: int, end: int, matrix: NDArray, bias: NDArray) -> MotionRows:
         """Rows begin to end as the effects see them, with (I + Γ)⁻¹ (3, 3) and a bias (3,) [rad/s] taken out."""
         first = max(begin - 1, 0)
+        force = 0.5 * (self.force(slice(begin, end)) + self.force(slice(first, first + end - begin)))
         rate = (self.rate[first:end] - bias) @ matrix.T
         before = rate[:-1] if first < begin else np.vstack([rate[:1], rate[:-1]])
         return MotionRows(
             rate=rate[begin - first :],
             rate_before=before,
-            specific_force=0.5 * (self.force[begin:end] + self.force[np.maximum(np.arange(begin, end) - 1, 0)]),
+            specific_force=0.5
+            * (self.force(slice(begin, end)) + self.force(slice(before_row, before_row + end - begin))),
             hours=(self.time_s[begin:end] - self.time_s[0]) / 3600.0,
             step=self.step[begin:end],
             temperature=None if self.temperature is None else self.temperature[begin:end],
@@ -102,4 +111,4 @@ def motion_of(record: StrapdownRecord, sampling: Sampling, gravity: float, rates
             f"{record.path}, row {int(record.row[k])}: a turn of {size[k - 1]:.6g} rad since the row before; "
             f"at most half a turn ({MAX_INCREMENT:.6g} rad) can be told: are the rates in rad/s?"
         )
-    return Motion(sampling.period, record.time_s, step, rate, record.specific_force / gravity, record.temperature)
+    return Motion(sampling.period, record.time_s, step, rate, record.specific_force, gravity, record.temperature)

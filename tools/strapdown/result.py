@@ -57,6 +57,8 @@ class Length:
         the smallest sets that stand; the empty set where the baseline stands
     order : Order or None
         in which order effects help with what was left out
+    as_measured : Order or None
+        the same with the gyros' mean at rest left in
     """
 
     label: str
@@ -66,11 +68,11 @@ class Length:
     largest: float
     radius: float
     sets: tuple[tuple[EffectPlace, ...], ...]
-    order: Order | None
+    order: Order | None = None
+    as_measured: Order | None = None
 
     def to_json(self) -> dict[str, Any]:
         """An entry of `lengths`."""
-        steps = self.order.steps if self.order is not None else ()
         return {
             "over": self.label,
             "pieces": self.pieces,
@@ -79,9 +81,17 @@ class Length:
             "max_arcmin": self.largest / ARCMIN,
             "radius": self.radius,
             "smallest_sets": [[place_json(place) for place in places] for places in self.sets],
-            "order": [{**place_json(place), "held_out_rms_arcmin": left / ARCMIN} for place, left in steps],
-            "held_out_rms_arcmin": self.order.start / ARCMIN if self.order is not None else None,
+            "order": order_json(self.order),
+            "order_as_measured": order_json(self.as_measured),
         }
+
+
+def order_json(order: Order | None) -> dict[str, Any] | None:
+    """An order of effects, with the errors that are left [arcmin]."""
+    if order is None:
+        return None
+    steps = [{**place_json(place), "held_out_rms_arcmin": left / ARCMIN} for place, left in order.steps]
+    return {"held_out_rms_arcmin": order.start / ARCMIN, "steps": steps}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -31,7 +31,7 @@ def piece_quantities(built: Built, segments: Segments) -> dict[str, NDArray[np.f
     sums = np.cumsum((motion.rate - built.model.bias) * motion.step[:, None], axis=0)
     turn = sums[segments.last] - sums[segments.first]
     seconds = segments.durations(motion.time_s)
-    force = motion.force[segments.first]
+    force = motion.force(segments.first)
     found = {
         "rate": turn / seconds[:, None],
         "turn": turn,

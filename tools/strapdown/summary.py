@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from trihedron.diagnosis.result import Cause
 from trihedron.models.effects import CATALOGUE
 from trihedron.strapdown.gain import ARCMIN
+from trihedron.strapdown.judging import Order, is_stable
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -96,17 +97,27 @@ def length_lines(result: "StrapdownDiagnosis") -> list[str]:
             f"{length.largest / ARCMIN:.3g}, bound {length.bound / ARCMIN:.3g}, radius {length.radius:.3g}"
         )
         if length.order is not None:
-            steps = [f"{place.effect} {left / ARCMIN:.3g}" for place, left in length.order.steps]
-            text += f"; left out {length.order.start / ARCMIN:.3g}"
-            text += f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
+            text += f"; {order_text(length.order)}"
         lines.append(text)
+        if length.as_measured is not None:
+            lines.append(f"  with the bias at rest left in: {order_text(length.as_measured)}")
     if result.order_stable is not None and len(result.lengths) > 1:
         lines.append(
             "the order of the effects is the same at every length"
             if result.order_stable
             else "the order of the effects is not stable over the lengths"
         )
+    raw = [length.as_measured for length in result.lengths if length.as_measured is not None]
+    if len(raw) > 1:
+        lines.append(f"with the bias at rest left in it is {'the same' if is_stable(raw) else 'not stable'}")
     return lines
+
+
+def order_text(order: Order) -> str:
+    """Errors that were left out, effect after effect."""
+    steps = [f"{place.effect} {left / ARCMIN:.3g}" for place, left in order.steps]
+    helped = f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
+    return f"left out {order.start / ARCMIN:.3g}{helped}"
 
 
 def gain_lines(result: "StrapdownDiagnosis") -> list[str]:

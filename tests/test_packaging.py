@@ -1,0 +1,75 @@
+"""What a wheel holds: every package and every file that the program reads; one version everywhere."""
+
+import re
+import tomllib
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+import trihedron
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+SETTINGS = PROJECT["tool"]["setuptools"]
+FOLDERS = ("models", "fmus", "tools", "scenarios")
+NOT_SHIPPED = ("__pycache__", "prebuilt")
+
+
+def packages() -> dict[str, Path]:
+    """Import names of the folders that have an __init__.py."""
+    found = {}
+    for folder in FOLDERS:
+        for file in (ROOT / folder).rglob("__init__.py"):
+            words = file.parent.relative_to(ROOT / folder).parts
+            found[".".join(["trihedron", *(() if folder == "tools" else (folder,)), *words])] = file.parent
+    return found
+
+
+def test_every_package_is_declared():
+    declared = {name: ROOT / SETTINGS["package-dir"][name] for name in SETTINGS["packages"]}
+    assert declared == packages()
+
+
+def test_every_file_that_is_read_is_declared():
+    known = packages()
+    missing = []
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.is_dir() or path.suffix in (".py", ".pyc") or set(path.parts) & set(NOT_SHIPPED):
+                continue
+            inside = [name for name, at in known.items() if at in path.parents]
+            name = max(inside, key=lambda name: len(known[name].parts))
+            patterns = SETTINGS["package-data"].get(name, [])
+            relative = path.relative_to(known[name]).as_posix()
+            if not any(fnmatch(relative, p) and relative.count("/") == p.count("/") for p in patterns):
+                missing.append(f"{name}: {relative}")
+    assert missing == []
+
+
+def test_one_version():
+    """pyproject.toml has it; what else names it says the same."""
+    version = PROJECT["project"]["version"]
+    assert trihedron.__version__ == version
+    assert re.search(rf"(?m)^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    first = re.search(r"(?m)^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
+    assert first is not None
+    assert first[1] == version
+
+
+def test_what_the_doctor_looks_for_is_what_is_installed():
+    from trihedron.installation import CORE, EXTRAS
+
+    assert set(CORE) == {Requirement(text).name for text in PROJECT["project"]["dependencies"]}
+    extras = PROJECT["project"]["optional-dependencies"]
+    for extra, names in EXTRAS.items():
+        if extra not in extras:
+            pytest.fail(f"there is no extra {extra}")
+        assert set(names) <= {Requirement(text).name for text in extras[extra]}, extra
+
+
+def test_nothing_ignores_a_python_version_that_is_promised():
+    promised = {text.rpartition(" ")[2] for text in PROJECT["project"]["classifiers"] if ":: 3." in text}
+    assert promised == {"3.11", "3.12", "3.13"}
+    assert PROJECT["project"]["requires-python"] == ">=3.11"
