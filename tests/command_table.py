@@ -78,7 +78,7 @@ COMMANDS = (
     command("check run.toml --json out.json", "run.toml"),
     command("new scenario out.toml --json out.json"),
     command("completion bash --json out.json"),
-    command("campaign campaign.toml --jobs 1 --out out", "campaign.toml"),
+    command("campaign campaign.toml --jobs 1 --out out --json out.json", "campaign.toml"),
     command("campaign-report finished --report out.html --json out.json"),
     command("doctor --json out.json"),
     command("reproduce calibration --json out.json", slow=True),

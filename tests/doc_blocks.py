@@ -95,11 +95,13 @@ class Reader:
     page : Path
     folder : Path
         empty
+    records : Path
+        folder of records that several pages begin with, as `$RECORDS`
     long : bool
         whether blocks that take long are run too
     """
 
-    def __init__(self, page: Path, folder: Path, *, long: bool):
+    def __init__(self, page: Path, folder: Path, records: Path, *, long: bool):
         self._page, self._folder, self._long = page, folder, long
         self._names: dict[str, object] = {"__name__": "__main__"}
         self._printed: str | None = None
@@ -110,6 +112,7 @@ class Reader:
         self._environment = {
             **os.environ,
             "SCENARIOS": scenarios,
+            "RECORDS": str(records),
             "PATH": path,
             "HOME": str(home),
             "COLUMNS": "100",
@@ -129,7 +132,7 @@ class Reader:
             if block.acceptance and not self._long:
                 self._printed = None
                 continue
-            where = f"{self._page.relative_to(ROOT)}:{block.line}"
+            where = f"{self._page.name}:{block.line}"
             action = getattr(self, f"_{block.language}", None)
             assert action is not None, f"{where}: no way to run a block of '{block.language}'"
             action(block, where)

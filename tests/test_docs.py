@@ -16,25 +16,39 @@ PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
 RUNNABLE = [page for page in PAGES if any(block.language != "text" for block in blocks_of(page))]
 
 
-def read_page(page: Path, tmp_path: Path, *, long: bool) -> None:
+@pytest.fixture(scope="module")
+def records(tmp_path_factory) -> Path:
+    """A bench that was simulated, and a record with a secret."""
+    folder = tmp_path_factory.mktemp("records")
+    page = folder / "page.md"
+    page.write_text(
+        "```sh\ntrihedron new scenario bench.toml\ntrihedron simulate bench.toml --out run\n"
+        "cp run/positions.csv positions.csv\ntrihedron hidden measured.csv --seed 7\n```\n",
+        encoding="utf-8",
+    )
+    Reader(page, folder, folder, long=False).read()
+    return folder
+
+
+def read_page(page: Path, tmp_path: Path, records: Path, *, long: bool) -> None:
     if page.name == "native-fmus.md" and not shutil.which("cc"):
         pytest.skip("no C compiler")
     folder = tmp_path / "reader"
     folder.mkdir()
-    Reader(page, folder, long=long).read()
+    Reader(page, folder, records, long=long).read()
 
 
 @pytest.mark.parametrize(
     "page", [p for p in RUNNABLE if any(not b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem
 )
-def test_blocks_of_code_do_what_the_page_says(page, tmp_path):
-    read_page(page, tmp_path, long=False)
+def test_blocks_of_code_do_what_the_page_says(page, tmp_path, records):
+    read_page(page, tmp_path, records, long=False)
 
 
 @pytest.mark.acceptance
 @pytest.mark.parametrize("page", [p for p in RUNNABLE if any(b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem)
-def test_long_blocks_do_what_the_page_says_too(page, tmp_path):
-    read_page(page, tmp_path, long=True)
+def test_long_blocks_do_what_the_page_says_too(page, tmp_path, records):
+    read_page(page, tmp_path, records, long=True)
 
 
 def test_no_code_hides_in_indented_blocks():

@@ -20,6 +20,7 @@ def test_a_new_scenario_runs_and_calibrates_as_it_is():
     assert th.check("bench.toml").good
     assert th.check("bench-positions.csv").kind == "position programme"
     run = th.simulate("bench.toml")
+    assert run.positions is not None
     assert len(run.positions) == 12
     assert th.calibrate(run, noise_bound=1e-5).verdict == "consistent"
 
@@ -45,7 +46,9 @@ def test_a_record_that_was_filled_in_calibrates():
     """Angles from the template, readings of a simulated bench at them."""
     th.new("scenario", "bench.toml", positions=14)
     th.new("record", "r.csv", positions=14)
-    measured = th.simulate("bench.toml").positions.to_polars()[:, :7]
+    positions = th.simulate("bench.toml").positions
+    assert positions is not None
+    measured = positions.to_polars()[:, :7]
     rows = iter(measured.iter_rows(named=True))
     filled = []
     for line in Path("r.csv").read_text(encoding="utf-8").split("\n"):

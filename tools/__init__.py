@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         plan,
         plan_positions,
         read_record,
+        run_campaign,
         simulate,
     )
 
@@ -69,6 +70,7 @@ __all__ = [
     "plan",
     "plan_positions",
     "read_record",
+    "run_campaign",
     "simulate",
 ]
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
 from trihedron.options import JsonFile, ReportFile
 from trihedron.outputs import distinct_files, ordinary_folder
@@ -35,7 +36,8 @@ def campaign(
             help="Folder for the results; by default <campaign>-campaign in the current folder.",
         ),
     ] = None,
-) -> None:
+    json: JsonFile = None,
+) -> Answer:
     """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
 
     Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s
@@ -45,14 +47,13 @@ def campaign(
     campaign
         The campaign file (TOML).
     """
-    from trihedron.campaign.campaign import run_campaign
-    from trihedron.campaign.texts import summary_text
+    distinct_files({"the campaign": campaign, "--json": json})
+    from trihedron import library
 
-    done = run_campaign(campaign, out, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=True)
-    print(summary_text(done.summary))
-    print(f"\n{done.cost}")
-    for file in done.files:
-        print(file)
+    done = library.run_campaign(
+        campaign, out, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=True
+    )
+    return answer([*done.lines(), *map(str, done.files)], json, done.summary)
 
 
 def campaign_report(
@@ -63,7 +64,7 @@ def campaign_report(
     gate: Annotated[bool, Parameter(help="End with exit status 3 where something got worse beyond chance.")] = False,
     report: ReportFile = None,
     json: JsonFile = None,
-) -> None:
+) -> Answer:
     """Write the page of a campaign; say what got better or worse than in another one, beyond chance.
 
     Example: trihedron campaign-report attitude-60s
@@ -80,14 +81,12 @@ def campaign_report(
         File for the comparison, or without --against for the summary.
     """
     distinct_files({"--report": report, "--json": json})
-    from json import dumps
-
     from trihedron.campaign.comparison import compare
     from trihedron.campaign.computing import summarise
     from trihedron.campaign.store import open_result
     from trihedron.campaign.texts import comparison_text, summary_text
+    from trihedron.printing import write_report
     from trihedron.report.campaign_page import campaign_page
-    from trihedron.writing import write_text
 
     if gate and against is None:
         raise InputError("--gate: goes with --against, the campaign to compare with")
@@ -95,11 +94,11 @@ def campaign_report(
     comparison = None if against is None else compare(folder, against)
     page = folder / "index.html" if report is None else report
     summary = summarise(store)
-    write_text(page, campaign_page(store, manifest, comparison))
-    if json is not None:
-        told = summary if comparison is None else comparison.to_json()
-        write_text(json, dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    print(summary_text(summary) if comparison is None else comparison_text(comparison))
-    print(page)
-    if gate and comparison is not None and comparison.of("worse"):
-        raise SystemExit(WORSE)
+    write_report(page, campaign_page(store, manifest, comparison))
+    if comparison is None:
+        return answer([summary_text(summary), str(page)], json, summary)
+    worse = comparison.of("worse") if gate else ()
+    complaint = f"{folder}: {len(worse)} worse than {against}, beyond chance" if worse else ""
+    return answer(
+        [comparison_text(comparison), str(page)], json, comparison.to_json(), complaint=complaint, status=WORSE
+    )

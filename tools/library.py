@@ -6,16 +6,17 @@ polars by `to_polars`; those of a published schema go to JSON by `to_json`.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from numpy.typing import ArrayLike
+from polars import DataFrame
 
 from trihedron.bench_run import Simulation, simulate
 from trihedron.checking import Check, check
 from trihedron.errors import InputError
 from trihedron.exporting import Exported, export
 from trihedron.installation import Installation, doctor
-from trihedron.records import StrapdownRecord, read_record
+from trihedron.records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from trihedron.records.reading import TableRun, measured_run_of, record_of, table_run_of
 from trihedron.templates import new
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from trihedron.applying import Application
     from trihedron.attitude import AttitudeRun
     from trihedron.calibration import Calibration
+    from trihedron.campaign.campaign import Done
     from trihedron.diagnosis import Diagnosis
     from trihedron.hidden import HiddenRecord
     from trihedron.planning.common_plan import CommonPlan
@@ -49,12 +51,14 @@ __all__ = [
     "plan",
     "plan_positions",
     "read_record",
+    "run_campaign",
     "simulate",
 ]
 
-TableSource = "str | Path | DataFrame | PositionRecord | RawRecord | TableRun | Simulation"
-StrapdownSource = "str | Path | DataFrame | StrapdownRecord"
-Kind = TypeVar("Kind")
+TableSource: TypeAlias = str | Path | DataFrame | PositionRecord | RawRecord | TableRun | Simulation
+"""What holds a position record, or a raw one."""
+StrapdownSource: TypeAlias = str | Path | DataFrame | StrapdownRecord
+"""What holds a strapdown record."""
 
 
 def table_run(source: Any) -> TableRun:
@@ -150,7 +154,7 @@ def calibrate(
 
 
 def diagnose(
-    record: "TableSource | StrapdownSource",
+    record: TableSource | StrapdownSource,
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
@@ -315,3 +319,13 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     from trihedron.hidden import hidden_record
 
     return hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
+
+
+def run_campaign(path: str | Path, out: str | Path | None = None, **options: Any) -> "Done":
+    """Carry out a campaign: thousands of runs from one file.
+
+    Options are those of `trihedron.campaign.campaign.run_campaign`: jobs, engine, scheduler, resume, progress.
+    """
+    from trihedron.campaign.campaign import run_campaign as run
+
+    return run(Path(path), None if out is None else Path(out), **options)

@@ -108,7 +108,10 @@ def formula_text(effect: Effect) -> str:
     names = {p.name: p.name for place in effect.places for p in effect.at(place).parameters}
     names |= {p.name: p.name for p in effect.parameters}
     formulas = dict.fromkeys(effect.at(place).formula for place in effect.places or ())
-    texts = [formula.format(**letters, **names).replace("'", "") for formula in formulas or {effect.formula: None}]
+    texts = [
+        formula.format(**letters, **names).replace("'", "").replace("(phase)", "phase")
+        for formula in formulas or {effect.formula: None}
+    ]
     return "; ".join(text.replace("|", "\\|").replace("_", "\\_").replace("*", "\\*") for text in texts if text)
 
 

@@ -125,7 +125,8 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
 def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
     """Least and largest step [g] of which all values (N,) are multiples up to an error of σ, made after the rounding.
 
-    Few values, or steps that are not many times σ, prove nothing: by chance a tenth of all values lie so near a multiple.
+    Few values, or steps that are not many times σ, prove nothing: a tenth of all values lie so near a
+    multiple by chance.
     """
     if len(values) < FEWEST_NOISY:
         return None

@@ -148,6 +148,7 @@ def test_a_dask_cluster_of_three_local_workers_gives_the_same_bytes(tmp_path, un
 @contextlib.contextmanager
 def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any], str]]:
     """A scheduler and workers as processes of their own: the scheduler and its address."""
+    folder.mkdir(exist_ok=True)
     told = folder / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

@@ -174,13 +174,14 @@ class Calibration(Shown):
         """Verdict, table of targets, what it is worth."""
         from trihedron.summaries import calibration_summary
 
-        return calibration_summary(self).split("\n")
+        shown: Any = self
+        return calibration_summary(shown).split("\n")
 
     def to_polars(self) -> "DataFrame":
         """A row for each target: symbol, name, unit, estimate, guaranteed_error, low, high."""
         import polars as pl
 
-        numbers = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"), pl.Float64)
+        numbers: Any = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"), pl.Float64)
         return pl.DataFrame([vars(e) for e in self.parameters], schema_overrides=numbers)
 
 

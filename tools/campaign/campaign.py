@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trihedron.campaign.computing import summarise
 from trihedron.campaign.engines import LostCluster, engine_of
@@ -14,15 +14,20 @@ from trihedron.campaign.execution import Clock, Tally, execute
 from trihedron.campaign.order import make_order
 from trihedron.campaign.runners import columns_of, make_runner
 from trihedron.campaign.store import RUNS, Store, opened, read_manifest
+from trihedron.campaign.texts import summary_text
 from trihedron.campaign.work import Computed
 from trihedron.errors import InputError
+from trihedron.shown import Shown
 from trihedron.writing import write_text
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 SUMMARY, PAGE = "summary.json", "index.html"
 
 
-@dataclass(frozen=True)
-class Done:
+@dataclass(frozen=True, repr=False)
+class Done(Shown):
     """A campaign that was carried out.
 
     Attributes
@@ -46,6 +51,16 @@ class Done:
     seconds: float
     tally: Tally
     summary: Mapping[str, Any]
+
+    def lines(self) -> list[str]:
+        """What was computed over all runs, and what it took."""
+        return [*summary_text(self.summary).split("\n"), "", self.cost]
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each run."""
+        import polars as pl
+
+        return pl.read_parquet(self.store.folder / RUNS / "*.parquet")
 
     @property
     def cost(self) -> str:

@@ -211,7 +211,8 @@ class Diagnosis(Shown):
         """Verdict, evidence, cause and gain."""
         from trihedron.summaries import diagnosis_summary
 
-        return diagnosis_summary(self).split("\n")
+        shown: Any = self
+        return diagnosis_summary(shown).split("\n")
 
     def to_polars(self) -> "DataFrame":
         """A row for each parameter of each cause; `set` counts the sets of effects that remain, the best first."""

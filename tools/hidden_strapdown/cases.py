@@ -11,7 +11,7 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.errors import InputError, nearest
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.hidden_strapdown.measurement import FURTHEST_STAMP, Instruments, Secret, measure
-from trihedron.hidden_strapdown.motion import BEFORE_A_CAMERA, BETWEEN_RESTS, TrueMotion, draw_motion
+from trihedron.hidden_strapdown.motion import BEFORE_A_CAMERA, BETWEEN_RESTS, TrueMotion, draw_motion, without_coning
 from trihedron.hidden_strapdown.noise import Noise
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from trihedron.records import StrapdownRecord
@@ -31,6 +31,8 @@ TAKEN_OUT = ("gyro-bias",)
 """The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
 UNSEEN_BETWEEN_RESTS = ("latency",)
 """A lag turns nothing from one rest to the next."""
+UNDERSAMPLING = "undersampling"
+"""Not of a component that reads: the increments lack what the body's turning between two rows adds to them."""
 STAMPS = "jitter"
 """The effect of the time stamps; its size is how far they jitter, the sampling being regular."""
 
@@ -81,8 +83,11 @@ class StrapdownCase:
             self.secret is not None and self.secret.place.effect == STAMPS and not self.instruments.increments
         )
         composed = [] if self.secret is None or stamps_alone else [self.secret]
+        motion = self.motion
+        if self.secret is not None and self.secret.place.effect == UNDERSAMPLING:
+            motion, composed = without_coning(motion, self.secret.values[0]), []
         return measure(
-            self.motion,
+            motion,
             self.instruments,
             composed,
             self.seed * 100_003 + self.index,
@@ -136,11 +141,16 @@ def draw_instruments(rng: np.random.Generator, reference: Reference) -> Instrume
     return Instruments(
         gyros=gyros,
         accelerometers=accelerometers,
-        gyro_noise=Noise(math.radians(rng.uniform(0.003, 0.015)), math.radians(rng.uniform(5.0, 20.0) / 3600.0)),
-        accelerometer_noise=Noise(rng.uniform(1e-4, 4e-4), rng.uniform(2e-5, 6e-5)),
+        gyro_noise=Noise(math.radians(between(rng, 2e-3, 1.5e-2)), math.radians(between(rng, 2.0, 20.0) / 3600.0)),
+        accelerometer_noise=Noise(between(rng, 2e-5, 4e-4), between(rng, 4e-6, 6e-5)),
         truth_noise=math.radians(rng.uniform(0.005, 0.02)),
         increments=bool(rng.random() < 0.5),
     )
+
+
+def between(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number between two, every decade as likely as another."""
+    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
 
 def system_of(case: StrapdownCase, record: StrapdownRecord) -> System | None:
@@ -215,7 +225,7 @@ def hidden_in(
     """The case with an effect in it; None where its size would be more than is called possible."""
     wanted = float(rng.uniform(*sizes))
     effect = CATALOGUE[place.effect].at(place)
-    if effect.component == "AttitudeComputer":
+    if effect.component == "AttitudeComputer" and not clean.instruments.increments:
         return None
     if place.effect == STAMPS:
         return with_jitter(clean, place, wanted)

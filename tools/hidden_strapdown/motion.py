@@ -1,7 +1,7 @@
 """A block moved by hand from rest to rest: harmonics that begin and end at rest, exact to rounding."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,3 +136,9 @@ def angles_and_rates(harmonics: NDArray, time: NDArray) -> tuple[NDArray, NDArra
         ],
         axis=1,
     )
+
+
+def without_coning(motion: TrueMotion, coefficient: float) -> TrueMotion:
+    """The motion with increments that lack c γ' × γ, γ' being the increment before: as one that sums rates has them."""
+    before = np.vstack([motion.increment[:1], motion.increment[:-1]])
+    return replace(motion, increment=motion.increment - coefficient * np.cross(before, motion.increment))

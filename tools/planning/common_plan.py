@@ -134,7 +134,8 @@ class CommonPlan(Shown):
         """Positions in the order of measurement, costs, what is proven."""
         from trihedron.planning.common_summary import plan_summary
 
-        return plan_summary(self).split("\n")
+        shown: Any = self
+        return plan_summary(shown).split("\n")
 
     def to_polars(self) -> "DataFrame":
         """The programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings, mounting."""

@@ -111,7 +111,7 @@ class PositionRecord(Shown):
             raise ValueError(f"{len(self.mounting)} names of mountings for {len(self.time_s)} rows")
 
     def written_to(self, gravity: float) -> float:
-        """By how much a reading and the input of its two angles may differ from what is written, fractions of `gravity`."""
+        """By how much rounding on paper may move a reading and the input of its two angles, fractions of `gravity`."""
         return self.resolution / gravity + 2.0 * self.angle_resolution
 
     def lines(self) -> list[str]:
@@ -122,7 +122,8 @@ class PositionRecord(Shown):
         """The columns that its file has, angles in degrees."""
         from trihedron.records.frames import frame_of
 
-        return frame_of(self)
+        record: Any = self
+        return frame_of(record)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -178,7 +179,8 @@ class RawRecord(Shown):
         """The columns that its file has, angles in degrees."""
         from trihedron.records.frames import frame_of
 
-        return frame_of(self)
+        record: Any = self
+        return frame_of(record)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -231,7 +233,8 @@ class StrapdownRecord(Shown):
         """The columns that its file has, angles in degrees."""
         from trihedron.records.frames import frame_of
 
-        return frame_of(self)
+        record: Any = self
+        return frame_of(record)
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -22,8 +22,8 @@ from trihedron.strapdown.truth_system import truth_parts, window_parts
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
-RELINEARISATIONS = 2
-"""Runs of the simulation before the last one, each about the fit to the one before."""
+RELINEARISATIONS, LONG = 2, 1_000_000
+"""Runs of the simulation before the last one, each about the fit to the one before; one for records of more rows."""
 LEAST_FORCE = 1e-9
 """Bounds of means [g] are not taken for less."""
 
@@ -136,7 +136,7 @@ def build_with_gravity(found: Inspection, baseline: str, rates: str) -> Built:
     deviation = np.maximum(rests.force_bound / SCATTER_FACTOR / found.gravity, LEAST_FORCE)
     width = sum(len(CATALOGUE[p.effect].at(p).parameters) for p in own)
     system = attitude = None
-    for last in [False] * RELINEARISATIONS + [True]:
+    for last in [False] * relinearisations(motion) + [True]:
         gyros = gyro_places(motion, own) if last else []
         forces = force_places(motion.temperature) if last else []
         attitude = carried_attitude(motion, model, found.gravity)
@@ -171,7 +171,7 @@ def build_with_truth(found: Inspection, baseline: str, rates: str) -> Built:
     width = sum(len(CATALOGUE[p.effect].at(p).parameters) for p in own)
     at_rest = np.zeros((3, sum(len(CATALOGUE[p.effect].at(p).parameters) for p in gyro_places(motion, own))))
     system = attitude = None
-    for last in [False] * (RELINEARISATIONS if own else 0) + [True]:
+    for last in [False] * (relinearisations(motion) if own else 0) + [True]:
         gyros = gyro_places(motion, own) if last else []
         attitude = carried_attitude(motion, model, found.gravity)
         integral = integrals(motion, model, attitude, [*own, *gyros], rows)
@@ -191,6 +191,11 @@ def build_with_truth(found: Inspection, baseline: str, rates: str) -> Built:
     assert system is not None
     assert attitude is not None
     return Built(system, tuple(own), motion, model, attitude, noise, windows, at_rest)
+
+
+def relinearisations(motion: Motion) -> int:
+    """How often the simulation is run to come near the calibrated block."""
+    return RELINEARISATIONS if len(motion) <= LONG else 1
 
 
 def rest_mean(found: Inspection) -> NDArray[np.float64]:

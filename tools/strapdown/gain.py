@@ -6,7 +6,7 @@ them; the exported FMUs carry the attitude through the record with these; the er
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,12 @@ from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.orchestrator.built import usual_flavour
 from trihedron.strapdown.building import Built, with_parameters
-from trihedron.strapdown.carrying import GyroModel, carried_attitude
+from trihedron.strapdown.carrying import GyroModel, carried_attitude, reads
 from trihedron.strapdown.gravity_system import GravityPieces, directions_of, move_errors
 from trihedron.strapdown.held_out import blocks_in_time, largest_angle, rms_angle
 from trihedron.strapdown.inspection import Inspection
 from trihedron.strapdown.norm_calibration import NAMES
-from trihedron.strapdown.segments import Segments
+from trihedron.strapdown.segments import Segments, all_rows
 from trihedron.strapdown.signatures import turned
 from trihedron.strapdown.system import weighted_step
 from trihedron.strapdown.truth_system import window_errors
@@ -31,7 +31,7 @@ FOLDS = 4
 NAMED_FOR = {"GyroCompensation": "GyroBlock"}
 """The component whose effects another one takes out."""
 LONG, FOLDS_OF_LONG = 1_000_000, 2
-"""A record of more rows is cut into two blocks: each costs two runs."""
+"""A record of more rows is cut into two blocks, and each is run by itself."""
 ARCMIN = np.pi / 180.0 / 60.0
 """[rad]"""
 
@@ -102,7 +102,8 @@ def measure_gain(found: Inspection, built: Built, places: Sequence[EffectPlace])
         the effects that were named
     """
     system = built.system
-    blocks = blocks_in_time(system, FOLDS_OF_LONG if len(built.motion) > LONG else FOLDS)
+    long = len(built.motion) > LONG
+    blocks = blocks_in_time(system, FOLDS_OF_LONG if long else FOLDS)
     of_row = blocks.rows(system)
     scored = [k for k, part in enumerate(system.parts) if part.scored]
     results: list[list[NDArray]] = []
@@ -113,14 +114,16 @@ def measure_gain(found: Inspection, built: Built, places: Sequence[EffectPlace])
             fmus = export_extended(chosen, folder, usual_flavour())
             errors = [np.full(system.parts[k].error.shape, np.nan) for k in scored]
             matrix = system.matrix(chosen)
-            whole: list[NDArray] | None = None
             for block in range(blocks.count):
-                if whole is None or matrix.shape[1]:
-                    used = of_row != block
-                    whole = _errors(found, built, chosen, weighted_step(matrix[used], system.residual[used]), fmus)
-                for error, k, at in zip(errors, scored, range(len(scored)), strict=True):
-                    mine = blocks.of_piece[k] == block
-                    error[mine] = whole[at][mine]
+                used = of_row != block
+                solution = weighted_step(matrix[used], system.residual[used])
+                mine = [np.flatnonzero(blocks.of_piece[k] == block) for k in scored]
+                # What counts the hours must count them from the record's beginning.
+                whole = not long or reads(chosen, "HOURS")
+                for error, at, found_errors in zip(
+                    errors, mine, _errors(found, built, chosen, solution, fmus, mine, whole=whole), strict=True
+                ):
+                    error[at] = found_errors
             results.append(errors)
     order = sorted(range(len(scored)), key=lambda i: abs(i - (0 if built.forces else len(scored) // 2)))
     segments = tuple(system.parts[scored[i]].segments for i in order)
@@ -128,9 +131,19 @@ def measure_gain(found: Inspection, built: Built, places: Sequence[EffectPlace])
 
 
 def _errors(
-    found: Inspection, built: Built, places: Sequence[EffectPlace], solution: NDArray, fmus: dict[str, Path]
+    found: Inspection,
+    built: Built,
+    places: Sequence[EffectPlace],
+    solution: NDArray,
+    fmus: dict[str, Path],
+    mine: Sequence[NDArray],
+    *,
+    whole: bool,
 ) -> list[NDArray]:
-    """Errors of all scored pieces with the parameters of a solution, by the exported FMUs."""
+    """Errors of some pieces of each kind with the parameters of a solution, by the exported FMUs.
+
+    The whole record is run, or the part of it that holds the pieces.
+    """
     system = built.system
     count = len(NAMES) if built.forces else 0
     step = solution[: len(system.names)]
@@ -142,15 +155,21 @@ def _errors(
     if built.at_rest is not None:
         bias = bias - built.at_rest[:, system.numbers_of(places)] @ solution[len(system.names) :]
     model = GyroModel(bias, gyros.scale_misalignment, others)
-    attitude = carried_attitude(built.motion, model, found.gravity, fmus)
+    kinds = built.pieces.moves if isinstance(built.pieces, GravityPieces) else built.pieces
+    pieces = [kind.selected(at) for kind, at in zip(kinds, mine, strict=True)]
+    rows = all_rows(pieces)
+    begin, end = (0, len(built.motion)) if whole else (int(rows[0]), int(rows[-1]) + 1)
+    attitude = carried_attitude(built.motion.part(begin, end), model, found.gravity, fmus)
+    moved = [replace(piece, first=piece.first - begin, last=piece.last - begin) for piece in pieces]
     if isinstance(built.pieces, GravityPieces):
         up = directions_of(system.point[:count] + step[:count], found.rests, found.gravity, forces)
         return [
-            move_errors(turned(moves, attitude), up[ends[:, 0]], up[ends[:, 1]])
-            for moves, ends in zip(built.pieces.moves, built.pieces.ends, strict=True)
+            move_errors(turned(moves, attitude), up[ends[at, 0]], up[ends[at, 1]])
+            for moves, ends, at in zip(moved, built.pieces.ends, mine, strict=True)
         ]
     assert found.record.attitude is not None
-    return [window_errors(windows, found.record.attitude, attitude) for windows in built.pieces]
+    truth = found.record.attitude[begin:end]
+    return [window_errors(windows, truth, attitude) for windows in moved]
 
 
 def effects_of(

@@ -1,6 +1,6 @@
 """What gyros and accelerometers say over each interval between rows, with the time stamps as logged."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,20 @@ class Motion:
         """Integrals (N - 1, 3) of the readings over the intervals [rad]."""
         return self.rate[1:] * self.step[1:, None]
 
+    def part(self, begin: int, end: int) -> "Motion":
+        """The rows begin to end."""
+        rows = slice(begin, end)
+        temperature = None if self.temperature is None else self.temperature[rows]
+        force = self.specific_force[rows]
+        return replace(
+            self,
+            time_s=self.time_s[rows],
+            step=self.step[rows],
+            rate=self.rate[rows],
+            specific_force=force,
+            temperature=temperature,
+        )
+
     def force(self, rows: slice | NDArray) -> NDArray[np.float64]:
         """Readings of the accelerometers at some rows [g]."""
         return self.specific_force[rows] / self.gravity
@@ -64,8 +78,7 @@ class Motion:
         return MotionRows(
             rate=rate[begin - first :],
             rate_before=before,
-            specific_force=0.5
-            * (self.force(slice(begin, end)) + self.force(slice(before_row, before_row + end - begin))),
+            specific_force=force,
             hours=(self.time_s[begin:end] - self.time_s[0]) / 3600.0,
             step=self.step[begin:end],
             temperature=None if self.temperature is None else self.temperature[begin:end],
