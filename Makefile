@@ -34,6 +34,10 @@ docs: $(READY)
 	$(BIN)/python -m trihedron.reference docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
+# The measured records stand beside the project, or where TRIHEDRON_DATA says.
+case-studies: $(READY)
+	$(BIN)/python -m trihedron.strapdown.case_studies "$${TRIHEDRON_DATA:-../shared/data}" docs
+
 setup: $(READY)
 
 $(READY): pyproject.toml

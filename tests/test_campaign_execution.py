@@ -57,7 +57,14 @@ def test_two_processes_give_the_bytes_of_one(tmp_path, unbroken):
     assert content(tmp_path / "out") == unbroken
 
 
-@pytest.mark.parametrize("seed", range(3))
+def test_a_dask_cluster_of_three_workers_gives_the_bytes_of_one_process(tmp_path, unbroken):
+    pytest.importorskip("distributed")
+    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", engine="dask", jobs=3)
+    assert done.computed == 14
+    assert content(tmp_path / "out") == unbroken
+
+
+@pytest.mark.parametrize("seed", range(2))
 def test_any_order_of_completion_gives_the_same_bytes(tmp_path, unbroken, engine, seed):
     engine.__init__(size=4, seed=seed)
     run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
@@ -95,7 +102,7 @@ def test_a_run_that_no_process_survives_is_recorded_and_the_rest_goes_on(tmp_pat
     # Every other file is that of the unbroken campaign.
     other = content(tmp_path / "out")
     changed = {name for name in unbroken if other[name] != unbroken[name]}
-    assert changed == {"runs/part-00003.parquet", "summary.json"}
+    assert changed == {"runs/part-00003.parquet", "summary.json", "index.html"}
 
 
 def test_a_partition_that_dies_by_chance_is_not_blamed_on_its_runs(tmp_path, unbroken, engine):

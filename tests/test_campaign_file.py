@@ -188,5 +188,6 @@ def test_partitions_are_all_runs_in_order(runs, size):
     assert runs_of(campaign, count - 1)[-1] == runs - 1
     middle = count // 2
     assert middle == 0 or runs_of(campaign, middle - 1)[-1] + 1 == runs_of(campaign, middle)[0]
+    assert parsed(f"{HEAD}repeats = {runs * 1000}\n[calibration]\n").partition_size <= 5000
     names = [partition_name(campaign, k) for k in (0, middle, count - 1)]
     assert names == sorted(names)

@@ -20,7 +20,6 @@ from trihedron.campaign.store import Store, manifest_of
 from trihedron.campaign.texts import summary_text
 from trihedron.campaign.work import Computed
 from trihedron.errors import InputError
-from trihedron.hidden_suite.summary import detection, suite_json
 from trihedron.report.campaign_page import campaign_page
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
@@ -260,23 +259,3 @@ def test_a_gate_needs_something_to_compare_with(tmp_path, capsys):
     made(tmp_path, SWEPT, swept)
     assert cli.main(["campaign-report", str(tmp_path), "--gate"]) == 2
     assert "--gate: goes with --against" in capsys.readouterr().err
-
-
-def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path, capsys):
-    """Part of `scenarios/campaigns/hidden-effects.toml`: detection against size, case for case that of the suite."""
-    from trihedron.hidden_suite.suite import named_suite, run_suite
-
-    ready = Path(__file__).resolve().parents[1] / "scenarios" / "campaigns" / "hidden-effects.toml"
-    (tmp_path / "c.toml").write_text(ready.read_text(encoding="utf-8").replace("repeats = 200", "repeats = 2"))
-    assert cli.main(["campaign", str(tmp_path / "c.toml"), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
-    suite = named_suite("detection")
-    done = run_suite(suite.options, 2, suite.seed)
-    computed = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["computed"]
-    falsified, right, confusion, inside = (item["result"] for item in computed)
-    expected = {b.low: (b.cases, b.detected, b.named) for b in detection(done.outcomes)}
-    found = {
-        f["low"]: (f["cases"], f["count"], r["count"]) for f, r in zip(falsified, right, strict=True) if f["cases"]
-    }
-    assert found == expected
-    assert confusion == suite_json(done)["confusion"]
-    assert inside[0]["count"] == suite_json(done)["size_errors"]["inside_intervals"]

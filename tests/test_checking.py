@@ -34,11 +34,14 @@ def found(path: Path) -> list[tuple[int | None, str]]:
     return [(problem.line, problem.text) for problem in th.check(path).problems]
 
 
-@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.toml")), ids=lambda p: p.stem)
-def test_nothing_is_wrong_with_our_own_scenarios(path: Path):
+OURS = [*sorted(SCENARIOS.glob("*.toml")), *sorted(SCENARIOS.glob("campaigns/*.toml"))]
+
+
+@pytest.mark.parametrize("path", OURS, ids=lambda p: p.stem)
+def test_nothing_is_wrong_with_our_own_scenarios_and_campaigns(path: Path):
     checked = th.check(path)
     assert checked.good, str(checked)
-    assert checked.kind == "scenario"
+    assert checked.kind == ("campaign" if path.parent.name == "campaigns" else "scenario")
 
 
 def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
@@ -110,6 +113,15 @@ def test_a_check_agrees_with_the_run(tmp_path: Path):
 
 def test_a_file_that_is_not_toml_has_the_line(tmp_path: Path):
     assert found(written(tmp_path, "[run]\nstep_s = 0.1\nstop_s = = 2\n")) == [(3, "is not TOML: Invalid value")]
+
+
+def test_a_campaign_with_several_mistakes(tmp_path: Path):
+    text = (SCENARIOS / "campaigns" / "attitude-60s.toml").read_text(encoding="utf-8")
+    text = text.replace("points = 1024", "pionts = 1024").replace("duration_s = 60.0", 'duration_s = "long"')
+    lines = text.split("\n")
+    problems = found(written(tmp_path, text))
+    assert [line for line, _ in problems] == [lines.index('duration_s = "long"') + 1, lines.index("pionts = 1024") + 1]
+    assert "did you mean 'points'?" in problems[1][1]
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def architecture(root: Path) -> Graph:
         if name not in single:
             return None
         stem = words[1]
-        if stem == "cli" or stem.endswith("_commands") or stem in ("options", "answers", "exit_status"):
+        if stem == "cli" or stem.endswith("_commands"):
             return COMMANDS
         if name in ground:
             return GROUND

@@ -37,8 +37,9 @@ def attitude(
     distinct_files({"the record": record, "--json": json})
     from trihedron import library
     from trihedron.attitude.comparison import compare_algorithms, comparison_json, comparison_text, write_comparison
+    from trihedron.record_sources import strapdown_record
 
-    measured = library.strapdown_record(record)
+    measured = strapdown_record(record)
     if compare:
         rows = compare_algorithms(measured, rates=rates, rate_divisor=rate_divisor, progress=True)
         if out is not None:

@@ -46,8 +46,9 @@ def calibrate(
     """
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
     from trihedron import library
+    from trihedron.record_sources import table_run
 
-    run = library.table_run(record)
+    run = table_run(record)
     result = library.calibrate(
         run,
         noise_bound=noise_bound,

@@ -40,9 +40,10 @@ def diagnose(
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
     from trihedron import library
+    from trihedron.record_sources import measured_run
     from trihedron.records import StrapdownRecord
 
-    run = library.measured_run(record)
+    run = measured_run(record)
     result = library.diagnose(
         run,
         noise_bound=noise_bound,

@@ -6,18 +6,17 @@ polars by `to_polars`; those of a published schema go to JSON by `to_json`.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
-from polars import DataFrame
 
 from trihedron.bench_run import Simulation, simulate
 from trihedron.checking import Check, check
 from trihedron.errors import InputError
 from trihedron.exporting import Exported, export
 from trihedron.installation import Installation, doctor
-from trihedron.records import PositionRecord, RawRecord, StrapdownRecord, read_record
-from trihedron.records.reading import TableRun, measured_run_of, record_of, table_run_of
+from trihedron.record_sources import StrapdownSource, TableSource, measured_run, strapdown_record, table_run
+from trihedron.records import StrapdownRecord, read_record
 from trihedron.templates import new
 
 if TYPE_CHECKING:
@@ -54,51 +53,6 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
-
-TableSource: TypeAlias = str | Path | DataFrame | PositionRecord | RawRecord | TableRun | Simulation
-"""What holds a position record, or a raw one."""
-StrapdownSource: TypeAlias = str | Path | DataFrame | StrapdownRecord
-"""What holds a strapdown record."""
-
-
-def table_run(source: Any) -> TableRun:
-    """The position record of whatever holds one: a file, a table in memory, a record, a simulation.
-
-    Raises
-    ------
-    InputError
-        when there is none, in one line
-    """
-    if isinstance(source, TableRun):
-        return source
-    if isinstance(source, Simulation):
-        if source.positions is None:
-            raise InputError(source.no_positions or "the simulation has recorded no position record of a table")
-        return TableRun(source.positions)
-    return table_run_of(source)
-
-
-def measured_run(source: Any) -> TableRun | StrapdownRecord:
-    """A strapdown record, or what `table_run` gives."""
-    if isinstance(source, TableRun | Simulation):
-        return table_run(source)
-    return measured_run_of(source)
-
-
-def strapdown_record(source: Any) -> StrapdownRecord:
-    """The strapdown record of a file, a table in memory, or itself.
-
-    Raises
-    ------
-    InputError
-        when it is a record of a table
-    """
-    if isinstance(source, StrapdownRecord):
-        return source
-    found = read_record(Path(source)) if isinstance(source, str | Path) else record_of(source)
-    if not isinstance(found, StrapdownRecord):
-        raise InputError(f"{found.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
-    return found
 
 
 def calibrate(

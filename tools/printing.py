@@ -60,7 +60,9 @@ def write_report(path: Path, page: str) -> None:
     if program is None:
         report_file(None, path)
         return
-    with tempfile.TemporaryDirectory(prefix="trihedron-") as folder, whole_file(path) as beside:
+    # The browser's helpers may still write into its profile when it has ended: what they leave is not our fault.
+    scratch = tempfile.TemporaryDirectory(prefix="trihedron-", ignore_cleanup_errors=True)
+    with scratch as folder, whole_file(path) as beside:
         source, made = Path(folder) / "page.html", Path(folder) / "page.pdf"
         source.write_text(page, encoding="utf-8", newline="\n")
         _print(program, source, made, path)

@@ -20,6 +20,8 @@ MOST_CUBE = 50_000_000
 RUNS_OF_PARTITION = {"calibration": 50, "attitude": 50, "simulation": 50, "hidden": 5}
 """Runs in a file of the data set where nothing else is said; more in large campaigns, for few files."""
 MOST_FILES = 4000
+MOST_OF_PARTITION = 5000
+"""Runs in a file all the same: a worker holds a file in memory, and what it is killed in is lost."""
 _NOT_IN_FILES = ("base_folder",)
 
 
@@ -137,7 +139,8 @@ class Campaign(_Section):
     @property
     def partition_size(self) -> int:
         """Runs in each file of the data set, the last one's excepted; it follows from the file alone."""
-        return self.partition or max(RUNS_OF_PARTITION[self.kind], -(-self.runs // MOST_FILES))
+        wanted = max(RUNS_OF_PARTITION[self.kind], -(-self.runs // MOST_FILES))
+        return self.partition or min(wanted, MOST_OF_PARTITION)
 
     def as_written(self) -> dict[str, Any]:
         """The campaign with its defaults filled in, as plain values."""

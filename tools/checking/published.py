@@ -82,11 +82,11 @@ class Cause(_Object):
 
 
 class Baseline(_Object):
-    """The nominal model's fit."""
+    """The nominal model's fit; of a strapdown record null where it could not be tried."""
 
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-    falsified: bool
-    witness: list[Any]
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
+    falsified: bool | None
+    witness: list[Any] = []
 
 
 class DiagnosisFile(_Object):
@@ -97,7 +97,7 @@ class DiagnosisFile(_Object):
     baseline_model: str
     baseline: Baseline
     causes: list[Cause]
-    next_positions: list[dict[str, Any]]
+    next_positions: list[dict[str, Any]] = []
     alternatives: list[list[Cause]] = []
 
     @model_validator(mode="after")

@@ -96,7 +96,7 @@ def measured_run_of(
     if isinstance(source, PositionRecord | RawRecord):
         return table_run_of(source)
     if isinstance(source, pl.DataFrame):
-        found = _parsed(Path("table"), _parquet(source), TABLE_KINDS)
+        found = _parsed(Path("table"), _parquet(source), TABLE_KINDS, ours=True)
     else:
         found = _read(Path(source), TABLE_KINDS)
     return found if isinstance(found, StrapdownRecord) else _averaged(found)
@@ -120,7 +120,7 @@ def record_of(table: pl.DataFrame) -> PositionRecord | RawRecord | StrapdownReco
     InputError
         as `read_record`
     """
-    return _parsed(Path("table"), _parquet(table), KINDS)
+    return _parsed(Path("table"), _parquet(table), KINDS, ours=True)
 
 
 def table_run_of(source: "Path | str | pl.DataFrame | PositionRecord | RawRecord") -> TableRun:
@@ -136,7 +136,7 @@ def table_run_of(source: "Path | str | pl.DataFrame | PositionRecord | RawRecord
     if isinstance(source, RawRecord):
         return _averaged(source)
     if isinstance(source, pl.DataFrame):
-        return _averaged(_parsed(Path("table"), _parquet(source), TABLE_KINDS))
+        return _averaged(_parsed(Path("table"), _parquet(source), TABLE_KINDS, ours=True))
     return read_table_run(Path(source))
 
 
@@ -150,9 +150,11 @@ def _read(path: Path, kinds: Sequence[Kind]) -> PositionRecord | RawRecord | Str
     return _parsed(path, _contents(path), kinds)
 
 
-def _parsed(path: Path, data: bytes, kinds: Sequence[Kind]) -> PositionRecord | RawRecord | StrapdownRecord:
+def _parsed(
+    path: Path, data: bytes, kinds: Sequence[Kind], *, ours: bool = False
+) -> PositionRecord | RawRecord | StrapdownRecord:
     if data.startswith(MAGIC):
-        columns = read_parquet(path, data, lambda names, row: recognise(path, names, row, kinds))
+        columns = read_parquet(path, data, lambda names, row: recognise(path, names, row, kinds), ours=ours)
     elif path.suffix.lower() == ".parquet":
         raise refusal(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     else:

@@ -1,23 +1,27 @@
 """The page that an operator takes to the table."""
 
-from trihedron import __version__
 from trihedron.planning.common_plan import CommonPlan
+from trihedron.report.cells import Cell, Written
 from trihedron.report.page import Section, Table, render_page
 from trihedron.report.position_pictures import positions_picture
+from trihedron.report.record_sections import versions
+from trihedron.report.rounding import minus
+from trihedron.report.sources import common_plan_sources
+from trihedron.summaries import physical_words
 
 
 def operator_page(plan: CommonPlan, dwell_s: float) -> str:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
     header = ["no.", "α [deg]", "β [deg]", *(["mounting"] if several else []), "dwell [s]", "remark", "done"]
-    rows = []
+    rows: list[list[Cell]] = []
     for number, row in enumerate(plan.programme, start=1):
         one = plan.position(int(row))
         first = list(plan.programme).index(row) + 1
         remark = f"again no. {first}" if first < number else ""
         mounting = [one["mounting"]] if several else []
-        angles = [f"{one['alpha_deg']:.6g}", f"{one['beta_deg']:.6g}"]
-        rows.append([number, *angles, *mounting, f"{dwell_s:g}", remark, "☐"])
+        angles = [Written(minus(f"{one[name]:.6g}")) for name in ("alpha_deg", "beta_deg")]
+        rows.append([number, *angles, *mounting, Written(f"{dwell_s:g}"), remark, "☐"])
     degrees = [plan.position(row) for row in range(len(plan.commands))]
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
     reserve = plan.request.reserve_deg
@@ -46,7 +50,7 @@ def operator_page(plan: CommonPlan, dwell_s: float) -> str:
             table=Table(
                 ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
                 [
-                    [t.symbol, t.name, f"{r * b:.5f}", f"{b:.5f}", f"{r:.5f}"]
+                    [minus(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (r * b, b, r))]
                     for t, b, r in zip(plan.task.targets, plan.task.best, plan.found.ratio, strict=True)
                 ],
             ),
@@ -54,12 +58,12 @@ def operator_page(plan: CommonPlan, dwell_s: float) -> str:
     ]
     verdict = (
         f"{len(plan.programme)} measurements at {len(plan.commands)} positions, about {minutes:.0f} minutes; "
-        f"no target costs more than {plan.found.worst:.4f} times its optimum"
+        f"no target costs more than {plan.found.worst:.4f} times its optimum."
     )
     provenance = {
-        "trihedron": __version__,
         "admissible": f"{plan.task.rule}, u = {plan.task.bounds[0]:g}, v = {plan.task.bounds[1]:g}",
         "mountings": ", ".join(plan.mountings),
         "order": f"{plan.request.order}, seed {plan.request.seed}",
+        **versions(),
     }
-    return render_page("Positions to measure", verdict, sections, provenance=provenance)
+    return render_page("Positions to measure", verdict, sections, provenance=provenance, sources=common_plan_sources())

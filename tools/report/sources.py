@@ -67,3 +67,8 @@ def diagnosis_sources(result: Diagnosis) -> list[str]:
 def plan_sources(*, proven: bool) -> list[str]:
     """Of optimal plans; `proven` over all angles."""
     return [SOURCES[name] for name in ("guaranteed", "simplex", "columns", *(("branches",) if proven else ()))]
+
+
+def common_plan_sources() -> list[str]:
+    """Of one set of positions for all targets."""
+    return [SOURCES[name] for name in ("guaranteed", "simplex")]

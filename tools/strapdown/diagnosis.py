@@ -17,6 +17,7 @@ from trihedron.strapdown.inspection import Inspection, inspect_record
 from trihedron.strapdown.intervals import excluded_sizes
 from trihedron.strapdown.judging import witnesses
 from trihedron.strapdown.lengths import by_length, length_of, only_at_one_length
+from trihedron.strapdown.main_effect import about_main_effect
 from trihedron.strapdown.norm_calibration import LARGEST
 from trihedron.strapdown.plausibility import check_record, missing_things
 from trihedron.strapdown.reference_errors import RECORD_NOISE, with_reference_errors
@@ -79,6 +80,7 @@ def diagnose_strapdown(
     if missing:
         return StrapdownDiagnosis("insufficient", found, reference, baseline, missing=missing, warnings=warnings)
     built = (build_with_truth if known else build_with_gravity)(found, baseline, rates)
+    built = about_main_effect(found, built)
     bound_from = RECORD_NOISE
     if known:
         built, bound_from, jumps = with_reference_errors(built)

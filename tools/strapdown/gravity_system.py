@@ -113,10 +113,15 @@ def across(up: NDArray) -> NDArray[np.float64]:
     return np.stack([first, np.cross(up, first)], axis=1)
 
 
-def move_errors(rotation: NDArray, before: NDArray, after: NDArray) -> NDArray[np.float64]:
-    """Errors (S, 2) of directions (S, 3) after moves, carried back by rotations (S, 3, 3), across those before."""
+def move_errors(
+    rotation: NDArray, before: NDArray, after: NDArray, about: NDArray | None = None
+) -> NDArray[np.float64]:
+    """Errors (S, 2) of directions (S, 3) after moves, carried back by rotations (S, 3, 3), across those before.
+
+    The two axes are those across `about` (S, 3), where other directions were known before.
+    """
     carried = np.einsum("sij,sj->si", rotation, after)
-    return np.einsum("skp,sp->sk", across(before), carried - before)
+    return np.einsum("skp,sp->sk", across(before if about is None else about), carried - before)
 
 
 @dataclass(frozen=True, eq=False)

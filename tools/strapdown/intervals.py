@@ -13,6 +13,8 @@ from trihedron.strapdown.system import System
 
 ROOM = 1e-9
 """What the bounds grow by, relatively, so that a fit at its bounds stays inside."""
+MOST_ROWS = 2500
+"""Of more rows so many are taken, spread over all parts."""
 DETERMINED = 1e-6
 """A parameter whose direction lies in what the rows determine to this is determined."""
 
@@ -32,6 +34,10 @@ class Possible:
     def __init__(self, system: System, fit: SetFit, further: Sequence[EffectPlace] = ()) -> None:
         matrix = system.matrix([*fit.places, *further])
         left = system.residual - system.matrix(fit.places) @ fit.solution
+        if len(left) > MOST_ROWS:
+            # Fewer rows leave more possible: what they bound is bounded.
+            rows = np.linspace(0, len(left) - 1, MOST_ROWS).round().astype(int)
+            matrix, left = matrix[rows], left[rows]
         bound = np.maximum(1.0, np.abs(left)) * (1.0 + ROOM)
         scale = np.abs(matrix).max(axis=0, initial=0.0)
         scale[scale == 0.0] = 1.0

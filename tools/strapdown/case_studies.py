@@ -1,0 +1,321 @@
+"""The two case studies of measured records: pages and pictures whose every number comes from the records.
+
+Run by ``python -m trihedron.strapdown.case_studies DATA DOCS``: DATA is the folder with the records, DOCS the folder
+that gets the pages and, in ``pictures``, the pictures.
+"""
+
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from trihedron.errors import InputError
+from trihedron.exit_status import exit_status
+from trihedron.models.effects import CATALOGUE
+from trihedron.records import StrapdownRecord, read_record
+from trihedron.strapdown.diagnosis import diagnose_strapdown
+from trihedron.strapdown.gain import ARCMIN
+from trihedron.strapdown.judging import Order, is_stable
+from trihedron.strapdown.result import StrapdownDiagnosis
+from trihedron.strapdown.summary import sentence_of
+from trihedron.writing import write_text
+
+BROAD = "broad-03"
+MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
+CAPTIONS = {
+    "time": "Error of the carried attitude over time.",
+    "quantities": "The same errors against what they may depend on.",
+    "order": "Errors of parts that were left out, effect after effect.",
+    "gain": "Parts of the record that were not used, without the effects and with them.",
+}
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """A number with so many digits."""
+    return f"{value:.{digits}g}"
+
+
+def read(folder: Path, name: str) -> StrapdownRecord:
+    """One of the records; InputError where it is not there."""
+    path = folder / f"{name}.strapdown.csv"
+    if not path.exists():
+        raise InputError(f"{path}: is not there; the case studies need the measured records")
+    found = read_record(path)
+    assert isinstance(found, StrapdownRecord)
+    return found
+
+
+def order_text(order: Order | None) -> str:
+    """An order of effects with the errors that are left, arcminutes."""
+    if order is None:
+        return "–"
+    steps = [f"{place.effect} → {figure(left / ARCMIN)}" for place, left in order.steps]
+    return f"{figure(order.start / ARCMIN)}: " + (", ".join(steps) or "nothing helps")
+
+
+def picture_lines(written: Sequence[Path], stem: str) -> str:
+    """The pictures, with their captions."""
+    names = [path.stem.removeprefix(f"{stem}-") for path in written]
+    return "\n\n".join(
+        f"![{CAPTIONS[name]}](pictures/{path.name})\n\n*{CAPTIONS[name]}*"
+        for name, path in zip(names, written, strict=True)
+    )
+
+
+def gain_table(result: StrapdownDiagnosis) -> str:
+    """Errors of parts that were not used."""
+    assert result.gain is not None
+    summary = result.gain.summary()
+    rows = [
+        [
+            row["over"],
+            row["pieces"],
+            *(figure(row[f"held_out_{kind}"]) for kind in ("rms_before", "rms_after", "max_before", "max_after")),
+        ]
+        for row in [summary, *summary["others"]]
+    ]
+    return table(["over", "pieces", "rms before", "rms after", "largest before", "largest after"], rows)
+
+
+def cause_table(result: StrapdownDiagnosis) -> str:
+    """The causes with the sizes that the record leaves possible."""
+    rows = [
+        [cause.place.effect, p.name, f"{value:+.3g}", f"{low:+.3g} to {high:+.3g}", "" if p.unit == "1" else p.unit]
+        for cause in result.causes
+        for p, value, (low, high) in zip(
+            CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
+        )
+    ]
+    return table(["effect", "parameter", "estimate", "possible", "unit"], rows)
+
+
+def excluded_table(result: StrapdownDiagnosis) -> str:
+    """The largest size of each effect of the gyros that the record leaves possible."""
+    largest: dict[tuple[str, str], float] = {}
+    for entry in result.excluded:
+        if entry["where"] in ("gyro-block", "attitude-computer"):
+            key = (entry["effect"], entry["unit"])
+            largest[key] = max(largest.get(key, 0.0), entry["above"])
+    rows = [[effect, f"{above:.2g}", "" if unit == "1" else unit] for (effect, unit), above in largest.items()]
+    return table(["effect", "excluded above", "unit"], rows)
+
+
+def broad_page(result: StrapdownDiagnosis, pictures: str) -> str:
+    """The case study of BROAD 03."""
+    record, found = result.inspection.record, result.inspection
+    period = found.sampling.period
+    named = " and ".join(cause.place.effect for cause in result.causes) or "nothing"
+    sentences = "\n".join(f"- {sentence_of(cause, period)};" for cause in result.causes)
+    bias = (
+        ", ".join(f"{math.degrees(value):+.3f}" for value in result.bias_at_rest)
+        if result.bias_at_rest is not None
+        else ""
+    )
+    left_in = figure((result.bias_left_in or 0.0) / ARCMIN)
+    rows = [
+        [
+            length.label,
+            length.pieces,
+            figure(length.bound / ARCMIN),
+            figure(length.radius),
+            "; ".join(" + ".join(p.effect for p in places) for places in length.sets[:3]) or "none",
+        ]
+        for length in result.lengths
+    ]
+    orders = [[length.label, order_text(length.order), order_text(length.as_measured)] for length in result.lengths]
+    raw = [length.as_measured for length in result.lengths if length.as_measured is not None]
+    stable = "the same at every length" if result.order_stable else "not stable over the lengths"
+    raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
+    quoted = result.gain.summary() if result.gain is not None else {}
+    unseen = ", ".join(dict.fromkeys(place.effect for place in result.not_seen))
+    return f"""# Case study: BROAD 03, a strapdown unit before cameras
+
+The record: {len(record)} rows, one every {1e3 * period:.4g} ms, {record.time_s[-1] - record.time_s[0]:.0f} s of slow
+rotation by hand with a rest before and after; the true attitude by cameras. Made by `make case-studies`; no number on
+this page is typed.
+
+**{result.verdict.capitalize()}: {named}.** Over windows of {quoted.get("over", "")} that were not used, the error falls from
+{figure(quoted.get("held_out_rms_before", math.nan))} to {figure(quoted.get("held_out_rms_after", math.nan))} arcmin rms.
+
+## What was wrong
+
+{sentences}
+- the gyros' bias at rest, ({bias}) deg/s, which the mean at rest takes out of the nominal block; left in it would
+  make the errors {left_in} arcmin rms.
+
+{cause_table(result)}
+
+## How it was found
+
+Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
+its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
+rest taken out, leaves a largest error of at least {figure(result.radius or math.nan)} bounds; with {named} it is
+{figure(result.extended_radius or math.nan)}. The bounds: {result.noise_bound_from}.
+
+Each length by itself:
+
+{table(["windows", "pieces", "bound [arcmin]", "radius", "smallest sets"], rows)}
+
+The order in which effects help with what was left out (rms error in arcminutes, first without any) is {stable}; with
+the bias at rest left in it is {raw_stable}:
+
+{table(["windows", "bias at rest taken out", "bias at rest left in"], orders)}
+
+Of the signatures shuffled over the windows so many did as well:
+{"; ".join(f"{w.place.effect} {w.as_good} of {w.shuffles}" for w in result.witnesses)}.
+
+{pictures}
+
+## What it gained
+
+The extended FMUs were exported and run again with parameters from the other parts of the record (arcminutes):
+
+{gain_table(result) if result.gain is not None else ""}
+
+## What was not supported, and why
+
+With {named} every error is within its bound, so nothing more is needed. Larger sizes than these contradict the
+record:
+
+{excluded_table(result)}
+
+Not judged, because the turn of the block over a window does not show them: {unseen}.
+
+Data: D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation Estimation",
+Data 6(7):72, 2021, trial 03, CC BY 4.0; other file format, magnetometer and position left out.
+"""
+
+
+def mpu_page(results: Sequence[StrapdownDiagnosis], nominal: Sequence[StrapdownDiagnosis], pictures: str) -> str:
+    """The case study of the three MPU-9150 logs."""
+    names = [r.inspection.record.path.name.removesuffix(".strapdown.csv") for r in results]
+    rows = [
+        [
+            name,
+            r.verdict,
+            len(r.inspection.rests),
+            r.lengths[0].pieces,
+            figure(r.lengths[0].rms / ARCMIN),
+            figure((r.noise_bound or math.nan) / ARCMIN),
+            figure(r.radius or math.nan),
+        ]
+        for name, r in zip(names, results, strict=True)
+    ]
+    block = []
+    for number, parameter in enumerate(results[0].parameters):
+        values = [r.parameters[number] for r in results]
+        cells = [
+            f"{p.estimate:+.4f} ({p.low:+.4f} to {p.high:+.4f})" if p.low is not None and p.high is not None else "–"
+            for p in values
+        ]
+        block.append([parameter.name, *cells, "" if parameter.unit == "1" else parameter.unit])
+    compared = [
+        [
+            name,
+            n.verdict,
+            figure(n.radius or math.nan),
+            " + ".join(c.place.effect for c in n.causes)
+            + (f" and {len(n.alternatives)} other sets" if n.alternatives else ""),
+            f"{figure(n.lengths[0].order.start / ARCMIN)} → {figure(n.lengths[0].order.steps[0][1] / ARCMIN)}"
+            if n.lengths and n.lengths[0].order is not None and n.lengths[0].order.steps
+            else "–",
+        ]
+        for name, n in zip(names, nominal, strict=True)
+    ]
+    unseen = ", ".join(dict.fromkeys(place.effect for place in results[0].not_seen))
+    hertz = 1.0 / results[0].inspection.sampling.period
+    verdicts = ", ".join(f"{name} {r.verdict}" for name, r in zip(names, results, strict=True))
+    causes = [cause.place.effect for r in results for cause in r.causes]
+    named = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
+    return f"""# Case study: three MPU-9150 logs, no angles known
+
+Three specimens of a MEMS unit at {hertz:.0f} Hz, moved by hand from rest to rest; nothing is known of the poses. Made
+by `make case-studies`; no number on this page is typed.
+
+**{verdicts}. {named}.**
+
+## How it was judged
+
+Gravity is the reference. At every rest the accelerometers show its direction and size and the gyros must not turn;
+over every move the simulation (gyro compensation and attitude computer, FMUs fed by the orchestrator) carries the
+direction to the next rest. The accelerometers' nine parameters, the gyros' bias and their nine scale factors and
+misalignments belong to the block and are free. The bounds come from {results[0].noise_bound_from}.
+
+{table(["log", "verdict", "rests", "moves", "rms error of a move [arcmin]", "bound [arcmin]", "radius"], rows)}
+
+A radius below one: some parameters of the block bring every error within its bound, so nothing more is supported.
+
+{pictures}
+
+## The block's own parameters
+
+Estimates, and in brackets what the errors within their bounds leave possible.
+
+{table(["parameter", *names, "unit"], block)}
+
+## What the gyros' calibration is worth
+
+The same logs with scale factors and misalignments of the gyros held at zero (`--baseline nominal`); the last column is
+the rms error of a move that was left out, without and with what helps most [arcmin]:
+
+{table(["log", "verdict", "radius", "what would mend it", "left out"], compared)}
+
+That is a calibration, and no effect that the simulation lacks.
+
+## What was not supported, and why
+
+The noise of a rest's mean is white noise and what the gyros wander from rest to rest. Larger sizes than these contradict
+{names[0]}:
+
+{excluded_table(results[0])}
+
+Not judged, because rests and the moves between them do not show them: {unseen}. A lag of the gyros turns nothing from
+rest to rest, so only a very long one would show.
+
+Data: github.com/mikoff/imu-calib, MIT licence, (c) 2020 A. Mikov; "In-situ gyroscope calibration based on
+accelerometer data", ICINS 2020; columns reordered, time added.
+"""
+
+
+def write_broad(data: Path, docs: Path) -> None:
+    """Write the page and the pictures of BROAD 03."""
+    from trihedron.report.strapdown_page import write_pictures
+
+    result = diagnose_strapdown(read(data, BROAD))
+    written = write_pictures(result, docs / "pictures", "broad")
+    write_text(docs / "case-study-broad.md", broad_page(result, picture_lines(written, "broad")))
+
+
+def write_mpu(data: Path, docs: Path) -> None:
+    """Write the page and the pictures of the three MPU-9150 logs."""
+    records = [read(data, name) for name in MPU]
+    results = [diagnose_strapdown(record, rerun=False) for record in records]
+    nominal = [diagnose_strapdown(record, baseline="nominal", rerun=False) for record in records]
+    written = write_pictures(results[0], docs / "pictures", "mpu9150")
+    write_text(docs / "case-study-mpu9150.md", mpu_page(results, nominal, picture_lines(written, "mpu9150")))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write both case studies."""
+    if len(arguments) != 2:
+        print("usage: python -m trihedron.strapdown.case_studies DATA DOCS", file=sys.stderr)
+        return 2
+    data, docs = (Path(argument) for argument in arguments)
+
+    def write() -> int:
+        (docs / "pictures").mkdir(parents=True, exist_ok=True)
+        write_broad(data, docs)
+        write_mpu(data, docs)
+        return 0
+
+    return exit_status(write)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
