@@ -11,7 +11,7 @@ READY = $(VENV)/.ready
 WORKERS ?= 2
 PYTEST = $(BIN)/python -m pytest
 
-.PHONY: demo test acceptance bench lint docs setup wheel clean
+.PHONY: demo test acceptance bench lint docs case-studies setup wheel clean
 
 demo: $(READY)
 	$(BIN)/trihedron demo --out demo-results
@@ -59,9 +59,11 @@ wheel: $(READY)
 	rm -rf $(WHEEL)/source dist
 	mkdir -p $(WHEEL)/source
 	cp -R models fmus tools scenarios pyproject.toml README.md LICENSE $(WHEEL)/source
-	test -d $(WHEEL)/zig || $(BIN)/python -m pip install --quiet --disable-pip-version-check --target $(WHEEL)/zig "ziglang>=0.13"
+	test -d $(WHEEL)/zig || { rm -rf $(WHEEL)/zig.part && \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check --target $(WHEEL)/zig.part "ziglang>=0.13" && \
+		mv $(WHEEL)/zig.part $(WHEEL)/zig; }
 	PYTHONPATH=$(CURDIR)/$(WHEEL)/zig $(BIN)/python -m trihedron.fmus.native.prebuilt $(WHEEL)/source/fmus/prebuilt
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist $(WHEEL)/source
 
 clean:
-	rm -rf $(VENV) build demo-results .pytest_cache .hypothesis .ruff_cache *.egg-info
+	rm -rf $(VENV) build dist site demo-results .pytest_cache .hypothesis .ruff_cache *.egg-info

@@ -123,6 +123,19 @@ def test_the_table_has_every_command():
     assert named == set(names_of_commands())
 
 
+@pytest.mark.parametrize("name", sorted(names_of_commands()))
+def test_help_has_a_sentence_and_an_example_and_every_command_has_json(name: str, capsys):
+    assert cli.main([*name.split(), "--help"]) == 0
+    said = capsys.readouterr()
+    text = " ".join(said.out.replace("│", " ").split())
+    assert f"Example: trihedron {name}" in text
+    assert "--json" in text
+    assert "--quiet" in text
+    assert said.err == ""
+    sentence = said.out.split("\n\n")[1]
+    assert 0 < len(sentence) < 300
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda c: c.title)
 def test_wrong_options(command: Command, here: Path, capsys):
     before = files(here)

@@ -26,7 +26,7 @@ from trihedron.report.diagnosis_sections import diagnosis_page
 from trihedron.report.equations import effect_formula, math
 from trihedron.report.next_sections import next_positions_csv
 from trihedron.report.plan_page import plan_page
-from trihedron.report.rounding import outwards, significant, to_bound, upwards
+from trihedron.report.rounding import minus, outwards, significant, symbol_text, to_bound, upwards
 
 MATH = "{http://www.w3.org/1998/Math/MathML}"
 
@@ -91,6 +91,14 @@ def test_figures_without_a_bound_have_two_digits():
 def test_powers_of_ten_are_typeset_and_hashes_are_not():
     assert typeset("-1.09e-03 n² and 1e-05 g") == "−1.09·10⁻³ n² and 10⁻⁵ g"
     assert typeset("5e12ab 52e1f4 v1e5") == "5e12ab 52e1f4 v1e5"
+
+
+def test_only_numbers_and_signs_are_rewritten():
+    assert minus("-1.5e-05") == "−1.5e−5"
+    assert minus("2.0e+03 and -1e-10") == "2.0e3 and −1e−10"
+    assert minus("identity 1 0") == "identity 1 0"
+    assert symbol_text("-X12@first-side") == "−X12@first-side"
+    assert symbol_text("X8@identity") == "X8@identity"
 
 
 def test_bars_share_one_scale_and_reach_their_ends():
@@ -197,6 +205,33 @@ def test_the_pages_repeat_to_the_byte_and_ask_nothing_of_the_network(page, clean
     assert again == page
     addresses = re.findall(r'(?:href|src)="([^"]*)"', page)
     assert all(address.startswith(("#", "data:")) for address in addresses)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"convention": "A2"},
+        {"baseline": "symmetric"},
+        {"targets": ("X4-X5", "X16-X17"), "priors": ("X16=1e-2", "bounds")},
+    ],
+    ids=["A2", "symmetric", "asked"],
+)
+def test_pages_of_other_options(clean, options):
+    text = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND, **options), TableRun(clean))
+    assert text.count("<math ") >= 5
+    assert all(expression.replace("-", "−") in text for expression in options.get("targets", ()))
+
+
+def test_pages_of_several_mountings_whatever_they_are_called(clean):
+    half = len(clean) // 2
+    names = ("upright-1e5",) * half + ("elsewhere",) * (len(clean) - half)
+    record = replace(clean, mounting=names)
+    mounting = {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}
+    text = calibration_page(calibrate(record, noise_bound=NOISE_BOUND, mounting=mounting), TableRun(record))
+    assert "X8@upright-1e5" in text
+    assert "X13@elsewhere" in text
+    result = diagnose(record, noise_bound=NOISE_BOUND, mounting=mounting)
+    assert "X8@upright-1e5" in diagnosis_page(result, record)
 
 
 def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers(clean):

@@ -3,7 +3,6 @@
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
@@ -11,25 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.report import attitude_error, bench_tour, candidates, held_out, residuals, target_intervals
-from trihedron.report.calibration_pictures import in_words
+from trihedron.report import attitude_error, bench_tour, candidates, held_out, residuals
 from trihedron.report.direction_pictures import next_directions, residuals_over_inputs
+from trihedron.report.explanation_pictures import interval_picture, strips_picture
+from trihedron.report.likeness_picture import likeness_picture
 from trihedron.report.suite_pictures import confusion_picture, detection_picture, size_errors_picture
 from trihedron.report.theme import COLOURS
 from trihedron.report.time_pictures import MOST_POINTS, thinned
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "<script>alert('x')</script> & \"$\\frac{1}{$ ]]> \x00\x1b \ud800 漢字\n"
-
-
-@dataclass
-class Row:
-    symbol: str = "X4"
-    name: str = "scale-factor-error-plus-1"
-    estimate: float | None = 1.2e-3
-    guaranteed_error: float | None = 2e-5
-    low: float | None = 1.19e-3
-    high: float | None = 1.215e-3
 
 
 def tour(count: int = 500) -> str:
@@ -46,8 +36,12 @@ def residual_picture() -> str:
 
 PICTURES: dict[str, Callable[[], str]] = {
     "tour": tour,
-    "intervals": lambda: target_intervals([Row(), Row("X5", "bias-1")], 1e-5, {"X4": 1.2e-3}),
     "residuals": residual_picture,
+    "likeness": lambda: likeness_picture(
+        ["cubic", "sag", "drift"], [[1.0, 0.95, 0.0], [0.95, 1.0, 0.3], [0.0, 0.3, 1.0]]
+    ),
+    "strips": strips_picture,
+    "what intervals are": interval_picture,
     "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)),
     "attitude_error": lambda: attitude_error(np.arange(90.0), np.ones((90, 3)), np.arange(90.0)),
     "over inputs": lambda: residuals_over_inputs(np.eye(3), np.eye(3), 0.1 * np.eye(3), np.eye(3) > 0.5),
@@ -58,15 +52,10 @@ PICTURES: dict[str, Callable[[], str]] = {
     "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]),
 }
 
-ROW = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"))
 NOTHING: dict[str, Callable[[], str]] = {
     "tour of no rows": lambda: bench_tour([], [], [], np.zeros((0, 3))),
     "tour of NaN": lambda: bench_tour([0, 1], [np.nan] * 2, [np.inf] * 2, np.full((2, 3), np.nan)),
     "tour of one row": lambda: bench_tour([0.0], [1.0], [2.0], [[0.0, 0.0, 1.0]]),
-    "no targets": lambda: target_intervals([], 1e-5),
-    "targets without values": lambda: target_intervals([Row(**ROW)] * 18, 1e-5),
-    "falsified targets": lambda: target_intervals([Row(low=None, high=None)], 1e-5, {"X4": float("nan")}),
-    "noise bound of zero": lambda: target_intervals([Row()], 0.0),
     "no residuals": lambda: residuals([], [], np.zeros((0, 3))),
     "residuals of NaN": lambda: residuals([1, 2], [3, 4], np.full((2, 3), np.nan), np.full((2, 3), np.nan)),
     "one accelerometer missing": lambda: residuals([1.0], [2.0], [[0.1, np.nan, 3.0]], None, [[False, True, True]]),
@@ -137,7 +126,6 @@ def test_hostile_labels_are_shown_and_nothing_else() -> None:
     for svg in (
         candidates([HOSTILE, "none"], [0.5, 2.0]),
         held_out([1.0], [0.5], [HOSTILE]),
-        target_intervals([Row(symbol=HOSTILE, name=HOSTILE)], 1e-5),
     ):
         root = ElementTree.fromstring(svg)
         assert not list(root.iter(f"{SVG}script"))
@@ -157,41 +145,9 @@ def test_any_text_and_any_number_give_a_picture(text: str, value: float) -> None
 
 
 def test_what_a_picture_shows_is_what_it_was_given() -> None:
-    shown = texts(target_intervals([Row(), Row("-X12", "mounting-error-2")], 1e-5, {"X4": 1.2e-3}))
-    assert "scale factor error (+) 1 · X4" in shown
-    assert "mounting error 2 · −X12" in shown
-    assert "units of σ, about the true value, where it is known, else of the estimate" in shown
     shown = texts(candidates(["worse", "better", "impossible"], [2.5, 0.25, np.nan]))
     assert [text for text in shown if text in ("worse", "better", "impossible")] == ["better", "worse", "impossible"]
     assert {"0.25", "2.5", "not possible"} <= set(shown)
-
-
-def interval_ends(svg: str) -> tuple[float, float, float, float]:
-    """Ends of the thick interval and of the pale bar of the first row, by their x in the picture."""
-    line = re.search(r'd="M ([\d.]+) [\d.]+ L ([\d.]+) [\d.]+ "[^>]*stroke-width: 2\.6', svg.replace("\n", ""))
-    bar = re.search(r'd="M ([\d.]+) [\d.]+ L ([\d.]+) [\d.]+ L[^"]*"[^>]*fill: #dfeaf4', svg.replace("\n", ""))
-    assert line is not None
-    assert bar is not None
-    return float(line[1]), float(line[2]), float(bar[1]), float(bar[2])
-
-
-def test_intervals_are_drawn_to_scale() -> None:
-    low, high, left, right = interval_ends(target_intervals([Row()], 1e-5, {"X4": 1.2e-3}))
-    # -1 to 1.5 sigma within -2 to 2 sigma.
-    assert (high - low) / (right - left) == pytest.approx(2.5 / 4.0, abs=2e-3)
-    assert (low - left) / (right - left) == pytest.approx(0.25, abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("outer-axis-tilt", "outer axis tilt"),
-        ("scale-factor-error-minus-2", "scale factor error (−) 2"),
-        ("misalignment-21", "misalignment 21"),
-    ],
-)
-def test_names_in_words(name: str, words: str) -> None:
-    assert in_words(name) == words
 
 
 def test_thinning_keeps_peaks_gaps_and_ends() -> None:

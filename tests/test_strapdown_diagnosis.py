@@ -15,8 +15,10 @@ from trihedron.strapdown import inspect_record
 from trihedron.strapdown.building import build_with_gravity, build_with_truth
 from trihedron.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.strapdown.diagnosis import diagnose_strapdown
+from trihedron.strapdown.gravity_system import across, directions_of
 from trihedron.strapdown.judging import order_of_effects, witnesses
 from trihedron.strapdown.search import classes_of, fit_set, seen_places, smallest_sets
+from trihedron.strapdown.signatures import turned
 from trihedron.strapdown.system import weighted_step
 
 LATENCY = EffectPlace("latency", "gyro-block")
@@ -119,21 +121,23 @@ def test_signatures_are_what_the_exported_components_do(reference):
         size = len(CATALOGUE[place.effect].parameters)
         coefficients = value * np.cos(np.arange(size))
         model = GyroModel(built.model.bias, built.model.scale_misalignment, {place: tuple(coefficients)})
-        before = Rotation.from_quat(np.roll(built.attitude, -1, axis=1))
-        after = Rotation.from_quat(np.roll(carried_attitude(built.motion, model, found.gravity), -1, axis=1))
-        first, last = part.segments.first, part.segments.last
-        turned = (before[first].inv() * before[last]) * (after[first].inv() * after[last]).inv()
+        after = carried_attitude(built.motion, model, found.gravity)
+        change = Rotation.from_matrix(
+            turned(part.segments, built.attitude) @ turned(part.segments, after).transpose(0, 2, 1)
+        ).as_rotvec()
         block = built.system.blocks[built.system.places.index(place)]
         expected = part.columns[..., block] @ coefficients
-        change = turned.as_rotvec()
         if reference == "truth":
             # What an effect adds to the mean at rest is taken out with it: its columns hold both.
             assert built.at_rest is not None
             bias = built.system.blocks[built.system.places.index(EffectPlace("gyro-bias", "gyro-block"))]
             expected = expected + part.columns[..., bias] @ (built.at_rest[:, block] @ coefficients)
-            assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
         else:
-            assert np.linalg.norm(change, axis=1).max() > np.abs(expected).max() * 0.9
+            # Only the turn across gravity counts between rests: it moves the direction by change × up.
+            assert found.accelerometers is not None
+            up = directions_of(built.system.point[:9], found.rests, found.gravity, {})[: len(part)]
+            change = np.einsum("skp,sp->sk", across(up), np.cross(change, up))
+        assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
 
 
 def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):

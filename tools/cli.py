@@ -26,13 +26,21 @@ from trihedron.strapdown_commands import inspect
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
 
+
+def shown_default(value: object) -> str | None:
+    """A default as a person would type it; none where nothing is said."""
+    if value is None or value is False or value == ():
+        return None
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
 app = App(
     name="trihedron",
     help="Simulate the bench, calibrate with guaranteed bounds, find what the simulation gets wrong.",
     help_epilogue="--quiet (-q) with any command: print errors, and what --json - asks for, nothing else. "
     "Exit status: 0 done, 2 the input cannot be used, 1 a fault of the program, 130 interrupted.",
     version=installed_version,
-    default_parameter=Parameter(negative=(), negative_iterable=()),
+    default_parameter=Parameter(negative=(), negative_iterable=(), show_default=shown_default),
     help_format="plaintext",
     result_action="return_value",
     suppress_keyboard_interrupt=False,

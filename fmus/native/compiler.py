@@ -111,8 +111,10 @@ def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
     for name in names:
         if name not in PLATFORMS:
             close = get_close_matches(name, PLATFORMS, n=1)
-            meant = f"did you mean {close[0]}? There is one" if close else "there is one"
-            raise BuildError(f"platform {name}: there is no native FMU for it; {meant} for {', '.join(PLATFORMS)}")
+            meant = f" (did you mean {close[0]}?)" if close else ""
+            raise BuildError(
+                f"platform {name}: there is no native FMU for it; there is for {', '.join(PLATFORMS)}{meant}"
+            )
         if not (compiles(name) or has_prebuilt()):
             if name == host_name() and wanted != "all":
                 raise BuildError(NO_COMPILER)

@@ -159,7 +159,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any],
         address = re.findall(r"tcp://[\d.:]+", told.read_text())[0]
         for _ in range(workers):
             worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
-            stack.enter_context(ended(subprocess.Popen([*worker, "--death-timeout", "5"], cwd=folder, **quiet)))
+            stack.enter_context(ended(subprocess.Popen([*worker, "--death-timeout", "120"], cwd=folder, **quiet)))
         yield scheduler, address
 
 

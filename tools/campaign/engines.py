@@ -1,14 +1,14 @@
 """Where a campaign's work is done: processes of this machine, or a Dask cluster. Who does what is their affair."""
 
 import contextlib
-import logging
 import multiprocessing
 import os
+import shutil
 import signal
+import tempfile
 import threading
-import time as clocks
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol
@@ -16,10 +16,8 @@ from typing import Any, Protocol
 from trihedron.errors import InputError
 
 MOST_JOBS = 1024
-_AHEAD = 2
-"""Batches for each worker of a cluster that are under way at once: the next one waits where it will be done."""
 _START_SECONDS = 60.0
-_RENEW_SECONDS = 5.0
+_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 _MOST_STILLBORN = 10
 """So many workers may end before they begin."""
 
@@ -79,16 +77,18 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _begin() -> None:
-    """In a new worker: Ctrl-C is for the main process; nobody works on when that one is gone."""
+def _begin(folder: str) -> None:
+    """In a new worker: Ctrl-C is for the main process; nobody works on, or leaves files, when that one is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tempfile.tempdir = folder
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+        threading.Thread(target=_follow, args=(parent.sentinel, folder), daemon=True).start()
 
 
-def _follow(sentinel: int) -> None:
+def _follow(sentinel: int, folder: str) -> None:
     wait_for([sentinel])
+    shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
 
@@ -101,6 +101,7 @@ class LocalEngine:
         self._jobs = jobs
         self._idle: list[ProcessPoolExecutor] = []
         self._begun: dict[ProcessPoolExecutor, Future] = {}
+        self._folders: dict[ProcessPoolExecutor, str] = {}
         self._used: dict[Future, ProcessPoolExecutor] = {}
         self._stillborn = 0
 
@@ -108,7 +109,10 @@ class LocalEngine:
         from trihedron.campaign.work import alive
 
         # A new interpreter: a copy of this one would have copies of locks that nobody opens.
-        pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+        context = multiprocessing.get_context("spawn")
+        folder = tempfile.mkdtemp(prefix="trihedron-worker-")
+        pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(folder,))
+        self._folders[pool] = folder
         self._begun[pool] = pool.submit(alive)
         return pool
 
@@ -147,6 +151,7 @@ class LocalEngine:
         """Put a broken pool aside; whether its process had ever worked."""
         working = self._begun.pop(pool).exception(timeout=_START_SECONDS) is None
         pool.shutdown(wait=False, cancel_futures=True)
+        shutil.rmtree(self._folders.pop(pool), ignore_errors=True)
         self._stillborn = 0 if working else self._stillborn + 1
         if self._stillborn > _MOST_STILLBORN:
             raise RuntimeError("no worker process can be started: each ends before it does anything")
@@ -154,56 +159,14 @@ class LocalEngine:
 
     def close(self, *, now: bool) -> None:
         """End the workers; `now`: in the middle of what they do."""
-        for pool in self._begun:
-            processes = list((pool._processes or {}).values())
-            pool.shutdown(wait=not now, cancel_futures=True)
-            if now:
-                for process in processes:
-                    process.kill()
-
-
-class DaskEngine:
-    """A Dask cluster: the one at an address, or one of local processes.
-
-    Parameters
-    ----------
-    client : distributed.Client
-    renew : callable
-        asks for workers in place of those that are gone for good
-    """
-
-    def __init__(self, client: Any, renew: Callable[[], None] = lambda: None) -> None:
-        self._client, self._renew = client, renew
-        self._renewed = clocks.monotonic()
-        self._executor = client.get_executor(pure=False)
-
-    def workers(self) -> int:
-        try:
-            return sum(self._client.nthreads().values())
-        except (OSError, TimeoutError, CancelledError) as error:
-            raise LostCluster(str(error)) from error
-
-    def free(self, busy: int) -> int:
-        if self._client.status != "running":
-            raise LostCluster("the scheduler does not answer")
-        if clocks.monotonic() - self._renewed > _RENEW_SECONDS:
-            # A worker that is killed as it starts is not started again by Dask.
-            self._renewed = clocks.monotonic()
-            self._renew()
-        return _AHEAD * max(1, self.workers()) - busy
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
-        return self._executor.submit(function, *arguments)
-
-    def result(self, future: Future) -> Any:
-        from distributed import KilledWorker
-
-        try:
-            return future.result()
-        except KilledWorker:
-            raise Killed(working=True) from None
-        except CancelledError as error:
-            raise LostCluster("the scheduler does not answer") from error
+        for pool, begun in self._begun.items():
+            working = begun.done() and begun.exception() is None
+            if now and working:
+                with contextlib.suppress(OSError):
+                    os.kill(begun.result(), _KILL)
+            # One that has not begun ends by itself, as soon as it has.
+            pool.shutdown(wait=working, cancel_futures=True)
+            shutil.rmtree(self._folders[pool], ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -236,56 +199,10 @@ def engine_of(name: str, jobs: int | None, scheduler: str | None) -> Iterator[En
         return
     if scheduler is not None and jobs is not None:
         raise InputError("--jobs: a cluster has its own workers; give --scheduler or --jobs, one of the two")
-    with _dask(usable_cores() if jobs is None else jobs, scheduler) as dask:
+    from trihedron.campaign.dask_engine import dask_engine
+
+    with dask_engine(usable_cores() if jobs is None else jobs, scheduler) as dask:
         yield dask
-
-
-@contextlib.contextmanager
-def _dask(jobs: int, scheduler: str | None) -> Iterator[DaskEngine]:
-    try:
-        from dask import config
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise InputError("--engine dask: needs the extra 'cluster' (pip install 'trihedron[cluster]')") from error
-    if not 1 <= jobs <= MOST_JOBS:
-        raise InputError(f"--jobs {jobs}: must be a whole number from 1 to {MOST_JOBS}")
-    # A batch whose worker ends comes back at once; what is done about it is the same as for local processes.
-    quiet = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "10s"}
-    with config.set(quiet), _silent_logs(), contextlib.ExitStack() as stack:
-        if scheduler is None:
-            options: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-            cluster: Any = stack.enter_context(LocalCluster(n_workers=jobs, threads_per_worker=1, **options))
-            client = stack.enter_context(Client(cluster))
-            yield DaskEngine(client, lambda: cluster.scale(jobs))
-            return
-        try:
-            client = Client(scheduler, timeout="10s")
-        except (OSError, ValueError, TimeoutError) as error:
-            raise InputError(f"--scheduler {scheduler}: does not answer ({_first_line(error)})") from error
-        try:
-            yield DaskEngine(client)
-        finally:
-            with contextlib.suppress(Exception):
-                client.close(timeout=2)
-
-
-@contextlib.contextmanager
-def _silent_logs() -> Iterator[None]:
-    """What Dask says of workers and schedulers that are lost is said in our own words."""
-    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
-    loggers = [logging.getLogger(name) for name in names]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def first_done(futures: list[Future], seconds: float) -> list[Future]:

@@ -134,16 +134,18 @@ def execute(
     tried: Counter[int] = Counter()
     tally = Tally()
     while batches.waiting or trials or under_way:
-        for _ in range(engine.free(len(under_way))):
-            if trials:
+        if trials:
+            # Alone, so that no other call's death is blamed on the run that is tried.
+            if not under_way and engine.free(0):
                 trial = trials.popleft()
                 under_way[engine.submit(try_run, order, trial.runs[0])] = trial
-            elif batches.waiting:
+        else:
+            for _ in range(engine.free(len(under_way))):
+                if not batches.waiting:
+                    break
                 batch = batches.next(engine.workers())
                 fatal = frozenset(run for partition in batch for run in deadly.get(partition, ()))
                 under_way[engine.submit(compute, order, batch, fatal)] = batch
-            else:
-                break
         for future in first_done(list(under_way), WAIT_SECONDS):
             task = under_way.pop(future)
             try:

@@ -14,7 +14,8 @@ from trihedron.field_problems import FieldProblem, field_problems
 
 SCHEMA = "trihedron.campaign/1"
 KINDS = ("calibration", "attitude", "simulation", "hidden")
-MOST_RUNS = 2**40
+MOST_RUNS = 10**10
+MOST_FILES_ASKED = 10**6
 MOST_CUBE = 50_000_000
 """Numbers of a Latin hypercube that every worker holds."""
 RUNS_OF_PARTITION = {"calibration": 50, "attitude": 50, "simulation": 50, "hidden": 5}
@@ -94,7 +95,9 @@ class Campaign(_Section):
         if kinds == ["hidden"] and self.parameters:
             raise ValueError("parameters: a hidden-effect case is drawn by its number; repeats says how many")
         if self.runs > MOST_RUNS:
-            raise ValueError(f"{self.runs} runs are more than the {MOST_RUNS} that can be numbered")
+            raise ValueError(f"{self.runs} runs are too many; at most {MOST_RUNS}: split the campaign by its seed")
+        if self.partition is not None and -(-self.runs // self.partition) > MOST_FILES_ASKED:
+            raise ValueError(f"partition = {self.partition}: that makes more than {MOST_FILES_ASKED} files")
         return self
 
     @property

@@ -48,13 +48,15 @@ class Suite(Shown):
         """Counts, confusion, detection, errors of the sizes."""
         from trihedron.hidden_suite.summary import suite_text
 
-        return suite_text(self).split("\n")
+        shown: Any = self
+        return suite_text(shown).split("\n")
 
     def to_json(self) -> dict[str, Any]:
         """The object of schema trihedron.hidden-suite/1."""
         from trihedron.hidden_suite.summary import suite_json
 
-        return suite_json(self)
+        shown: Any = self
+        return suite_json(shown)
 
     def to_polars(self) -> "DataFrame":
         """A row for each case."""
@@ -64,7 +66,8 @@ class Suite(Shown):
 
         from trihedron.hidden_suite.summary import cases_csv
 
-        return pl.read_csv(io.StringIO(cases_csv(self)))
+        shown: Any = self
+        return pl.read_csv(io.StringIO(cases_csv(shown)))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Pictures and the page of results: one HTML file that opens anywhere, without network and without script."""
 
-from trihedron.report.calibration_pictures import residuals, target_intervals
+from trihedron.report.calibration_pictures import residuals
 from trihedron.report.diagnosis_pictures import candidates, held_out
 from trihedron.report.page import Section, Table, render_page, write_page
 from trihedron.report.time_pictures import attitude_error, bench_tour
@@ -14,6 +14,5 @@ __all__ = [
     "held_out",
     "render_page",
     "residuals",
-    "target_intervals",
     "write_page",
 ]

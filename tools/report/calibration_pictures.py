@@ -1,7 +1,6 @@
-"""Pictures of a calibration: the targets' intervals, and the residuals over the table's angles."""
+"""The picture of residuals over the table's angles."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,99 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import column, drawing, plain, say_empty, short, svg_text, three_columns
-from trihedron.report.theme import ALERT, BAND, FIRST, INK, MUTED, SECOND, WIDTH
-
-
-class TargetRow(Protocol):
-    """What a target's row is drawn from; `trihedron.calibration.result.Estimate` is one."""
-
-    @property
-    def symbol(self) -> str: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def estimate(self) -> float | None: ...
-    @property
-    def guaranteed_error(self) -> float | None: ...
-    @property
-    def low(self) -> float | None: ...
-    @property
-    def high(self) -> float | None: ...
-
-
-def in_words(name: str) -> str:
-    """A target's name as a person reads it: "scale-factor-error-plus-1" as "scale factor error (+) 1"."""
-    signed = plain(name).replace("-plus-", " (+) ").replace("-minus-", " (−) ")
-    return signed.replace("-", " ")
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None or not np.isfinite(value) else float(value)
-
-
-def target_intervals(rows: Sequence[TargetRow], noise_bound: float, truth: Mapping[str, float] | None = None) -> str:
-    """Each target's interval, estimate and guaranteed error, in units of σ.
-
-    A row is drawn about its true value where that is known, else about its estimate.
-
-    Parameters
-    ----------
-    rows : sequence of TargetRow
-        as a calibration gives them; None where a value is not there
-    noise_bound : float
-        σ, as a fraction of g
-    truth : mapping
-        symbol -> true value, as far as it is known
-
-    Returns
-    -------
-    str
-        SVG
-    """
-    truth = {} if truth is None else truth
-    sigma = noise_bound if np.isfinite(noise_bound) and noise_bound > 0.0 else float("nan")
-    true = np.array([_number(truth.get(row.symbol)) for row in rows])
-    estimate = np.array([_number(row.estimate) for row in rows])
-    centre = np.where(np.isfinite(true), true, estimate)
-    middle = (estimate - centre) / sigma
-    error = np.array([_number(row.guaranteed_error) for row in rows]) / sigma
-    low = (np.array([_number(row.low) for row in rows]) - centre) / sigma
-    high = (np.array([_number(row.high) for row in rows]) - centre) / sigma
-    with drawing():
-        figure = Figure(figsize=(WIDTH, 1.15 + 0.235 * max(len(rows), 3)), layout="constrained")
-        axes = figure.subplots()
-        y = np.arange(len(rows))
-        known = np.isfinite(true)
-        axes.axvline(0.0, color=MUTED.light, linewidth=0.8)
-        handles: list[Line2D | Patch] = []
-        if np.isfinite(middle + error).any():
-            axes.barh(y, 2.0 * error, left=middle - error, height=0.62, color=BAND.light, linewidth=0)
-            handles.append(Patch(facecolor=BAND.light, label="estimate ± guaranteed error"))
-        if np.isfinite(high - low).any():
-            axes.hlines(y, low, high, color=FIRST.light, linewidth=2.6)
-            handles.append(Line2D([], [], color=FIRST.light, linewidth=2.6, label="what the data leave possible"))
-        axes.plot(middle, y, "o", color=INK.light, markersize=3.8)
-        handles.append(Line2D([], [], color=INK.light, marker="o", markersize=3.8, linestyle="none", label="estimate"))
-        if known.any():
-            look = {"color": SECOND.light, "marker": "|", "markersize": 10, "markeredgewidth": 1.8}
-            axes.plot(np.zeros(int(known.sum())), y[known], linestyle="none", **look)
-            handles.append(Line2D([], [], linestyle="none", label="true value", **look))
-        axes.set_yticks(y, [f"{short(in_words(row.name))} · {short(row.symbol, 16).replace('-', '−')}" for row in rows])
-        axes.tick_params(axis="y", length=0, labelcolor=INK.light)
-        axes.spines["left"].set_visible(False)
-        axes.grid(visible=False, axis="y")
-        axes.set_ylim(max(len(rows), 3) - 0.4, -0.6)
-        ends = np.concatenate([middle - error, middle + error, low, high, middle, [-1.0, 1.0]])
-        axes.set_xlim(1.06 * float(np.nanmin(ends)), 1.06 * float(np.nanmax(ends)))
-        about = "true value" if known.any() else "estimate"
-        if known.any() and not known.all():
-            about += ", where it is known, else of the estimate"
-        axes.set_xlabel(f"units of σ, about the {about}")
-        figure.legend(handles=handles, loc="outside upper left", ncols=4, handletextpad=0.6)
-        if not np.isfinite(middle).any():
-            say_empty(axes)
-        return svg_text(figure, "Interval, estimate and guaranteed error of each target in units of the noise bound")
+from trihedron.report.svg import column, drawing, say_empty, svg_text, three_columns
+from trihedron.report.theme import ALERT, BAND, FIRST, MUTED, SECOND, WIDTH
 
 
 def residuals(

@@ -24,6 +24,8 @@ from trihedron.report.sources import diagnosis_sources
 from trihedron.report.target_sections import target_section
 from trihedron.summaries import VERDICTS, open_targets
 
+FEW_RIVALS = 3
+"""Up to so many sets of effects are named in the verdict."""
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 
 
@@ -55,18 +57,7 @@ def verdict_sentence(result: Diagnosis) -> str:
     if result.verdict == "explained":
         return f"The simulation lacked this: {'; '.join(cause.sentence for cause in result.causes)}."
     if result.verdict == "ambiguous":
-        count = f"{len(result.findings)}{'' if result.complete else ' or more'}"
-        proposed = len(result.next_positions)
-        sure = len(deciding(nominal.linearised, result.next_positions))
-        then = (
-            f" Of {proposed} further positions that are proposed {sure or 'none'} surely tell two of them apart."
-            if proposed
-            else ""
-        )
-        return (
-            f"The simulation lacks something, and the record does not say what: {count} sets of effects would explain "
-            f"it.{then}"
-        )
+        return f"The simulation lacks something, and the record does not say what: {rivals(result)}"
     if result.verdict == "unexplained":
         return (
             f"The simulation lacks something that is not in the catalogue: no parameters leave less than "
@@ -77,6 +68,21 @@ def verdict_sentence(result: Diagnosis) -> str:
             f"Too little was measured to judge the simulation: the readings do not determine {open_targets(nominal)}."
         )
     return VERDICTS[result.verdict].capitalize() + "."
+
+
+def rivals(result: Diagnosis) -> str:
+    """The sets of effects that remain, few by their names, and what further positions would do."""
+    if result.complete and len(result.findings) <= FEW_RIVALS:
+        said = f"{' or '.join(finding.title for finding in result.findings)} would explain it."
+    else:
+        said = f"{len(result.findings)}{'' if result.complete else ' or more'} sets of effects would explain it."
+    proposed = len(result.next_positions)
+    if not proposed:
+        return said
+    sure = len(deciding(result.baseline.linearised, result.next_positions))
+    if sure == proposed:
+        return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
+    return f"{said} Of {proposed} further positions that are proposed {sure or 'none'} surely tell two of them apart."
 
 
 def diagnosis_sections(result: Diagnosis, record: PositionRecord, files: list[Path] | None = None) -> list[Section]:

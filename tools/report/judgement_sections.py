@@ -11,7 +11,7 @@ from trihedron.diagnosis import Diagnosis
 from trihedron.report.bars import Bar, bars
 from trihedron.report.cells import Cell
 from trihedron.report.page import Section, Table
-from trihedron.report.rounding import minus, outwards, significant, to_bound
+from trihedron.report.rounding import outwards, significant, symbol_text, to_bound
 from trihedron.report.svg import drawing, say_empty, short, svg_text
 from trihedron.report.theme import AXES, BAND, INK, WIDTH
 from trihedron.summaries import physical_words
@@ -62,7 +62,9 @@ def target_sections(result: Diagnosis) -> list[Section]:
     for t, half, bar in zip(result.targets, halves, drawn, strict=True):
         moved = to_bound(t["after"] - t["before"], half)
         ends = outwards(t["low"], t["high"], half)
-        rows.append([minus(t["symbol"]), names.get(t["symbol"], ""), to_bound(t["after"], half), moved, bar, *ends])
+        rows.append(
+            [symbol_text(t["symbol"]), names.get(t["symbol"], ""), to_bound(t["after"], half), moved, bar, *ends]
+        )
     header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high"]
     caption = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each target with the effects: what the readings leave."
     return [

@@ -44,7 +44,7 @@ def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -
         row += [SENSES.get(p[name], str(p[name])) if name in p else "" for name in columns]
         if separates:
             apart = p.get("apart_g")
-            told = None if apart is None else Written(f"{max(apart, 0.0) / sigma(here):.2g}")
+            told = None if apart is None else Written(f"{max(apart, 0.0) / sigma(here) + 0.0:.2g}")
             row += [", ".join(p.get("separates", ())), told]
         rows.append(row)
     said = ["Readings at these positions besides would determine what is open."]
@@ -53,7 +53,7 @@ def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -
         said = [
             "Predictions of the two candidates that a position is for differ there, or at another of the positions for "
             "the same two, by at least the last column, whatever their parameters. More than 2 σ decides between them "
-            f"in any noise: {sure} of {len(positions)} positions do."
+            f"in any noise: {sure or 'none'} of {len(positions)} positions do."
         ]
     labels = [str(k) for k in range(1, len(positions) + 1)]
     return [

@@ -13,7 +13,7 @@ from trihedron.report.next_sections import next_positions_csv
 from trihedron.report.page import Download, Section, Table, render_page
 from trihedron.report.plan_pictures import STEP_DEG, admissible_positions
 from trihedron.report.record_sections import versions
-from trihedron.report.rounding import minus
+from trihedron.report.rounding import minus, symbol_text
 from trihedron.report.sources import plan_sources
 from trihedron.summaries import physical_words
 
@@ -43,7 +43,7 @@ def plan_page(plans: Sequence[Plan]) -> str:
     where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
     rows: list[list[Cell]] = [
         [
-            minus(p.target.symbol),
+            symbol_text(p.target.symbol),
             physical_words(p.target.name),
             Written(f"{p.optimum.cost:.10f}"),
             Written(f"{p.optimum.gap:.0e}"),
@@ -111,7 +111,7 @@ def plan_sections(plan: Plan) -> list[Section]:
     name = f"{plan.target.symbol}.csv"
     return [
         Section(
-            f"{minus(plan.target.symbol)}: {physical_words(plan.target.name)}",
+            f"{symbol_text(plan.target.symbol)}: {physical_words(plan.target.name)}",
             svg=plan_picture(plan),
             caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
             table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
@@ -125,4 +125,4 @@ def plan_sections(plan: Plan) -> list[Section]:
 
 def _left(plan: Plan) -> str:
     symbol = plan.target.symbol
-    return f"'{minus(symbol)}' = "
+    return f"'{symbol_text(symbol)}' = "

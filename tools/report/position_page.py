@@ -5,7 +5,7 @@ from trihedron.report.cells import Cell, Written
 from trihedron.report.page import Section, Table, render_page
 from trihedron.report.position_pictures import positions_picture
 from trihedron.report.record_sections import versions
-from trihedron.report.rounding import minus
+from trihedron.report.rounding import minus, symbol_text
 from trihedron.report.sources import common_plan_sources
 from trihedron.summaries import physical_words
 
@@ -50,7 +50,7 @@ def operator_page(plan: CommonPlan, dwell_s: float) -> str:
             table=Table(
                 ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
                 [
-                    [minus(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (r * b, b, r))]
+                    [symbol_text(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (r * b, b, r))]
                     for t, b, r in zip(plan.task.targets, plan.task.best, plan.found.ratio, strict=True)
                 ],
             ),

@@ -1,8 +1,11 @@
 """Numbers with the digits that their bounds justify: two digits of the bound, and the value to the same place."""
 
 import math
+import re
 
 from trihedron.report.cells import Written
+
+_POWER = re.compile(r"(?<=\d)e\+?(−?)0*(?=\d)(\d+)")
 
 MOST_DECIMALS = 12
 NOTHING = 1e-14
@@ -20,8 +23,13 @@ def places_of(bound: float | None) -> int:
 
 def minus(text: str) -> str:
     """A number's text with the sign of typography, and no zeros that are only there for a computer."""
-    head, _, power = text.partition("e")
-    return head.replace("-", "−") + (f"e{int(power)}".replace("-", "−") if power else "")
+    return _POWER.sub(r"e\1\2", text.replace("-", "−"))
+
+
+def symbol_text(symbol: str) -> str:
+    """A target's symbol with signs of typography; the name of its mounting stays as it is."""
+    head, at, mounting = symbol.partition("@")
+    return head.replace("-", "−") + at + mounting
 
 
 def unit_text(unit: str) -> str:

@@ -7,7 +7,7 @@ from trihedron.calibration import Calibration
 from trihedron.report.bars import Bar, bars
 from trihedron.report.cells import Cell
 from trihedron.report.page import Section, Table
-from trihedron.report.rounding import minus, outwards, to_bound, unit_text, upwards
+from trihedron.report.rounding import outwards, symbol_text, to_bound, unit_text, upwards
 from trihedron.summaries import VERDICTS, missing_lines, physical_words
 
 
@@ -67,7 +67,12 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     for e, bar in zip(result.parameters, drawn, strict=True):
         low, high = outwards(e.low, e.high, e.guaranteed_error)
         error = None if e.estimate is None or falsified else upwards(e.guaranteed_error)
-        row: list[Cell] = [minus(e.symbol), physical_words(e.name), to_bound(e.estimate, e.guaranteed_error), error]
+        row: list[Cell] = [
+            symbol_text(e.symbol),
+            physical_words(e.name),
+            to_bound(e.estimate, e.guaranteed_error),
+            error,
+        ]
         row += [bar, low, high, unit_text(e.unit)]
         if truth is not None:
             row.append(to_bound(known.get(e.symbol), e.guaranteed_error))

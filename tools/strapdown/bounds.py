@@ -82,7 +82,17 @@ def gyro_noise(rate: NDArray, rests: Rests, up: NDArray | None, period: float, s
     span : float
         length of the record [s]
     """
-    pieces = [rate[rows] for rows in rests.rows]
+    told = white_and_flicker(rate, rests, period)
+    if told is None:
+        return None
+    white, flicker = told
+    wander = rest_wander(rests, up, white / rest_lengths(rests, period)[:, None])
+    return GyroNoise(white, flicker, wander, span)
+
+
+def white_and_flicker(readings: NDArray, rests: Rests, period: float) -> tuple[NDArray, NDArray] | None:
+    """Of readings (N, 3) at rest: mean square of a mean over one second, and of the flat part, each (3,)."""
+    pieces = [readings[rows] for rows in rests.rows]
     rows = int(np.median([len(piece) for piece in pieces])) if pieces else 0
     if rows < 8:
         return None
@@ -91,11 +101,34 @@ def gyro_noise(rate: NDArray, rests: Rests, up: NDArray | None, period: float, s
         return None
     # At a quarter white noise has twice the mean square that it has at half.
     part = np.clip(2.0 * (quarter**2 - half**2), 0.0, quarter**2)
-    flicker = np.maximum(half**2 - 0.5 * part, 0.0)
-    white = part * (rows // 4) * period
-    lengths = np.array([len(piece) for piece in pieces]) * period
-    wander = rest_wander(rests, up, white / lengths[:, None])
-    return GyroNoise(white, flicker, wander, span)
+    return part * (rows // 4) * period, np.maximum(half**2 - 0.5 * part, 0.0)
+
+
+def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
+    """Length (K,) of each rest [s]."""
+    return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
+
+
+def force_deviation(force: NDArray, rests: Rests, period: float, span: float) -> NDArray[np.float64]:
+    """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included.
+
+    Parameters
+    ----------
+    force : (N, 3) array
+        readings [m/s²]
+    rests : Rests
+        with a bound of the means
+    period, span : float
+        [s]
+    """
+    assert rests.force_bound is not None
+    deviation = rests.force_bound / SCATTER_FACTOR
+    told = white_and_flicker(force, rests, period)
+    if told is None:
+        return deviation
+    # What wanders from rest to rest may be an effect: only the rests themselves tell.
+    noise = GyroNoise(*told, np.full(3, np.nan), span)
+    return np.maximum(deviation, np.sqrt(noise.rate_square(rest_lengths(rests, period))))
 
 
 def rest_wander(rests: Rests, up: NDArray | None, white: NDArray) -> NDArray[np.float64]:

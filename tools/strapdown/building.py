@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from trihedron.records.noise import SCATTER_FACTOR
-from trihedron.strapdown.bounds import GyroNoise, gyro_noise
+from trihedron.strapdown.bounds import GyroNoise, force_deviation, gyro_noise
 from trihedron.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.strapdown.gravity_system import GravityPieces, gravity_parts, gravity_pieces, poses_of
 from trihedron.strapdown.inspection import Inspection
@@ -131,9 +130,11 @@ def build_with_gravity(found: Inspection, baseline: str, rates: str) -> Built:
     pieces = gravity_pieces(rests, broken_intervals(record, found.sampling))
     model, x = GyroModel(bias=rest_mean(found)), calibration.least_squares
     up = inputs_of(x, rests.force / found.gravity)
-    noise = gyro_noise(rates_of(record), rests, up, motion.period, float(motion.time_s[-1] - motion.time_s[0]))
+    span = float(motion.time_s[-1] - motion.time_s[0])
+    noise = gyro_noise(rates_of(record), rests, up, motion.period, span)
     assert noise is not None
-    deviation = np.maximum(rests.force_bound / SCATTER_FACTOR / found.gravity, LEAST_FORCE)
+    own_noise = force_deviation(record.specific_force, rests, motion.period, span)
+    deviation = np.maximum(own_noise / found.gravity, LEAST_FORCE)
     width = sum(len(CATALOGUE[p.effect].at(p).parameters) for p in own)
     system = attitude = None
     for last in [False] * relinearisations(motion) + [True]:

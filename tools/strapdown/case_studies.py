@@ -133,6 +133,8 @@ def broad_page(result: StrapdownDiagnosis, pictures: str) -> str:
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
     raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
     quoted = result.gain.summary() if result.gain is not None else {}
+    ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
+    fall = f"{' to '.join(figure(end) for end in ends)} arcmin rms"
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.not_seen))
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
@@ -140,8 +142,8 @@ The record: {len(record)} rows, one every {1e3 * period:.4g} ms, {record.time_s[
 rotation by hand with a rest before and after; the true attitude by cameras. Made by `make case-studies`; no number on
 this page is typed.
 
-**{result.verdict.capitalize()}: {named}.** Over windows of {quoted.get("over", "")} that were not used, the error falls from
-{figure(quoted.get("held_out_rms_before", math.nan))} to {figure(quoted.get("held_out_rms_after", math.nan))} arcmin rms.
+**{result.verdict.capitalize()}: {named}.** Over windows of {quoted.get("over", "")} that were not used, the error falls
+from {fall}.
 
 ## What was wrong
 
@@ -270,8 +272,8 @@ That is a calibration, and no effect that the simulation lacks.
 
 ## What was not supported, and why
 
-The noise of a rest's mean is white noise and what the gyros wander from rest to rest. Larger sizes than these contradict
-{names[0]}:
+The noise of a rest's mean is white noise and what the gyros wander from rest to rest. Larger sizes than these
+contradict {names[0]}:
 
 {excluded_table(results[0])}
 
@@ -297,6 +299,8 @@ def write_mpu(data: Path, docs: Path) -> None:
     records = [read(data, name) for name in MPU]
     results = [diagnose_strapdown(record, rerun=False) for record in records]
     nominal = [diagnose_strapdown(record, baseline="nominal", rerun=False) for record in records]
+    from trihedron.report.strapdown_page import write_pictures
+
     written = write_pictures(results[0], docs / "pictures", "mpu9150")
     write_text(docs / "case-study-mpu9150.md", mpu_page(results, nominal, picture_lines(written, "mpu9150")))
 

@@ -5,6 +5,7 @@ order may be above them too. The errors are then those of a run with the effect,
 added again: as if it acted linearly.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.strapdown.building import Built, with_parameters
 from trihedron.strapdown.carrying import GyroModel, carried_attitude
+from trihedron.strapdown.gain import effects_of
 from trihedron.strapdown.gravity_system import GravityPieces, directions_of, move_errors, small_turns
 from trihedron.strapdown.inspection import Inspection
 from trihedron.strapdown.norm_calibration import NAMES
+from trihedron.strapdown.search import LIMIT, SetFit, fit_set
 from trihedron.strapdown.signatures import turned
 from trihedron.strapdown.system import System, weighted_step
 from trihedron.strapdown.truth_system import window_errors
@@ -32,22 +35,45 @@ def about_main_effect(found: Inspection, built: Built) -> Built:
     place = main_effect(even)
     if place is None:
         return built
+    return about_effects(found, built, [place], weighted_step(even.matrix([place]), even.residual))
+
+
+def about_effects(found: Inspection, built: Built, places: Sequence[EffectPlace], solution: NDArray) -> Built:
+    """The system about effects of the gyros of such sizes: the second order of their run is in the errors.
+
+    Parameters
+    ----------
+    found : Inspection
+    built : Built
+    places : sequence of EffectPlace
+    solution : (P + k,) array
+        steps of the baseline's parameters and the effects' coefficients
+    """
     system = built.system
-    solution = weighted_step(even.matrix([place]), even.residual)
     step, size = solution[: len(system.names)], solution[len(system.names) :]
     gyros = with_parameters(built.model, built.own, step[len(NAMES) if built.forces else 0 :])
     bias = gyros.bias
     if built.at_rest is not None:
-        bias = bias - built.at_rest[:, system.numbers_of([place])] @ size
-    values = CATALOGUE[place.effect].at(place).from_coefficients(size)
-    model = GyroModel(bias, gyros.scale_misalignment, {place: values})
+        bias = bias - built.at_rest[:, system.numbers_of(places)] @ size
+    model = GyroModel(bias, gyros.scale_misalignment, effects_of(system.names, places, solution))
     attitude = carried_attitude(built.motion, model, found.gravity)
-    columns = np.concatenate([np.arange(len(system.names)), len(system.names) + system.numbers_of([place])])
+    columns = np.concatenate([np.arange(len(system.names)), len(system.names) + system.numbers_of(places)])
     parts = []
     for part, error in zip(system.parts, errors_of(found, built, attitude, step), strict=True):
         linear = np.concatenate([part.nominal, part.columns], axis=-1)[..., columns] @ solution
         parts.append(part if error is None else replace(part, error=error + linear))
     return replace(built, system=replace(system, parts=tuple(parts)))
+
+
+def about_named(found: Inspection, built: Built, fit: SetFit) -> tuple[System, SetFit]:
+    """System and fit about the effects that were named, where errors are large and the set still stands there."""
+    system = built.system
+    gyros = all(CATALOGUE[place.effect].component in ("GyroBlock", "AttitudeComputer") for place in fit.places)
+    if not gyros or left_after(system, None) <= MANY / np.sqrt(3.0):
+        return system, fit
+    again = about_effects(found, built, fit.places, weighted_step(system.matrix(fit.places), system.residual)).system
+    refitted = fit_set(again, fit.places)
+    return (again, refitted) if refitted.radius <= LIMIT else (system, fit)
 
 
 def system_of_one_bound(system: System) -> System:

@@ -1,0 +1,59 @@
+"""The measured records: what is named, what is not, and that the pages of the case studies are what the records say."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from trihedron.records import StrapdownRecord, read_record
+from trihedron.strapdown.case_studies import BROAD, MPU, main
+from trihedron.strapdown.diagnosis import diagnose_strapdown
+from trihedron.strapdown.result import StrapdownDiagnosis
+
+ROOT = Path(__file__).parents[1]
+DATA = Path(os.environ.get("TRIHEDRON_DATA", ROOT / ".." / "shared" / "data"))
+
+
+def diagnosed(name: str, **options) -> StrapdownDiagnosis:
+    path = DATA / f"{name}.strapdown.csv"
+    if not path.exists():
+        pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
+    record = read_record(path)
+    assert isinstance(record, StrapdownRecord)
+    return diagnose_strapdown(record, **options)
+
+
+@pytest.mark.parametrize("name", MPU)
+def test_no_effect_is_named_in_the_logs_of_the_mpu9150(name):
+    found = diagnosed(name, rerun=False)
+    assert found.verdict == "consistent"
+    assert found.causes == ()
+    assert any("no effect is named" in line for line in found.lines())
+    assert {entry["effect"] for entry in found.excluded} >= {"gyro-bias-drift", "gyro-g-sensitivity"}
+
+
+def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
+    found = diagnosed(BROAD)
+    assert found.verdict == "explained"
+    assert [cause.place.effect for cause in found.causes] == ["latency", "gyro-scale-misalignment"]
+    assert found.causes[0].values[0] / found.inspection.sampling.period == pytest.approx(1.2, abs=0.1)
+    assert found.order_stable
+    for length in found.lengths:
+        assert length.order is not None
+        assert length.as_measured is not None
+        assert [place.effect for place in length.order.effects][:2] == ["latency", "gyro-scale-misalignment"]
+        assert {place.effect for place in length.as_measured.effects} >= {"gyro-bias", "latency"}
+    assert found.gain is not None
+    for before, after in zip(found.gain.before, found.gain.after, strict=True):
+        assert (after**2).sum() < 0.3 * (before**2).sum()
+
+
+@pytest.mark.acceptance
+def test_the_pages_are_what_the_records_say(tmp_path):
+    if not (DATA / f"{BROAD}.strapdown.csv").exists():
+        pytest.skip("the real records are not there; set TRIHEDRON_DATA to their folder")
+    assert main([str(DATA), str(tmp_path)]) == 0
+    made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
+    assert len(made) == 8
+    for path in made:
+        assert (tmp_path / path).read_bytes() == (ROOT / "docs" / path).read_bytes(), f"{path}: run `make case-studies`"

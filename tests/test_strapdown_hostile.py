@@ -1,0 +1,142 @@
+"""Strapdown records that are wrong, poor or broken: one line, or a verdict that names nothing wrong."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from strapdown_records import strapdown_record
+from trihedron.cli import main
+from trihedron.errors import InputError
+from trihedron.hidden_strapdown.cases import draw_clean
+from trihedron.records import StrapdownRecord
+from trihedron.strapdown.diagnosis import diagnose_strapdown
+
+
+@pytest.fixture(scope="module")
+def clean() -> StrapdownRecord:
+    """Moves between rests, rates, no truth."""
+    return strapdown_record(seed=1)
+
+
+@pytest.fixture(scope="module")
+def filmed() -> StrapdownRecord:
+    """A record with true attitude."""
+    return draw_clean(3, 1, "truth").record()
+
+
+def some_rows(record: StrapdownRecord, rows: np.ndarray) -> StrapdownRecord:
+    columns = ("time_s", "rate", "increment", "specific_force", "attitude", "temperature")
+    chosen: dict[str, Any] = {name: None if (v := getattr(record, name)) is None else v[rows] for name in columns}
+    return StrapdownRecord(**chosen)
+
+
+def with_gyros(record: StrapdownRecord, change) -> StrapdownRecord:
+    name = "rate" if record.rate is not None else "increment"
+    return replace(record, **{name: change(np.array(getattr(record, name)))})
+
+
+WRONG = {
+    "swapped": (lambda w: w[:, [1, 0, 2]], "is read by gyro 2"),
+    "sign": (lambda w: w * [1.0, -1.0, 1.0], "gyro 2 has the wrong sign"),
+    "degrees": (np.degrees, "degrees per second"),
+    "dead": (lambda w: w * [1.0, 0.0, 1.0], "dead"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("kind", ["clean", "filmed"])
+def test_gyros_that_cannot_be_right_are_refused_in_one_line(name, kind, request):
+    change, said = WRONG[name]
+    with pytest.raises(InputError, match=said) as error:
+        diagnose_strapdown(with_gyros(request.getfixturevalue(kind), change))
+    assert "\n" not in str(error.value)
+
+
+def test_a_truth_that_is_not_body_to_reference_is_refused(filmed):
+    with pytest.raises(InputError, match=r"true attitude"):
+        diagnose_strapdown(replace(filmed, attitude=filmed.attitude * [1.0, -1.0, -1.0, -1.0]))
+
+
+def test_a_record_of_nothing_but_rest_says_which_poses_to_add():
+    rng = np.random.default_rng(0)
+    force = np.array([0.0, 0.0, 9.81]) + 0.03 * rng.standard_normal((3000, 3))
+    still = StrapdownRecord(
+        time_s=0.01 * np.arange(3000),
+        rate=1e-3 * rng.standard_normal((3000, 3)),
+        increment=None,
+        specific_force=force,
+    )
+    found = diagnose_strapdown(still)
+    assert found.verdict == "insufficient"
+    assert any("a rest with" in text for text in found.missing)
+    found = diagnose_strapdown(replace(still, attitude=np.tile([1.0, 0.0, 0.0, 0.0], (3000, 1))))
+    assert found.verdict == "insufficient"
+    assert any("hardly turns" in text for text in found.missing)
+
+
+def test_a_record_without_a_rest_asks_for_some():
+    rng = np.random.default_rng(1)
+    time = 0.01 * np.arange(6000)
+    rate = np.stack([np.sin(time), np.sin(1.3 * time + 1.0), np.sin(0.7 * time + 2.0)], axis=1)
+    force = 9.8 * np.stack([np.sin(0.3 * time), np.cos(0.3 * time), 0.0 * time], axis=1)
+    moving = StrapdownRecord(
+        time_s=time, rate=rate, increment=None, specific_force=force + 0.03 * rng.standard_normal((6000, 3))
+    )
+    found = diagnose_strapdown(moving)
+    assert found.verdict == "insufficient"
+    assert "rests" in found.missing[0]
+
+
+@pytest.mark.parametrize("kind", ["clean", "filmed"])
+def test_missing_rows_name_nothing(kind, request):
+    record = request.getfixturevalue(kind)
+    count = len(record)
+    scattered = np.sort(np.random.default_rng(0).permutation(count)[: int(0.7 * count)])
+    found = diagnose_strapdown(some_rows(record, scattered), rerun=False)
+    assert found.verdict == "insufficient"
+    assert any("rows missing" in text for text in found.warnings)
+    holes = np.ones(count, dtype=bool)
+    for k in range(6):
+        begin = int((k + 0.5) / 6 * count)
+        holes[begin : begin + count // 20] = False
+    found = diagnose_strapdown(some_rows(record, np.flatnonzero(holes)), rerun=False)
+    assert found.verdict in ("consistent", "insufficient")
+    assert found.causes == ()
+
+
+@pytest.mark.parametrize("kind", ["clean", "filmed"])
+def test_a_clipped_move_names_nothing(kind, request):
+    record = request.getfixturevalue(kind)
+    values = record.rate if record.rate is not None else record.increment
+    limit = 0.3 * np.abs(values).max()
+    found = diagnose_strapdown(with_gyros(record, lambda w: np.clip(w, -limit, limit)), rerun=False)
+    assert found.verdict in ("consistent", "insufficient", "unexplained")
+    assert found.causes == ()
+    assert any("saturated" in text for text in found.warnings)
+
+
+def test_the_command_answers_in_one_line_and_writes_nothing(tmp_path, capsys):
+    path, out = tmp_path / "back.csv", tmp_path / "out.json"
+    header = "time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2\n"
+    rows = [f"{0.01 * k},0.1,0.0,0.0,0.0,0.0,9.81\n" for k in (0, 1, 3, 2, *range(4, 40))]
+    path.write_text(header + "".join(rows))
+    assert main(["diagnose", str(path), "--json", str(out)]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "\n" not in said
+    assert "time_s" in said
+    assert not out.exists()
+    rows = [f"{0.01 * k},0.1,0.0,0.0,0.0,0.0,1.0\n" for k in range(40)]
+    path.write_text(header + "".join(rows))
+    assert main(["diagnose", str(path)]) == 2
+    assert "in g" in capsys.readouterr().err
+
+
+def test_options_of_position_records_are_refused(tmp_path, capsys):
+    path = tmp_path / "record.csv"
+    header = "time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2\n"
+    path.write_text(header + "".join(f"{0.01 * k},0.1,0.0,0.{k},0.0,0.0,9.8{k}\n" for k in range(40)))
+    for options in (["--noise-bound", "1e-5"], ["--baseline", "symmetric"]):
+        assert main(["diagnose", str(path), *options]) == 2
+        assert len(capsys.readouterr().err.strip().split("\n")) == 1
