@@ -54,6 +54,11 @@ def parsed(text: str) -> Campaign:
         (ATTITUDE + "[[compute]]\nrate = 'verdict'\n", "compute[1]: rate needs is"),
         (ATTITUDE + "[[compute]]\nquantiles = ['a']\nof = 'b'\n", "of does not go with quantiles"),
         (ATTITUDE + "[[compute]]\n", "give one of quantiles"),
+        (
+            "repeats = 10000000000\n" + ATTITUDE + "[parameters]\nquantum_rad = { values = [1, 2] }\n",
+            "runs are too many",
+        ),
+        ("partition = 1\nrepeats = 9999999\n" + ATTITUDE, "makes more than 1000000 files"),
         (ATTITUDE + "[[compute]]\nrate = 'a'\nis = ['b']\nagainst = 'c'\nedges = [2, 1]\n", "edges must rise"),
     ],
 )
@@ -180,7 +185,7 @@ def test_seeds_are_all_different_and_fit_the_components():
     assert all(0 <= seed < 2**31 for seed in seeds)
 
 
-@given(st.integers(1, 10**7), st.integers(1, 10**4))
+@given(st.integers(1, 10**7), st.integers(10, 10**4))
 def test_partitions_are_all_runs_in_order(runs, size):
     campaign = parsed(f"{HEAD}repeats = {runs}\npartition = {size}\n[calibration]\n")
     count = partition_count(campaign)

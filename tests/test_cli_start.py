@@ -52,12 +52,7 @@ def test_plain_text_where_there_is_no_terminal():
     commands = (["--help"], ["plan", "--help"], ["calibrat"], ["check", str(SCENARIOS / "table-attitude.toml")])
     for variables in ({}, {"TERM": "xterm-256color", "NO_COLOR": "1"}):
         environment = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "CLICOLOR_FORCE")} | variables
-        for arguments in (
-            ["--help"],
-            ["plan", "--help"],
-            ["calibrat"],
-            ["check", str(SCENARIOS / "table-attitude.toml")],
-        ):
+        for arguments in commands:
             done = subprocess.run(
                 [sys.executable, "-m", "trihedron.cli", *arguments], capture_output=True, text=True, check=False,
                 env=environment, timeout=120,

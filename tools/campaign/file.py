@@ -59,7 +59,7 @@ class Campaign(_Section):
     schema_: Literal["trihedron.campaign/1"] = Field(default=SCHEMA, alias="schema")
     title: str = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    repeats: Annotated[int, Field(ge=1, le=10_000_000)] = 1
+    repeats: Annotated[int, Field(ge=1, le=10**10)] = 1
     partition: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     calibration: CalibrationSetting | None = None
     attitude: AttitudeSetting | None = None

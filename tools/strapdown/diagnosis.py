@@ -17,7 +17,7 @@ from trihedron.strapdown.inspection import Inspection, inspect_record
 from trihedron.strapdown.intervals import excluded_sizes
 from trihedron.strapdown.judging import witnesses
 from trihedron.strapdown.lengths import by_length, length_of, only_at_one_length
-from trihedron.strapdown.main_effect import about_main_effect, about_named
+from trihedron.strapdown.main_effect import about_main_effect
 from trihedron.strapdown.norm_calibration import LARGEST
 from trihedron.strapdown.plausibility import check_record, missing_things
 from trihedron.strapdown.reference_errors import RECORD_NOISE, with_reference_errors
@@ -148,8 +148,7 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
         return replace(start, verdict="ambiguous", separate=separate, witnesses=witnesses(system, best.places))
     heard = sorted(witnesses(system, best.places), key=lambda witness: -witness.without)
     by_need = [witness.place for witness in heard]
-    nearer, refitted = about_named(start.inspection, built, best)
-    candidates = (tuple(sorted(causes_of(nearer, refitted, classes), key=lambda cause: by_need.index(cause.place))),)
+    candidates = (tuple(sorted(candidates[0], key=lambda cause: by_need.index(cause.place))),)
     objections = (*(w.objection for w in heard if not w.supports), *only_at_one_length(system, best, lengths))
     start = replace(start, candidates=candidates, witnesses=tuple(heard), objections=objections)
     if objections:
@@ -158,7 +157,7 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     return replace(
         start,
         verdict="explained",
-        parameters=estimates(nearer, refitted, ends=True),
+        parameters=estimates(system, best, ends=True),
         gain=measure_gain(start.inspection, built, best.places) if rerun else None,
         excluded=excluded_sizes(system, best, seen),
     )

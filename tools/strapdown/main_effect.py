@@ -18,7 +18,6 @@ from trihedron.strapdown.gain import effects_of
 from trihedron.strapdown.gravity_system import GravityPieces, directions_of, move_errors, small_turns
 from trihedron.strapdown.inspection import Inspection
 from trihedron.strapdown.norm_calibration import NAMES
-from trihedron.strapdown.search import LIMIT, SetFit, fit_set
 from trihedron.strapdown.signatures import turned
 from trihedron.strapdown.system import System, weighted_step
 from trihedron.strapdown.truth_system import window_errors
@@ -63,17 +62,6 @@ def about_effects(found: Inspection, built: Built, places: Sequence[EffectPlace]
         linear = np.concatenate([part.nominal, part.columns], axis=-1)[..., columns] @ solution
         parts.append(part if error is None else replace(part, error=error + linear))
     return replace(built, system=replace(system, parts=tuple(parts)))
-
-
-def about_named(found: Inspection, built: Built, fit: SetFit) -> tuple[System, SetFit]:
-    """System and fit about the effects that were named, where errors are large and the set still stands there."""
-    system = built.system
-    gyros = all(CATALOGUE[place.effect].component in ("GyroBlock", "AttitudeComputer") for place in fit.places)
-    if not gyros or left_after(system, None) <= MANY / np.sqrt(3.0):
-        return system, fit
-    again = about_effects(found, built, fit.places, weighted_step(system.matrix(fit.places), system.residual)).system
-    refitted = fit_set(again, fit.places)
-    return (again, refitted) if refitted.radius <= LIMIT else (system, fit)
 
 
 def system_of_one_bound(system: System) -> System:
