@@ -68,7 +68,10 @@ def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, boun
         error_axes(axes, time, shown, None if after is None else sizes(after))
         limit = bound.max(axis=1) / ARCMIN
         axes.plot(time, limit, color=ALERT.light, linewidth=1.2, drawstyle="steps-mid")
-        axes.set_ylim(0.0, 1.08 * max(float(shown.max(initial=0.0)), float(np.median(limit))))
+        reach = float(shown.max(initial=0.0))
+        # All of the bound is shown, unless the errors would then be dots at the bottom.
+        highest = float(limit.max(initial=0.0))
+        axes.set_ylim(0.0, 1.08 * max(reach, highest if highest < 6.0 * reach else float(np.median(limit))))
         axes.set_xlabel("time, s")
         axes.set_ylabel("error, arcmin")
         figure.legend(handles=handles_of(after=after is not None, bound=True), loc="outside upper left", ncols=3)

@@ -140,6 +140,8 @@ def build_with_gravity(found: Inspection, baseline: str, rates: str) -> Built:
     for last in [False] * relinearisations(motion) + [True]:
         gyros = gyro_places(motion, own) if last else []
         forces = force_places(motion.temperature) if last else []
+        # An hour's attitudes are large: those of the run before go first.
+        attitude = None
         attitude = carried_attitude(motion, model, found.gravity)
         integral = integrals(motion, model, attitude, [*own, *gyros], pieces.rows)
         poses = poses_of(x, rests, deviation, found.gravity, forces)
@@ -174,6 +176,8 @@ def build_with_truth(found: Inspection, baseline: str, rates: str) -> Built:
     system = attitude = None
     for last in [False] * (relinearisations(motion) if own else 0) + [True]:
         gyros = gyro_places(motion, own) if last else []
+        # An hour's attitudes are large: those of the run before go first.
+        attitude = None
         attitude = carried_attitude(motion, model, found.gravity)
         integral = integrals(motion, model, attitude, [*own, *gyros], rows)
         if not own:

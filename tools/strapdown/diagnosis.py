@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from trihedron.calibration.programmes import SolverError
 from trihedron.errors import InputError
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import EffectPlace
@@ -100,7 +101,10 @@ def diagnose_strapdown(
         quoted=quoted,
         quantities=piece_quantities(built, system.parts[quoted].segments),
     )
-    return judged(start, built, rerun=rerun)
+    try:
+        return judged(start, built, rerun=rerun)
+    except SolverError as error:
+        raise InputError(f"{record.path}: {error}; the errors are too large for one linear system") from error
 
 
 def sampling_warnings(found: Inspection) -> tuple[str, ...]:
