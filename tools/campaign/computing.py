@@ -52,10 +52,6 @@ class Results:
         """A column as doubles; NaN where a run has no value."""
         return self.column(name).cast(pl.Float64).fill_null(math.nan).to_numpy()
 
-    def is_number(self, name: str) -> bool:
-        """Whether a column holds numbers or flags."""
-        return self.schema[name].is_numeric() or self.schema[name] == pl.Boolean
-
 
 def summarise(store: Store) -> dict[str, Any]:
     """The object of schema trihedron.campaign-summary/1: what the file asks for, and what failed."""

@@ -6,7 +6,6 @@ the others' weights then sum to 1 - w_a; two readings have a formula of order tw
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trihedron.compiled import compiled_and_kept
 
@@ -301,8 +300,3 @@ def _substitute(factor, right, x):
         for q in range(p + 1, count):
             value -= factor[q, p] * x[q]
         x[p] = value / factor[p, p] if factor[p, p] > 0.0 else 0.0
-
-
-def no_sets() -> NDArray:
-    """No set at all."""
-    return np.empty((0, WIDTH), dtype=np.int64)

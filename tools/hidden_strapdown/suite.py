@@ -1,19 +1,13 @@
 """A suite of strapdown records run: cases drawn, measured, diagnosed, held against their secrets."""
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 from trihedron.errors import InputError
 from trihedron.hidden_strapdown.cases import SIZES, draw_case, draw_clean
 from trihedron.hidden_strapdown.outcomes import StrapdownOutcome, outcome_of
-from trihedron.hidden_suite.suite import MOST_CASES
+from trihedron.hidden_suite.running import run_cases
 from trihedron.records import write_strapdown_record
 from trihedron.strapdown.diagnosis import diagnose_strapdown
 
@@ -83,33 +77,10 @@ def run_strapdown_suite(
     InputError
         numbers out of range, or an effect that cannot be hidden
     """
-    if not 1 <= cases <= MOST_CASES:
-        raise InputError(f"--cases {cases}: must be a whole number from 1 to {MOST_CASES}")
-    if not 0 <= seed < 2**31:
-        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
-    if not 1 <= jobs <= 64:
-        raise InputError(f"--jobs {jobs}: must be a whole number from 1 to 64")
     if not 0.0 < options.sizes[0] <= options.sizes[1] <= 1e3:
         raise InputError(f"--size {options.sizes[0]:g} {options.sizes[1]:g}: give the least and the greatest, above 0")
-    console = Console(stderr=True)
-    with mapping(jobs) as each:
-        found = each(partial(run_case, options, seed, records), range(cases))
-        shown = track(
-            found, "cases", total=cases, console=console, disable=not (progress and console.is_terminal), transient=True
-        )
-        return StrapdownSuite(options, seed, tuple(shown))
-
-
-@contextmanager
-def mapping(
-    jobs: int,
-) -> Iterator[Callable[[Callable[[int], StrapdownOutcome], Iterable[int]], Iterable[StrapdownOutcome]]]:
-    """`map`, here or in so many processes; results come in order."""
-    if jobs == 1:
-        yield map
-    else:
-        with ProcessPoolExecutor(jobs) as pool:
-            yield pool.map
+    run = partial(run_case, options, seed, records)
+    return StrapdownSuite(options, seed, run_cases(run, cases, seed, jobs=jobs, progress=progress))
 
 
 def run_case(options: StrapdownOptions, seed: int, records: Path | None, index: int) -> StrapdownOutcome:

@@ -1,17 +1,11 @@
 """A suite run: cases drawn, measured, diagnosed, held against their secrets."""
 
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from rich.console import Console
-from rich.progress import track
 
 from trihedron.diagnosis import Diagnosis, diagnose
 from trihedron.errors import InputError, nearest
@@ -19,13 +13,12 @@ from trihedron.hidden_cases import NOISE_BOUND
 from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
 from trihedron.hidden_suite.measurement import measure_case
 from trihedron.hidden_suite.outcomes import Outcome, outcome_of
+from trihedron.hidden_suite.running import run_cases
 from trihedron.records import PositionRecord, write_position_record
 from trihedron.shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame
-
-MOST_CASES = 100_000
 
 
 @dataclass(frozen=True, repr=False)
@@ -132,29 +125,8 @@ def run_suite(
     InputError
         numbers out of range, or benches that cannot hide what is asked for
     """
-    if not 1 <= cases <= MOST_CASES:
-        raise InputError(f"--cases {cases}: must be a whole number from 1 to {MOST_CASES}")
-    if not 0 <= seed < 2**31:
-        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
-    if not 1 <= jobs <= 64:
-        raise InputError(f"--jobs {jobs}: must be a whole number from 1 to 64")
-    console = Console(stderr=True)
-    with mapping(jobs) as each:
-        found = each(partial(run_case, options, seed, records), range(cases))
-        shown = track(
-            found, "cases", total=cases, console=console, disable=not (progress and console.is_terminal), transient=True
-        )
-        return Suite(options, seed, tuple(shown))
-
-
-@contextmanager
-def mapping(jobs: int) -> Iterator[Callable[[Callable[[int], Outcome], Iterable[int]], Iterable[Outcome]]]:
-    """`map`, here or in so many processes; results come in order."""
-    if jobs == 1:
-        yield map
-    else:
-        with ProcessPoolExecutor(jobs) as pool:
-            yield pool.map
+    run = partial(run_case, options, seed, records)
+    return Suite(options, seed, run_cases(run, cases, seed, jobs=jobs, progress=progress))
 
 
 def run_case(options: SuiteOptions, seed: int, records: Path | None, index: int) -> Outcome:

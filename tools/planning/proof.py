@@ -8,7 +8,7 @@ from trihedron.planning.grids import Grid
 from trihedron.planning.optimum import lower_bound
 from trihedron.planning.plan import Plan
 
-LEVELS = (2e-11, 1e-10, 5e-10, 1e-8, 1e-6)
+LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
 """By how much |F'y| may exceed one, tried in turn: the lower bound is divided by what is proven."""
 BIAS = 1e-11
 
