@@ -1,7 +1,6 @@
 """AccelerometerBlock: three accelerometers with sign-dependent scale factors."""
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.units import STANDARD_GRAVITY
+from trihedron.fmus.component import GRAVITY, Component, Variable
 from trihedron.models import accelerometer
 from trihedron.models.random_numbers import GENERATOR_SIZE
 from trihedron.models.restricted import CONTEXT_SIZE
@@ -31,17 +30,7 @@ ACCELEROMETER_BLOCK = Component(
             variability="discrete",
             type="integer",
         ),
-        Variable(
-            "gravity",
-            "g: model value of gravity",
-            "parameter",
-            unit="m/s2",
-            start=STANDARD_GRAVITY,
-            variability="fixed",
-            minimum=1.0,
-            maximum=100.0,
-            nominal=10.0,
-        ),
+        GRAVITY,
         Variable(
             "scale_error_plus",
             "Γ⁺: scale-factor errors for positive inputs",

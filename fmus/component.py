@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import EffectPlace
 
 Causality = Literal["parameter", "input", "output", "state", "work"]
@@ -67,6 +68,20 @@ class Variable:
     def elements(self) -> tuple[str, ...]:
         """Names of the scalars: the name itself, or name[1], name[2], ..."""
         return tuple(f"{self.name}[{i + 1}]" for i in range(self.size)) if self.size else (self.name,)
+
+
+GRAVITY = Variable(
+    "gravity",
+    "g: model value of gravity",
+    "parameter",
+    unit="m/s2",
+    start=STANDARD_GRAVITY,
+    variability="fixed",
+    minimum=1.0,
+    maximum=100.0,
+    nominal=10.0,
+)
+"""The parameter of every component that works with gravity."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """GyroBlock: three gyros, from true rates or increments to readings of rates and increments."""
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.units import STANDARD_GRAVITY
+from trihedron.fmus.component import GRAVITY, Component, Variable
 from trihedron.models import gyro
 from trihedron.models.random_numbers import GENERATOR_SIZE
 from trihedron.models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
@@ -46,17 +45,7 @@ GYRO_BLOCK = Component(
             type="enumeration",
             items=("increments", "held-rates", "instantaneous-rates"),
         ),
-        Variable(
-            "gravity",
-            "g: model value of gravity",
-            "parameter",
-            unit="m/s2",
-            start=STANDARD_GRAVITY,
-            variability="fixed",
-            minimum=1.0,
-            maximum=100.0,
-            nominal=10.0,
-        ),
+        GRAVITY,
         Variable(
             "scale_misalignment",
             "Γ, row by row: scale-factor errors on its diagonal, misalignments beside it",

@@ -2,8 +2,7 @@
 
 import math
 
-from trihedron.fmus.component import Component, Variable, identity_matrix
-from trihedron.fmus.units import STANDARD_GRAVITY
+from trihedron.fmus.component import GRAVITY, Component, Variable, identity_matrix
 from trihedron.models import turntable
 from trihedron.models.motion import AXIS_PLAN_SIZE
 from trihedron.models.random_numbers import GENERATOR_SIZE
@@ -44,17 +43,7 @@ TURNTABLE_MOTION = Component(
         _angle("alpha_offset", "Δα: constant error of the outer encoder, reading less true angle"),
         _angle("beta_offset", "Δβ: constant error of the inner encoder"),
         _angle("alpha_star", "α*: lean of the inner axis across the outer axis"),
-        Variable(
-            "gravity",
-            "g: model value of gravity",
-            "parameter",
-            unit="m/s2",
-            start=STANDARD_GRAVITY,
-            variability="fixed",
-            minimum=1.0,
-            maximum=100.0,
-            nominal=10.0,
-        ),
+        GRAVITY,
         Variable(
             "gravity_error",
             "Δg/g: model value less true value of gravity, as a fraction",

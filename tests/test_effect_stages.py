@@ -269,6 +269,15 @@ def test_a_step_that_noise_came_on_top_of_is_found_and_none_where_there_is_none(
     assert noisy_step(n + noise, sigma + 1e-10) is None
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_many_readings_of_few_inputs_prove_no_step_under_noise(seed):
+    """Nine inputs, each read three times: that all lie near multiples of some step happens by chance."""
+    rng = np.random.default_rng(seed)
+    step, sigma = 10.0 ** rng.uniform(-3.5, -2.1), 1e-5
+    inputs = np.repeat(rng.integers(50, 100, 9) * step, 3)
+    assert noisy_step(inputs + rng.uniform(-sigma, sigma, 27), sigma) is None
+
+
 def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
     """The first input comes from none; a change of mounting is a new beginning."""
     here, _ = true_bench()

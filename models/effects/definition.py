@@ -126,6 +126,9 @@ class Effect:
     formula : str
         what it adds, for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
         {order} stand in braces (`trihedron.report.equations`); empty where the sentence says it all
+    open_argument : callable or None
+        place, rows -> by how much a reading [g] may differ per unit of the size of the coefficients, within what is
+        told of the quantity that the effect depends on; None where that is exact
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places
     in_motion : bool
@@ -149,6 +152,7 @@ class Effect:
     degree: int = 0
     untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     formula: str = ""
+    open_argument: Callable[[EffectPlace, Rows], float] | None = None
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
 

@@ -27,7 +27,7 @@ SHARE = 0.7
 COARSE = 20.0
 """A step is at least so many times the error of its multiples."""
 FEWEST_NOISY = 10
-"""Fewer readings prove no step whose multiples have errors of their own."""
+"""Fewer different readings prove no step whose multiples have errors of their own."""
 FEWEST = 6
 """Fewer readings prove no step."""
 
@@ -125,10 +125,11 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
 def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
     """Least and largest step [g] of which all values (N,) are multiples up to an error of σ, made after the rounding.
 
-    Few values, or steps that are not many times σ, prove nothing: a tenth of all values lie so near a
-    multiple by chance.
+    Few different values, or steps that are not many times σ, prove nothing: a tenth of all values lie so near a
+    multiple by chance. Readings of the same input, which differ by their errors, count as one.
     """
-    if len(values) < FEWEST_NOISY:
+    apart = np.sort(np.abs(values[np.abs(values) > COARSE * sigma]))
+    if 1 + np.count_nonzero(np.diff(apart) > 2.0 * sigma) < FEWEST_NOISY:
         return None
     step = common_step(values, sigma, COARSE * sigma)
     if step is None:

@@ -41,6 +41,10 @@ class Rows:
         readings of the nominal model [g]; n where not given
     resolution : float
         half of a last digit of the readings [g]
+    temperature_resolution : float
+        half of a last digit of the temperature [K]
+    from_vertical : float
+        angle of the outer axis between the encoder's zero and the vertical, X2 [rad]
     """
 
     hours: NDArray[np.float64]
@@ -59,6 +63,8 @@ class Rows:
     own: NDArray[np.float64] = field(default_factory=_not_given)
     prediction: NDArray[np.float64] = field(default_factory=_not_given)
     resolution: float = 0.0
+    temperature_resolution: float = 0.0
+    from_vertical: float = 0.0
 
     def __post_init__(self) -> None:
         instead = {

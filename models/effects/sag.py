@@ -40,6 +40,11 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     return small
 
 
+def open_argument(place: EffectPlace, rows: Rows) -> float:
+    """Whether the sine of the outer angle counts from the encoder's zero or from the vertical is of second order."""
+    return abs(rows.from_vertical) if place.index == 1 else 0.0
+
+
 EFFECT = Effect(
     name="sag",
     places=tuple(EffectPlace("sag", where) for where in AXES),
@@ -58,6 +63,7 @@ EFFECT = Effect(
         f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec"
     ),
     turns=turns,
+    open_argument=open_argument,
     formula="'elastic outer turn' = {amplitude} sin(α + ({phase}))",
     of_place=lambda place: EFFECT if place.index == 0 else INNER,
 )

@@ -34,5 +34,6 @@ EFFECT = Effect(
         f"the bias of accelerometer {place.index + 1} changes by {values['coefficient']:+.2e} g per kelvin"
     ),
     needs=("temperature",),
+    open_argument=lambda place, rows: rows.temperature_resolution,
     formula="Δf_{p}/g = {coefficient} (T − 20 °C)",
 )

@@ -36,6 +36,7 @@ EFFECT = Effect(
         f"the scale factor of accelerometer {place.index + 1} changes by {values['coefficient']:+.2e} per kelvin"
     ),
     needs=("temperature",),
+    open_argument=lambda place, rows: rows.temperature_resolution,
     degree=1,
     formula="Δf_{p}/g = {coefficient} (T − 20 °C) n_{p}",
 )

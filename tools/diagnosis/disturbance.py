@@ -134,6 +134,8 @@ def rows_at(here: Linearisation, point: NDArray, at: Positions, circumstances: C
         sense_told=sense_told,
         own=n + np.where(n >= 0.0, plus, minus) * n,
         prediction=predicted_reading(p, point, at),
+        temperature_resolution=circumstances.temperature_resolution,
+        from_vertical=float(point[here.symbols.index("X2")]),
     )
 
 
