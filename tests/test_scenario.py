@@ -1,7 +1,9 @@
 """Scenario files: what is accepted, and the one line that says what is wrong with the rest."""
 
+import hashlib
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -156,3 +158,13 @@ def test_a_table_in_memory_stands_for_a_file() -> None:
     assert isinstance(made.stimuli[0].table, pl.DataFrame)
     kept = made.as_written()["stimuli"][0]["table"]
     assert (kept["columns"], kept["rows"]) == (["alpha_deg", "beta_deg"], 2)
+
+
+def test_a_long_table_in_memory_is_known_by_the_hash_of_its_text() -> None:
+    rows = pl.DataFrame(
+        {"time_s": np.arange(120_001) * 1e-3, "rate_radps": np.random.default_rng(0).normal(size=120_001)}
+    )
+    base = {"run": {"step_s": 1e-3, "stop_s": 1.0}, "fmus": {"t": {"component": "GyroBlock"}}}
+    stimulus = {"table": rows, "columns": {"t.rate[1]": "rate_radps"}}
+    kept = Scenario.model_validate({**base, "stimuli": [stimulus]}).as_written()["stimuli"][0]["table"]
+    assert kept["sha256_of_csv"] == hashlib.sha256(rows.write_csv().encode()).hexdigest()

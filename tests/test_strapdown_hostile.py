@@ -117,6 +117,18 @@ def test_a_clipped_move_names_nothing(kind, request):
     assert any("saturated" in text for text in found.warnings)
 
 
+def test_accelerometers_at_their_limit_or_in_coarse_steps_name_nothing(clean):
+    """Rests at the limit are left out, steps count in the bounds; both are said."""
+    g = 9.80665
+    limited, stepped = np.array(clean.specific_force), np.array(clean.specific_force)
+    limited[:, 0] = np.clip(limited[:, 0], -0.8 * g, 0.8 * g)
+    stepped[:, 1] = 0.02 * g * np.round(stepped[:, 1] / (0.02 * g))
+    for force, said in ((limited, "at its limit"), (stepped, "f2 reads in steps of 0.02 g")):
+        found = diagnose_strapdown(replace(clean, specific_force=force), rerun=False)
+        assert found.verdict == "consistent"
+        assert any(said in text for text in found.warnings)
+
+
 def test_the_command_answers_in_one_line_and_writes_nothing(tmp_path, capsys):
     path, out = tmp_path / "back.csv", tmp_path / "out.json"
     header = "time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2\n"

@@ -14,7 +14,7 @@ from trihedron.errors import InputError
 from trihedron.records import StrapdownRecord, write_strapdown_record
 from trihedron.report.allan_pictures import allan_curve, allan_picture
 from trihedron.strapdown import inspect_record
-from trihedron.strapdown.inspection import inspection_text
+from trihedron.strapdown.inspection_text import inspection_text
 from trihedron.strapdown.sampling import sampling_of
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
@@ -244,3 +244,58 @@ def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
 def test_the_picture_of_a_record_without_rests_says_so():
     record = chosen(strapdown_record(), np.arange(40))
     assert "no rests" in allan_picture(record, inspect_record(record).rests, PERIOD)
+
+
+@pytest.mark.parametrize("limit", [0.6, 0.9, 0.999])
+def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
+    """Their means would falsify the norm calibration; the others give the true parameters."""
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    force = np.array(record.specific_force)
+    whole = inspect_record(record).rests
+    level = limit * force[:, 2].max() if limit > 0.95 else limit * G
+    force[:, 2] = np.clip(force[:, 2], -level, level)
+    found = inspect_record(replace(record, specific_force=force))
+    surely = int((np.abs(whole.force[:, 2]) > level).sum())
+    assert found.rests.clipped >= surely
+    assert surely > 0 or limit > 0.95
+    assert len(found.rests) == len(POSES) - found.rests.clipped
+    assert (found.rests.clipped > 0) == (f"its limit: {found.rests.clipped}, left out" in inspection_text(found))
+    calibration = found.accelerometers
+    assert calibration is not None
+    assert calibration.verdict != "falsified"
+
+
+def test_no_rest_of_a_sound_record_counts_as_clipped():
+    """Of readings in steps, and of others."""
+    for step in (0.0, 0.02, 0.05, 0.2):
+        record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=2)
+        force = record.specific_force if step == 0.0 else step * np.round(record.specific_force / step)
+        assert inspect_record(replace(record, specific_force=force)).rests.clipped == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("step_g", [0.003, 0.006, 0.01])
+def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
+    """Noise of 0.3 mg does not average steps of 3 mg and more out: half a step may remain."""
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=3e-3, seed=seed)
+    force = np.array(record.specific_force)
+    force[:, 1] = step_g * G * np.round(force[:, 1] / (step_g * G))
+    found = inspect_record(replace(record, specific_force=force))
+    assert found.rests.step[1] == pytest.approx(step_g * G, rel=1e-6)
+    assert found.rests.step[[0, 2]] == pytest.approx(0.0, abs=0.0)
+    assert f"f2 reads in steps of {step_g:.2g} g" in inspection_text(found)
+    calibration = found.accelerometers
+    assert calibration is not None
+    assert calibration.verdict == "consistent"
+    assert calibration.low is not None
+    assert calibration.high is not None
+    assert np.all((calibration.low <= TRUTH) & (calibration.high >= TRUTH))
+
+
+def test_noise_wider_than_the_steps_averages_them_out():
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=4)
+    stepped = replace(record, specific_force=0.01 * np.round(record.specific_force / 0.01))
+    plain, found = inspect_record(record), inspect_record(stepped)
+    assert not found.rests.step.any()
+    assert plain.rests.force_bound is not None
+    assert found.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)

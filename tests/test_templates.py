@@ -15,13 +15,15 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_new_scenario_runs_and_calibrates_as_it_is():
-    assert th.new("scenario", "bench.toml") == [Path("bench.toml"), Path("bench-positions.csv")]
+@pytest.mark.parametrize("count", [12, 24])
+def test_a_new_scenario_runs_and_calibrates_as_it_is(count):
+    """The plan of 24 has a position twice; it makes two rests all the same."""
+    assert th.new("scenario", "bench.toml", positions=count) == [Path("bench.toml"), Path("bench-positions.csv")]
     assert th.check("bench.toml").good
     assert th.check("bench-positions.csv").kind == "position programme"
     run = th.simulate("bench.toml")
     assert run.positions is not None
-    assert len(run.positions) == 12
+    assert len(run.positions) == count
     assert th.calibrate(run, noise_bound=1e-5).verdict == "consistent"
 
 

@@ -145,7 +145,9 @@ def resolve_rows(
     rows, begins = _stretches(table, grid, at_end=stimulus.stamp == "end", increments=increments)
     groups: dict[tuple[str, str], list[tuple[Variable, np.ndarray]]] = {}
     for interface, variable, column, factor, offset in wires:
-        values = (table.columns[column] - offset) / factor
+        values = table.columns[column]
+        if (factor, offset) != (1.0, 0.0):
+            values = (values - offset) / factor
         groups.setdefault((interface.name, variable.access), []).append((variable, values))
         _check_column(table, column, variable, values)
     return [

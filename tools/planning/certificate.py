@@ -33,13 +33,10 @@ class Ceiling:
         proven: |F'y| is nowhere greater
     violations : (K, 4) array
         where |F'y| exceeds what was to be proven: sheet, sense (±1), α, β [rad], worst first; empty where it is proven
-    boxes : int
-        how many boxes were looked at
     """
 
     bound: float
     violations: NDArray
-    boxes: int
 
 
 def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: int = MAX_BOXES) -> Ceiling:
@@ -78,7 +75,7 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
             found = found[np.argsort(-values[found, 0, 0], kind="stable")]
             first = found[[int(np.flatnonzero(case[found] == k)[0]) for k in dict.fromkeys(case[found].tolist())]]
             where = np.column_stack([case[first] // 2, 1 - 2 * (case[first] % 2), alpha[first], beta[first]])
-            return Ceiling(np.inf, where, seen)
+            return Ceiling(np.inf, where)
         upper, share = _upper(values, third[case], size[case], radius, limit)
         keep = upper > limit
         done = keep & (half.max(axis=0) < SMALLEST)
@@ -98,7 +95,7 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
             np.concatenate([beta - step[1], beta + step[1]]),
         )
         half = np.concatenate([half, half], axis=1)
-    return Ceiling(bound, np.zeros((0, 4)), seen)
+    return Ceiling(bound, np.zeros((0, 4)))
 
 
 def _forms(sheets: Sequence[Sheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trihedron.errors import InputError
 from trihedron.planning.detection import Detection, detecting, named_effects
-from trihedron.planning.measuring_order import move_times, repeated, shortest_tour, tour_duration, unwound
+from trihedron.planning.measuring_order import apart, move_times, repeated, shortest_tour, tour_duration, unwound
 from trihedron.planning.places import Places, Task, allowed
 from trihedron.planning.plan import SCHEMA
 from trihedron.planning.pool import pool_of
@@ -241,7 +241,7 @@ def _programme(places: Places, commands: NDArray, request: Request) -> tuple[NDA
         times = move_times(commands[rows], TABLE_RATE, TABLE_ACCELERATION)
         order = shortest_tour(times) if request.order == "tour" else rng.permutation(len(rows))
         share = round(request.repeat * len(rows) / len(places))
-        order = repeated(order, share)
+        order = apart(repeated(order, share), commands[rows])
         duration += tour_duration(times, order)
         whole.append(rows[order])
     return np.concatenate(whole), duration

@@ -9,6 +9,8 @@ from trihedron.models.motion import move_duration
 
 EXACT = 10
 """Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
+SAME_PLACE = np.radians(0.02)
+"""Positions as near as this [rad] make one rest where one follows the other: the table hardly moves between them."""
 
 
 def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> NDArray:
@@ -125,3 +127,37 @@ def repeated(order: NDArray, count: int) -> NDArray:
         programme.append(int(position))
         programme += after.get(row, [])
     return np.array(programme)
+
+
+def apart(order: NDArray, commands: NDArray) -> NDArray:
+    """The order with no position right after one in the same place, where others can come between.
+
+    A position that a plan has twice, for its weight, would make one long rest. The second one goes to where the first
+    is half a programme away, or as near to that as it can.
+
+    Parameters
+    ----------
+    order : (M,) array of int
+        rows of the commands
+    commands : (N, 2) array
+        angles [rad]
+    """
+    programme = [int(row) for row in order]
+
+    def same(a: int, b: int) -> bool:
+        return bool(np.abs(commands[a] - commands[b]).max() < SAME_PLACE)
+
+    def places_for(row: int) -> list[int]:
+        around = (programme[max(k - 1, 0) : k + 1] for k in range(len(programme) + 1))
+        return [k for k, neighbours in enumerate(around) if not any(same(row, other) for other in neighbours)]
+
+    half = len(order) // 2
+    for _ in order:
+        twice = [at for at in range(1, len(programme)) if same(programme[at - 1], programme[at])]
+        if not twice:
+            break
+        row = programme.pop(twice[0])
+        free = places_for(row) or [twice[0]]
+        wanted = (twice[0] + half) % len(order)
+        programme.insert(min(free, key=lambda k, wanted=wanted: (abs(k - wanted), k)), row)
+    return np.array(programme, dtype=int)

@@ -15,6 +15,7 @@ from trihedron.strapdown.building import BIAS, Built, build_with_gravity, build_
 from trihedron.strapdown.gain import measure_gain
 from trihedron.strapdown.held_out import rms_angle
 from trihedron.strapdown.inspection import Inspection, inspect_record
+from trihedron.strapdown.inspection_text import rest_warnings
 from trihedron.strapdown.intervals import excluded_sizes
 from trihedron.strapdown.judging import witnesses
 from trihedron.strapdown.lengths import by_length, length_of, only_at_one_length
@@ -110,9 +111,10 @@ def diagnose_strapdown(
 def sampling_warnings(found: Inspection) -> tuple[str, ...]:
     """What a person should know of the sampling."""
     said = [
-        f"{name}: {rows} rows are saturated; moves with them are not used"
+        f"{name}: {rows} rows are saturated" + ("; moves with them are not used" if name.startswith("w") else "")
         for name, rows in found.sampling.saturated.items()
     ]
+    said += rest_warnings(found.rests, found.gravity)
     if found.sampling.gaps:
         said.append(
             f"{len(found.sampling.gaps)} gaps, {found.sampling.missing} rows missing; moves over them are not used"

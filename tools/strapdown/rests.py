@@ -1,6 +1,6 @@
 """Rests of a block that is moved by hand: where gyros and accelerometers show nothing but their noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from trihedron.records import StrapdownRecord
 from trihedron.records.allan import deviation_at_dwell
 from trihedron.records.noise import SCATTER_FACTOR
+from trihedron.strapdown.clipping import clipped_rests
+from trihedron.strapdown.reading_steps import reading_steps
 from trihedron.strapdown.sampling import GAP, Sampling, rates_of
 
 WINDOW = 0.5
@@ -42,14 +44,18 @@ class Rests:
     force, rate : (K, 3) array
         mean readings [m/s²], [rad/s]
     force_bound, rate_bound : (K, 3) array or None
-        bound of each mean's error, three times the Allan deviation at the length of the rests; None where these are
-        too few or too short to tell
+        bound of each mean's error, three times the Allan deviation at the length of the rests, and what steps of the
+        readings leave; None where the rests are too few or too short to tell
     temperature : (K,) array or None
         [°C]
     noise : (6,) array
         scatter of one sample at rest: gyros [rad/s], accelerometers [m/s²]
     turning : int
         quiet stretches that were slow turns, left out
+    clipped : int
+        rests with an accelerometer at its limit, left out
+    step : (3,) array
+        in which each accelerometer reads [m/s²], where its noise does not average that out; else 0
     """
 
     rows: tuple[slice, ...]
@@ -61,6 +67,8 @@ class Rests:
     temperature: NDArray[np.float64] | None
     noise: NDArray[np.float64]
     turning: int
+    clipped: int = 0
+    step: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -85,30 +93,27 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
         none at all where nothing is quiet
     """
     rate = rates_of(record)
-    channels = np.hstack([rate, record.specific_force])
+    channels = [*rate.T, *record.specific_force.T]
     size = max(8, round(WINDOW / sampling.period))
     lag = max(1, min(round(LAG / sampling.period), size // 4))
     if len(record) < 2 * size:
         return _averaged(record, rate, (), np.zeros(6), 0)
-    scatter = _scatter(channels, size)
-    apart = channels[lag:] - channels[:-lag]
-    sums = np.vstack([np.zeros((1, 6)), np.cumsum(apart**2, axis=0)])
-    differences = np.sqrt(0.5 * np.maximum(sums[size - lag :] - sums[: lag - size], 0.0) / (size - lag))
-    most = max(1, round(QUIETEST * len(scatter)))
-    noise = np.sort(differences, axis=0)[:most].max(axis=0)
-    # A channel that is dead, or shows steps wider than its noise, decides nothing.
-    noise = np.where(noise > 0.0, noise, np.inf)
-    quiet = np.all(scatter <= QUIET * noise, axis=1)
+    noise = np.empty(6)
+    quiet = np.ones(len(record) - size + 1, dtype=bool)
+    # One channel after the other: sums over an hour at 1 kHz are large.
+    for k, values in enumerate(channels):
+        noise[k] = _noise(values, size, lag)
+        quiet &= _scatter(values, size) <= QUIET * noise[k]
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(len(record))
-    resting = begun[np.minimum(at + 1, len(scatter))] > begun[np.clip(at + 1 - size, 0, len(scatter))]
+    resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
     kept, turning = [], 0
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, record.time_s, sampling.period):
         if record.time_s[stop - 1] - record.time_s[first] < SHORTEST:
             continue
         rows = slice(first + dropped, stop - dropped)
-        if _walks(channels[rows], noise):
+        if _walks(np.column_stack([values[rows] for values in channels]), noise):
             turning += 1
         else:
             kept.append(rows)
@@ -117,16 +122,34 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
         far = np.any(np.abs(means - np.median(means, axis=0)) > FAR * noise[:3], axis=1)
         turning += int(far.sum())
         kept = [rows for k, rows in enumerate(kept) if not far[k]]
-    return _averaged(record, rate, tuple(kept), np.where(np.isfinite(noise), noise, 0.0), turning)
+    clipped = clipped_rests(record.specific_force, kept)
+    kept = [rows for rows, out in zip(kept, clipped, strict=True) if not out]
+    found = _averaged(record, rate, tuple(kept), np.where(np.isfinite(noise), noise, 0.0), turning)
+    return replace(found, clipped=int(clipped.sum()))
 
 
-def _scatter(channels: NDArray, size: int) -> NDArray:
-    """Standard deviation of each channel in each window of `size` rows, shape (N - size + 1, 6)."""
-    centred = channels - channels.mean(axis=0)
-    sums = np.vstack([np.zeros((1, 6)), np.cumsum(centred, axis=0)])
-    squares = np.vstack([np.zeros((1, 6)), np.cumsum(centred**2, axis=0)])
-    mean = (sums[size:] - sums[:-size]) / size
-    return np.sqrt(np.maximum((squares[size:] - squares[:-size]) / size - mean**2, 0.0))
+def _noise(values: NDArray, size: int, lag: int) -> float:
+    """Noise of a channel (N,), from differences over `lag` rows in the windows of `size` rows where they are least.
+
+    A channel that is dead, or shows steps wider than its noise, decides nothing: its noise is infinite.
+    """
+    square = _window_sums((values[lag:] - values[:-lag]) ** 2, size - lag)
+    most = max(1, round(QUIETEST * len(square)))
+    noise = float(np.sqrt(0.5 * np.maximum(np.partition(square, most - 1)[most - 1], 0.0) / (size - lag)))
+    return noise if noise > 0.0 else np.inf
+
+
+def _scatter(values: NDArray, size: int) -> NDArray:
+    """Standard deviation of a channel (N,) in each window of `size` rows, shape (N - size + 1,)."""
+    centred = values - values.mean()
+    mean = _window_sums(centred, size) / size
+    return np.sqrt(np.maximum(_window_sums(centred**2, size) / size - mean**2, 0.0))
+
+
+def _window_sums(values: NDArray, size: int) -> NDArray:
+    """Sums of values (N,) over windows of `size` rows, shape (N - size + 1,)."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    return sums[size:] - sums[:-size]
 
 
 def _stretches(resting: NDArray, time: NDArray, period: float) -> list[tuple[int, int]]:
@@ -151,16 +174,19 @@ def _averaged(record: StrapdownRecord, rate: NDArray, rows: tuple[slice, ...], n
     def means(values: NDArray) -> NDArray:
         return np.array([values[r].mean(axis=0) for r in rows]).reshape(len(rows), *values.shape[1:])
 
+    force_bound = _bounds(record.specific_force, rows)
+    step, off = reading_steps(record.specific_force, rows) if rows else (np.zeros(3), np.zeros(3))
     return Rests(
         rows=rows,
         time_s=means(record.time_s),
         force=means(record.specific_force),
         rate=means(rate),
-        force_bound=_bounds(record.specific_force, rows),
+        force_bound=None if force_bound is None else force_bound + off,
         rate_bound=_bounds(rate, rows),
         temperature=None if record.temperature is None else means(record.temperature),
         noise=noise,
         turning=turning,
+        step=step,
     )
 
 

@@ -86,6 +86,9 @@ def _text(kind: str, name: str, positions: int) -> str:
 def _angles(positions: int) -> list[tuple[float, float]]:
     from math import degrees
 
+    from numpy import arange
+
+    from trihedron.planning.measuring_order import apart
     from trihedron.planning.request import stored_counts, stored_positions
 
     places = stored_positions(positions)
@@ -94,7 +97,8 @@ def _angles(positions: int) -> list[tuple[float, float]]:
         raise InputError(
             f"--positions {positions}: there is no plan of so many; there are plans of {counts[0]} to {counts[-1]}"
         )
-    return [(round(degrees(alpha), 4), round(degrees(beta), 4)) for alpha, beta in places.angle.tolist()]
+    programme = places.angle[apart(arange(len(places)), places.angle)]
+    return [(round(degrees(alpha), 4), round(degrees(beta), 4)) for alpha, beta in programme.tolist()]
 
 
 def _programme(positions: int) -> str:
