@@ -11,34 +11,25 @@ from pathlib import Path
 
 from trihedron.errors import InputError
 from trihedron.exit_status import exit_status
-from trihedron.models.effects import CATALOGUE
 from trihedron.records import StrapdownRecord, read_record
+from trihedron.strapdown.case_study_tables import (
+    cause_table,
+    excluded_table,
+    figure,
+    gain_table,
+    order_text,
+    picture_lines,
+    table,
+)
 from trihedron.strapdown.diagnosis import diagnose_strapdown
 from trihedron.strapdown.gain import ARCMIN
-from trihedron.strapdown.judging import Order, is_stable
+from trihedron.strapdown.judging import is_stable
 from trihedron.strapdown.result import StrapdownDiagnosis
 from trihedron.strapdown.summary import sentence_of
 from trihedron.writing import write_text
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
-CAPTIONS = {
-    "time": "Error of the carried attitude over time.",
-    "quantities": "The same errors against what they may depend on.",
-    "order": "Errors of parts that were left out, effect after effect.",
-    "gain": "Parts of the record that were not used, without the effects and with them.",
-}
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table in Markdown."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
-
-
-def figure(value: float, digits: int = 3) -> str:
-    """A number with so many digits."""
-    return f"{value:.{digits}g}"
 
 
 def read(folder: Path, name: str) -> StrapdownRecord:
@@ -49,61 +40,6 @@ def read(folder: Path, name: str) -> StrapdownRecord:
     found = read_record(path)
     assert isinstance(found, StrapdownRecord)
     return found
-
-
-def order_text(order: Order | None) -> str:
-    """An order of effects with the errors that are left, arcminutes."""
-    if order is None:
-        return "–"
-    steps = [f"{place.effect} → {figure(left / ARCMIN)}" for place, left in order.steps]
-    return f"{figure(order.start / ARCMIN)}: " + (", ".join(steps) or "nothing helps")
-
-
-def picture_lines(written: Sequence[Path], stem: str) -> str:
-    """The pictures, with their captions."""
-    names = [path.stem.removeprefix(f"{stem}-") for path in written]
-    return "\n\n".join(
-        f"![{CAPTIONS[name]}](pictures/{path.name})\n\n*{CAPTIONS[name]}*"
-        for name, path in zip(names, written, strict=True)
-    )
-
-
-def gain_table(result: StrapdownDiagnosis) -> str:
-    """Errors of parts that were not used."""
-    assert result.gain is not None
-    summary = result.gain.summary()
-    rows = [
-        [
-            row["over"],
-            row["pieces"],
-            *(figure(row[f"held_out_{kind}"]) for kind in ("rms_before", "rms_after", "max_before", "max_after")),
-        ]
-        for row in [summary, *summary["others"]]
-    ]
-    return table(["over", "pieces", "rms before", "rms after", "largest before", "largest after"], rows)
-
-
-def cause_table(result: StrapdownDiagnosis) -> str:
-    """The causes with the sizes that the record leaves possible."""
-    rows = [
-        [cause.place.effect, p.name, f"{value:+.3g}", f"{low:+.3g} to {high:+.3g}", "" if p.unit == "1" else p.unit]
-        for cause in result.causes
-        for p, value, (low, high) in zip(
-            CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
-        )
-    ]
-    return table(["effect", "parameter", "estimate", "possible", "unit"], rows)
-
-
-def excluded_table(result: StrapdownDiagnosis) -> str:
-    """The largest size of each effect of the gyros that the record leaves possible."""
-    largest: dict[tuple[str, str], float] = {}
-    for entry in result.excluded:
-        if entry["where"] in ("gyro-block", "attitude-computer"):
-            key = (entry["effect"], entry["unit"])
-            largest[key] = max(largest.get(key, 0.0), entry["above"])
-    rows = [[effect, f"{above:.2g}", "" if unit == "1" else unit] for (effect, unit), above in largest.items()]
-    return table(["effect", "excluded above", "unit"], rows)
 
 
 def broad_page(result: StrapdownDiagnosis, pictures: str) -> str:

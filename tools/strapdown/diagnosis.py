@@ -19,6 +19,7 @@ from trihedron.strapdown.inspection_text import rest_warnings
 from trihedron.strapdown.intervals import excluded_sizes
 from trihedron.strapdown.judging import witnesses
 from trihedron.strapdown.lengths import by_length, length_of, only_at_one_length
+from trihedron.strapdown.likeness import compared_places, likeness
 from trihedron.strapdown.main_effect import about_main_effect
 from trihedron.strapdown.norm_calibration import LARGEST
 from trihedron.strapdown.plausibility import check_record, missing_things
@@ -80,7 +81,9 @@ def diagnose_strapdown(
     warnings = (*record.warnings, *sampling_warnings(found))
     missing = missing_things(found, truth=known)
     if missing:
-        return StrapdownDiagnosis("insufficient", found, reference, baseline, missing=missing, warnings=warnings)
+        return StrapdownDiagnosis(
+            "insufficient", found, reference, baseline, missing=missing, warnings=warnings, rates=rates
+        )
     built = (build_with_truth if known else build_with_gravity)(found, baseline, rates)
     built = about_main_effect(found, built)
     bound_from = RECORD_NOISE
@@ -98,6 +101,7 @@ def diagnose_strapdown(
         noise_bound_from=bound_from,
         bias_at_rest=built.model.bias if known and BIAS not in built.own and len(found.rests) else None,
         warnings=warnings,
+        rates=rates,
         parts=system.parts,
         quoted=quoted,
         quantities=piece_quantities(built, system.parts[quoted].segments),
@@ -138,6 +142,8 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     lengths, stable = by_length(system, places, start.bias_at_rest)
     tried = sorted(((p.title, fit_set(system, [p]).radius) for p in places), key=lambda e: (round(e[1], 9), e[0]))
     start = replace(start, lengths=lengths, order_stable=stable, tried=tuple(tried), complete=found.complete)
+    compared = compared_places(places, [fit.places for fit in found.fits], [title for title, _ in tried])
+    start = replace(start, compared=compared, alike=likeness(system, compared))
     if start.bias_at_rest is not None and BIAS in system.places:
         start = replace(start, bias_left_in=bias_left_in(built, start.bias_at_rest))
     impossible = beyond_instruments(system, baseline)

@@ -146,6 +146,12 @@ class StrapdownDiagnosis(Shown):
         of the pieces of that part what their errors may depend on: name -> (S, k) array
     complete : bool
         whether `candidates` are all sets of that size
+    compared : tuple of EffectPlace
+        the effects of the sets that remain, then those that leave least
+    alike : (K, K) array or None
+        how alike these look in the record (`trihedron.strapdown.likeness`)
+    rates : str
+        what the record's rates were taken for: "instantaneous" or "averaged"
     """
 
     verdict: str
@@ -177,6 +183,9 @@ class StrapdownDiagnosis(Shown):
     quoted: int = 0
     quantities: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     complete: bool = True
+    compared: tuple[EffectPlace, ...] = ()
+    alike: NDArray[np.float64] | None = None
+    rates: str = "instantaneous"
 
     @property
     def causes(self) -> tuple[Cause, ...]:
