@@ -220,3 +220,23 @@ def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
         assert np.isfinite(after).all()
     summary = found.gain.summary()
     assert summary["held_out_rms_after"] < summary["held_out_rms_before"]
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.05, "5 % too long"), (0.97, "3 % too short"), (1.0, None)])
+def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(factor, said):
+    """Rates times wrong intervals turn the block too far about every axis alike."""
+    record = draw_clean(11, 3, "truth").record()
+    assert record.rate is not None
+    found = diagnose_strapdown(replace(record, time_s=factor * record.time_s), rerun=False)
+    assert [cause.place.effect for cause in found.causes] == ([] if said is None else ["gyro-scale-misalignment"])
+    assert any(said in text for text in found.warnings) if said else found.warnings == ()
+
+
+@pytest.mark.parametrize("index", [0, 2, 8])
+def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
+    """Accelerometers that lag by 200 rows belong to no block: the fit of one goes beyond its parameters' limits."""
+    record = draw_clean(11, index).record()
+    moved = replace(record, specific_force=np.roll(record.specific_force, 200, axis=0))
+    found = diagnose_strapdown(moved, rerun=False)
+    assert found.verdict == "unexplained"
+    assert any("would be" in text and "check units" in text for text in found.objections)

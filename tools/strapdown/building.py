@@ -1,7 +1,7 @@
 """From a strapdown record to its linear system: the simulation is run, and run again about the calibrated block."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from trihedron.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.strapdown.gravity_system import GravityPieces, gravity_parts, gravity_pieces, poses_of
 from trihedron.strapdown.inspection import Inspection
 from trihedron.strapdown.motion import Motion, motion_of
-from trihedron.strapdown.norm_calibration import NAMES, inputs_of
+from trihedron.strapdown.norm_calibration import LARGEST, NAMES, inputs_of
 from trihedron.strapdown.sampling import rates_of
 from trihedron.strapdown.segments import Segments, all_rows, broken_intervals
 from trihedron.strapdown.signatures import integrals, means_at_rest
@@ -109,6 +109,11 @@ def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArr
     return GyroModel(bias, scale, model.effects)
 
 
+def within_instruments(model: GyroModel) -> GyroModel:
+    """The model with scale factors and misalignments that an instrument has; where a fit wants others, it is wrong."""
+    return replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
+
+
 def build_with_gravity(found: Inspection, baseline: str, rates: str) -> Built:
     """The system of a record whose reference is gravity; its accelerometers are calibrated by their norm.
 
@@ -151,7 +156,7 @@ def build_with_gravity(found: Inspection, baseline: str, rates: str) -> Built:
         system = System(tuple(parts), baseline_names(own, forces=True), point, places, blocks_of(places))
         if not last:
             step = weighted_step(system.nominal, system.residual)
-            x, model = x + step[: len(NAMES)], with_parameters(model, own, step[len(NAMES) :])
+            x, model = x + step[: len(NAMES)], within_instruments(with_parameters(model, own, step[len(NAMES) :]))
     assert system is not None
     assert attitude is not None
     return Built(system, tuple(own), motion, model, attitude, noise, pieces, None)
@@ -192,7 +197,7 @@ def build_with_truth(found: Inspection, baseline: str, rates: str) -> Built:
         if not last:
             matrix = np.concatenate([part.nominal.reshape(-1, width) for part in parts])
             error = np.concatenate([part.error.ravel() for part in parts])
-            model = with_parameters(model, own, weighted_step(matrix, error))
+            model = within_instruments(with_parameters(model, own, weighted_step(matrix, error)))
     assert system is not None
     assert attitude is not None
     return Built(system, tuple(own), motion, model, attitude, noise, windows, at_rest)

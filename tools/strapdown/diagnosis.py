@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.programmes import SolverError
+from trihedron.diagnosis.result import Cause
 from trihedron.errors import InputError
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import EffectPlace
 from trihedron.records import StrapdownRecord
-from trihedron.strapdown.building import BIAS, Built, build_with_gravity, build_with_truth, not_searched
+from trihedron.strapdown.building import BIAS, SCALE, Built, build_with_gravity, build_with_truth, not_searched
 from trihedron.strapdown.gain import measure_gain
 from trihedron.strapdown.held_out import rms_angle
 from trihedron.strapdown.inspection import Inspection, inspect_record
@@ -169,6 +170,7 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     return replace(
         start,
         verdict="explained",
+        warnings=(*start.warnings, *clock_doubt(start.inspection, candidates[0])),
         parameters=estimates(system, best, ends=True),
         gain=measure_gain(start.inspection, built, best.places) if rerun else None,
         excluded=excluded_sizes(system, best, seen),
@@ -215,6 +217,22 @@ def beyond_instruments(system: System, fit: SetFit) -> tuple[str, ...]:
         for (name, unit), value in zip(system.names, values, strict=True)
         if unit == "1" and abs(value) > LARGEST
     )
+
+
+def clock_doubt(found: Inspection, causes: Sequence[Cause]) -> tuple[str, ...]:
+    """That a wrong clock of the record does to rates what scale factors do that are alike, where they may be alike."""
+    for cause in causes:
+        if cause.place != SCALE or found.record.rate is None:
+            continue
+        low, high = np.array(cause.intervals).reshape(3, 3, 2).transpose(2, 0, 1)
+        least, most = float(np.diag(low).max()), float(np.diag(high).min())
+        beside = ~np.eye(3, dtype=bool)
+        if least <= most and least * most > 0.0 and (low[beside] <= 0.0).all() and (high[beside] >= 0.0).all():
+            percent = 50.0 * (least + most)
+            return (
+                f"time stamps that are {abs(percent):.2g} % too {'long' if percent > 0 else 'short'} would do the same",
+            )
+    return ()
 
 
 def bias_left_in(built: Built, bias: NDArray) -> float:

@@ -34,7 +34,12 @@ def about_main_effect(found: Inspection, built: Built) -> Built:
     place = main_effect(even)
     if place is None:
         return built
-    return about_effects(found, built, [place], weighted_step(even.matrix([place]), even.residual))
+    solution = weighted_step(even.matrix([place]), even.residual)
+    parameters = CATALOGUE[place.effect].at(place).parameters
+    values = effects_of(even.names, [place], solution)[place]
+    if not all(p.possible(v) for p, v in zip(parameters, values, strict=True)):
+        return built
+    return about_effects(found, built, [place], solution)
 
 
 def about_effects(found: Inspection, built: Built, places: Sequence[EffectPlace], solution: NDArray) -> Built:

@@ -31,7 +31,10 @@ def what_separates(sets: Sequence[Sequence[EffectPlace]], reference: str) -> tup
     """
     common = set(sets[0]).intersection(*sets[1:])
     open_effects = dict.fromkeys(place.effect for places in sets for place in places if place not in common)
-    said = [f"{SHOWN_BY.get(name, OF_ACCELEROMETERS)} (shows {name})" for name in open_effects]
+    shown_by: dict[str, list[str]] = {}
+    for name in open_effects:
+        shown_by.setdefault(SHOWN_BY.get(name, OF_ACCELEROMETERS), []).append(name)
+    said = [f"{what} (shows {', '.join(names)})" for what, names in shown_by.items()]
     if reference == "gravity" and "latency" in open_effects:
         said.append("the true attitude beside the record: between rests latency leaves no error")
-    return tuple(dict.fromkeys(said))
+    return tuple(said)

@@ -7,6 +7,7 @@ from trihedron.diagnosis.result import Cause
 from trihedron.models.effects import CATALOGUE
 from trihedron.strapdown.gain import ARCMIN
 from trihedron.strapdown.judging import Order, is_stable
+from trihedron.summaries import unit_of
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -40,7 +41,8 @@ def diagnosis_lines(result: "StrapdownDiagnosis") -> list[str]:
         for cause in causes:
             lines += cause_lines(cause, result.inspection.sampling.period)
     if result.causes:
-        lines.append(f"radius with {'it' if len(result.causes) == 1 else 'them'} {result.extended_radius:.3f}")
+        what = "the first set" if len(result.candidates) > 1 else "it" if len(result.causes) == 1 else "them"
+        lines.append(f"radius with {what} {result.extended_radius:.3f}")
     if len(result.candidates) > MOST_LINES:
         lines.append(f"... and {len(result.candidates) - MOST_LINES} sets more")
     lines += length_lines(result)
@@ -84,7 +86,8 @@ def cause_lines(cause: Cause, period: float) -> list[str]:
     lines = [f"cause: {cause.place.title}: {sentence_of(cause, period)}"]
     parameters = CATALOGUE[cause.place.effect].at(cause.place).parameters
     for parameter, value, (low, high) in zip(parameters, cause.values, cause.intervals, strict=True):
-        lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
+        text = f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {unit_of(parameter.unit)}"
+        lines.append(text.rstrip())
     return lines + [f"  cannot be told in this record from {other.title}" for other in cause.equivalents]
 
 
@@ -144,7 +147,8 @@ def why_lines(result: "StrapdownDiagnosis") -> list[str]:
     if result.excluded:
         lines.append(f"{len({(e['effect'], e['where']) for e in result.excluded})} effects are bounded by the record:")
         shown = [e for e in result.excluded if e["where"] in ("gyro-block", "attitude-computer")]
-        lines += [f"  {e['effect']} {e['parameter']} below {e['above']:.2g} {e['unit']}" for e in shown]
+        below = (f"  {e['effect']} {e['parameter']} below {e['above']:.2g} {unit_of(e['unit'])}" for e in shown)
+        lines += [text.rstrip() for text in below]
     if result.not_seen:
         names = dict.fromkeys(place.effect for place in result.not_seen)
         lines.append(f"this record cannot show: {', '.join(names)}")
