@@ -299,3 +299,21 @@ def test_noise_wider_than_the_steps_averages_them_out():
     assert not found.rests.step.any()
     assert plain.rests.force_bound is not None
     assert found.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)
+
+
+def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_gravity_turn_nothing():
+    """Accelerometers do not see the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
+    sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
+    record = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
+    whole = inspect_record(record)
+    assert len(whole.rests) == len(POSES)
+    assert whole.rests.turning == 0
+    assert record.rate is not None
+    rate, turned = np.array(record.rate), (4, 9)
+    for k in turned:
+        middle = round(whole.rests.time_s[k] / PERIOD)
+        rate[middle - 170 : middle + 170] += 0.1 * POSES[k] / np.linalg.norm(POSES[k])
+    found = inspect_record(replace(record, rate=rate))
+    assert found.rests.turning >= len(turned)
+    others = np.delete(whole.rests.time_s, turned)
+    assert found.rests.time_s == pytest.approx(others, abs=0.2)

@@ -28,7 +28,11 @@ SETTLING = 0.2
 SLOW = 3.0
 """A rest whose thirds differ by so many times the noise of a sample is a slow turn."""
 FAR = 10.0
-"""A rest whose mean rate is so many times the noise of a sample from the median rest's is a steady turn."""
+"""A rest whose mean rate is so many times the noise of a sample from what the others make expect is a steady turn."""
+FEWEST_POSES = 10
+"""Of fewer rests no dependence on gravity and time is taken away before."""
+REWEIGHTED = 30
+"""Rounds of reweighted least squares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +121,9 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
             turning += 1
         else:
             kept.append(rows)
-    if kept:
-        means = np.array([rate[rows].mean(axis=0) for rows in kept])
-        far = np.any(np.abs(means - np.median(means, axis=0)) > FAR * noise[:3], axis=1)
-        turning += int(far.sum())
-        kept = [rows for k, rows in enumerate(kept) if not far[k]]
+    turns = _steady_turns(rate, record.specific_force, kept, noise[:3])
+    turning += int(turns.sum())
+    kept = [rows for rows, out in zip(kept, turns, strict=True) if not out]
     clipped = clipped_rests(record.specific_force, kept)
     kept = [rows for rows, out in zip(kept, clipped, strict=True) if not out]
     found = _averaged(record, rate, tuple(kept), np.where(np.isfinite(noise), noise, 0.0), turning)
@@ -168,6 +170,31 @@ def _walks(values: NDArray, noise: NDArray) -> bool:
     """Whether the first and the last third of a stretch (n, 6) differ as no noise makes them."""
     third = max(1, len(values) // 3)
     return bool((np.abs(values[-third:].mean(axis=0) - values[:third].mean(axis=0)) > SLOW * noise).any())
+
+
+def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDArray) -> NDArray[np.bool_]:
+    """Rests (K,) whose mean rate is far from what the others', and their dependence on gravity and time, make expect.
+
+    Gyros that depend on gravity read something else in every pose. The least sum of sizes (least squares, reweighted)
+    is not drawn to a few turns.
+    """
+    if not rests:
+        return np.zeros(0, dtype=bool)
+    means, up = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (rate, force))
+    design = np.ones((len(rests), 1))
+    if len(rests) >= FEWEST_POSES:
+        middle = np.array([0.5 * (rows.start + rows.stop) for rows in rests])
+        design = np.column_stack([design, middle / middle.max(), up / np.abs(up).max()])
+    least = np.where(np.isfinite(noise), noise, 1.0)
+    found = np.zeros(len(rests), dtype=bool)
+    for axis in range(3):
+        left = means[:, axis] - np.median(means[:, axis])
+        for _ in range(REWEIGHTED):
+            root = 1.0 / np.sqrt(np.maximum(np.abs(left), 0.1 * least[axis] + 1e-300))
+            solution = np.linalg.lstsq(design * root[:, None], means[:, axis] * root, rcond=1e-9)[0]
+            left = means[:, axis] - design @ solution
+        found |= np.abs(left) > FAR * noise[axis]
+    return found
 
 
 def _averaged(record: StrapdownRecord, rate: NDArray, rows: tuple[slice, ...], noise: NDArray, turning: int) -> Rests:
