@@ -1,6 +1,6 @@
 """AccelerometerBlock: three accelerometers with sign-dependent scale factors."""
 
-from trihedron.fmus.component import GRAVITY, Component, Variable
+from trihedron.fmus.component import GRAVITY, Component, Variable, seed
 from trihedron.models import accelerometer
 from trihedron.models.random_numbers import GENERATOR_SIZE
 from trihedron.models.restricted import CONTEXT_SIZE
@@ -83,16 +83,7 @@ ACCELEROMETER_BLOCK = Component(
             minimum=0.0,
             maximum=1.0,
         ),
-        Variable(
-            "seed",
-            "seed of the errors",
-            "parameter",
-            start=1.0,
-            variability="fixed",
-            type="integer",
-            minimum=0.0,
-            maximum=2147483647.0,
-        ),
+        seed("seed of the errors"),
         Variable(
             "reading",
             "readings of the accelerometers",

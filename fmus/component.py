@@ -32,14 +32,14 @@ class Variable:
         in which a person likes to read it
     start : float or tuple of float
         of parameters and inputs
+    variability, type : str
+        as FMI has them; "real", "integer", "boolean", "enumeration"
     minimum, maximum, nominal : float or None
         in the variable's unit
     items : tuple of str
         names of the values 1, 2, ... of an enumeration
     follows : tuple of str
         inputs that an output follows at once, without a step
-    element_names : tuple of str
-        names of the elements where they are not name[1], name[2], ...
     """
 
     name: str
@@ -82,6 +82,20 @@ GRAVITY = Variable(
     nominal=10.0,
 )
 """The parameter of every component that works with gravity."""
+
+
+def seed(description: str) -> Variable:
+    """The parameter of a component that draws random numbers."""
+    return Variable(
+        "seed",
+        description,
+        "parameter",
+        start=1.0,
+        variability="fixed",
+        type="integer",
+        minimum=0.0,
+        maximum=2147483647.0,
+    )
 
 
 @dataclass(frozen=True)

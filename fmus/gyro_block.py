@@ -1,6 +1,6 @@
 """GyroBlock: three gyros, from true rates or increments to readings of rates and increments."""
 
-from trihedron.fmus.component import GRAVITY, Component, Variable
+from trihedron.fmus.component import GRAVITY, Component, Variable, seed
 from trihedron.models import gyro
 from trihedron.models.random_numbers import GENERATOR_SIZE
 from trihedron.models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
@@ -86,16 +86,7 @@ GYRO_BLOCK = Component(
             minimum=0.0,
             maximum=10.0,
         ),
-        Variable(
-            "seed",
-            "seed of the errors",
-            "parameter",
-            start=1.0,
-            variability="fixed",
-            type="integer",
-            minimum=0.0,
-            maximum=2147483647.0,
-        ),
+        seed("seed of the errors"),
         Variable("rate_reading", "readings: mean rates over the last step", "output", 3, "rad/s", "deg/s"),
         Variable(
             "increment_reading",

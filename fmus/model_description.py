@@ -113,8 +113,8 @@ def initially_known(component: Component) -> set[str]:
     }
 
 
-def scalar_element(variable: Variable, name: str, reference: int, start: float) -> Element:
-    """A ScalarVariable."""
+def variable_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
+    """What both versions say of a variable, whatever its type."""
     attributes = {
         "name": name,
         "valueReference": str(reference),
@@ -126,22 +126,33 @@ def scalar_element(variable: Variable, name: str, reference: int, start: float) 
         attributes["initial"] = "calculated"
     elif variable.causality == "parameter":
         attributes["initial"] = "exact"
-    scalar = Element("ScalarVariable", attributes)
-    typed = SubElement(scalar, TYPE_NAMES[variable.type])
+    return attributes
+
+
+def type_attributes(variable: Variable) -> dict[str, str]:
+    """What both versions say of a variable's type: its name, units, limits."""
+    attributes: dict[str, str] = {}
     declared = type_name(variable)
     if declared is not None:
-        typed.set("declaredType", declared)
+        attributes["declaredType"] = declared
     if variable.type == "real":
         if variable.unit != "1":
-            typed.set("unit", variable.unit)
+            attributes["unit"] = variable.unit
             if variable.display_unit is not None:
-                typed.set("displayUnit", variable.display_unit)
+                attributes["displayUnit"] = variable.display_unit
         if variable.nominal is not None:
-            typed.set("nominal", number(variable.nominal))
+            attributes["nominal"] = number(variable.nominal)
     if variable.type in ("real", "integer"):
         for attribute, bound in (("min", variable.minimum), ("max", variable.maximum)):
             if bound is not None:
-                typed.set(attribute, start_text(variable, bound))
+                attributes[attribute] = start_text(variable, bound)
+    return attributes
+
+
+def scalar_element(variable: Variable, name: str, reference: int, start: float) -> Element:
+    """A ScalarVariable."""
+    scalar = Element("ScalarVariable", variable_attributes(variable, name, reference))
+    typed = SubElement(scalar, TYPE_NAMES[variable.type], type_attributes(variable))
     if variable.causality != "output":
         typed.set("start", start_text(variable, start))
     return scalar

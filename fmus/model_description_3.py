@@ -9,11 +9,11 @@ from trihedron.fmus.model_description import (
     declared_types,
     experiment,
     initially_known,
-    number,
     quantity_attributes,
     root_attributes,
     start_text,
-    type_name,
+    type_attributes,
+    variable_attributes,
 )
 
 TYPE_NAMES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean", "enumeration": "Enumeration"}
@@ -36,32 +36,8 @@ def add_types(root: Element, component: Component) -> None:
 
 def variable_element(variable: Variable, reference: int) -> Element:
     """A variable, with its dimension where it is an array."""
-    element = Element(
-        TYPE_NAMES[variable.type],
-        name=variable.name,
-        valueReference=str(reference),
-        description=variable.description,
-        causality=variable.causality,
-        variability=variable.variability,
-    )
-    if variable.causality == "output":
-        element.set("initial", "calculated")
-    elif variable.causality == "parameter":
-        element.set("initial", "exact")
-    declared = type_name(variable)
-    if declared is not None:
-        element.set("declaredType", declared)
-    if variable.type == "real":
-        if variable.unit != "1":
-            element.set("unit", variable.unit)
-            if variable.display_unit is not None:
-                element.set("displayUnit", variable.display_unit)
-        if variable.nominal is not None:
-            element.set("nominal", number(variable.nominal))
-    if variable.type in ("real", "integer"):
-        for attribute, bound in (("min", variable.minimum), ("max", variable.maximum)):
-            if bound is not None:
-                element.set(attribute, start_text(variable, bound))
+    attributes = variable_attributes(variable, variable.name, reference) | type_attributes(variable)
+    element = Element(TYPE_NAMES[variable.type], attributes)
     if variable.causality != "output":
         element.set("start", " ".join(start_text(variable, value) for value in variable.starts))
     if variable.size:

@@ -2,7 +2,7 @@
 
 import math
 
-from trihedron.fmus.component import GRAVITY, Component, Variable, identity_matrix
+from trihedron.fmus.component import GRAVITY, Component, Variable, identity_matrix, seed
 from trihedron.models import turntable
 from trihedron.models.motion import AXIS_PLAN_SIZE
 from trihedron.models.random_numbers import GENERATOR_SIZE
@@ -144,16 +144,7 @@ TURNTABLE_MOTION = Component(
             minimum=-2 * math.pi,
             maximum=2 * math.pi,
         ),
-        Variable(
-            "seed",
-            "seed of the encoders' fluctuation",
-            "parameter",
-            start=1.0,
-            variability="fixed",
-            type="integer",
-            minimum=0.0,
-            maximum=2147483647.0,
-        ),
+        seed("seed of the encoders' fluctuation"),
         Variable(
             "angle",
             "true angles: encoder readings less Δα + α* (outer) and Δβ (inner)",

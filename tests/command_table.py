@@ -88,6 +88,9 @@ COMMANDS = (
 )
 
 
+QUICK = [command for command in COMMANDS if not command.slow]
+
+
 def make_inputs(folder: Path) -> None:
     """Write the files that the commands read."""
     from trihedron.calibration import calibrate
@@ -108,3 +111,8 @@ def make_inputs(folder: Path) -> None:
     planned = {f"planned_{name}": angles[name] for name in angles.columns}
     moved = {name: angles[name] + np.linspace(-0.01, 0.01, angles.height) for name in angles.columns}
     pl.DataFrame({**planned, **moved}).write_csv(folder / "angles.csv")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """What is in a folder and below it."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -83,3 +84,25 @@ def slaves() -> Iterator[object]:
         slave.freeInstance()
     for folder in folders:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def command_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files that the commands of `command_table` read; they are copied, never used."""
+    from command_table import make_inputs
+
+    folder = tmp_path_factory.mktemp("inputs")
+    make_inputs(folder)
+    return folder
+
+
+@pytest.fixture
+def here(command_inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with the commands' inputs in it; temporary files go beside it."""
+    folder = tmp_path / "here"
+    shutil.copytree(command_inputs, folder)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    monkeypatch.chdir(folder)
+    return folder

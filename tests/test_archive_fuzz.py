@@ -9,7 +9,8 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from archive_mutations import OF_ANY, OF_FMUS, OF_SSPS, Members, Mutation, countless, packed
+from archive_mutations import OF_ANY, Members, Mutation, countless, packed
+from content_mutations import OF_FMUS, OF_SSPS
 from foreign_fmus import build_foreign
 from trihedron.bench_run import run_scenario
 from trihedron.errors import InputError

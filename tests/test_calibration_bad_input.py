@@ -73,7 +73,9 @@ def test_two_mountings_without_names_are_refused(tmp_path):
 
 
 def test_a_mounting_that_is_no_rotation_is_refused():
-    for matrix, said in ((1.001 * np.eye(3), "not orthogonal"), (np.diag([1.0, 1.0, -1.0]), "reflection")):
+    ragged = [[1.0, 0.0, 0.0], [0.0]]
+    reflection = np.diag([1.0, 1.0, -1.0])
+    for matrix, said in ((1.001 * np.eye(3), "not orthogonal"), (reflection, "reflection"), (ragged, "three rows")):
         with pytest.raises(InputError, match=said):
             calibrate(record(READING, ALPHA, BETA), noise_bound=SIGMA, mounting={"q": matrix})
 

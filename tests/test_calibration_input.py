@@ -159,6 +159,7 @@ def test_presets_and_the_column_mounting():
         ("a = 1", "outside"),
         ("", "no mounting"),
         ("[a]\n[a]\n", "line 2"),
+        (f"[a]\nmatrix = [[1{'0' * 5000},0,0],[0,1,0],[0,0,1]]", "not TOML"),
     ],
 )
 def test_bad_files_are_refused_in_one_line(tmp_path, text, said):

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from foreign_fmus import build_foreign
-from trihedron.attitude.choosing import Situation, largest_error
+from trihedron.attitude.choosing import Situation, situation_errors
 from trihedron.attitude.published import algorithm_named
 from trihedron.campaign.attitude_runs import motion_samples, read_increments
 from trihedron.campaign.campaign import run_campaign
@@ -82,7 +82,7 @@ def test_positions_of_ones_own(tmp_path):
 
 def test_faultless_gyros_leave_the_algorithms_own_error():
     (result,) = results(parsed("[attitude]\nrate_hz = 100.0\n"))
-    own = largest_error(algorithm_named("two-sample-rodrigues"), Situation("1", 100.0, ""))
+    (own,) = situation_errors(Situation("1", 100.0, ""), [algorithm_named("two-sample-rodrigues")])
     assert result.scalars["largest_error_rad"] == pytest.approx(own, rel=1e-6)
 
 

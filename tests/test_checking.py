@@ -186,7 +186,8 @@ def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"\0\1\2\3", b"PK\3\4 not an archive", b"\xff\xfe\0", b"{", b"[", b'{"a": NaN}']
+    "content",
+    [b"", b"\0\1\2\3", b"PK\3\4 not an archive", b"\xff\xfe\0", b"{", b"[", b'{"a": NaN}', b'{"schema": [1]}'],
 )
 @pytest.mark.parametrize("ending", [".toml", ".csv", ".json", ".fmu", ".ssp", ".parquet", ".txt"])
 def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_path: Path, capsys):

@@ -200,10 +200,15 @@ def test_what_is_no_calibration_is_refused(tmp_path, change, said):
         ("parameters", {"estimate": float("nan")}, "X4 is nan"),
         ("parameters", {"estimate": 10**400}, r"X4 is 10*\.\.\., not a number"),
         ("parameters", {"symbol": "X5"}, "X5 twice"),
-        ("reading_errors", {"low": 10**400}, "not as the schema says"),
-        ("reading_errors", {"low": -1e300}, "between -1 and 1"),
+        ("reading_errors", {"low": 10**400}, r"input \[-1, 0, 0\] is 10*\.\.\., not a number"),
+        ("reading_errors", {"low": "-1e-5"}, r"accelerometer 1, input \[-1, 0, 0\] is '-1e-5', not a number"),
+        ("reading_errors", {"low": -1e300}, "not a number"),
+        ("reading_errors", {"low": -1.5}, "between -1 and 1"),
         ("reading_errors", {"low": 0.5, "high": 0.4}, "low <= high"),
-        ("reading_errors", {"accelerometer": float("inf")}, "not as the schema says"),
+        ("reading_errors", {"accelerometer": float("inf")}, "not complete"),
+        ("reading_errors", {"accelerometer": 0}, "not complete"),
+        ("reading_errors", {"input": [-1.5, 0, 0]}, "not complete"),
+        ("reading_errors", {"input": -1}, "not as the schema says"),
     ],
 )
 def test_a_calibration_edited_by_hand_is_refused(part, change, said):

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trihedron.diagnosis.lawson import Problem, project, sharp_weights
-from trihedron.diagnosis.set_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
+from trihedron.diagnosis.set_bounds import bounds_of, surviving_sets
+from trihedron.diagnosis.set_settling import ACCEPTED, REFUSED, settle
 from trihedron.diagnosis.sets import EffectSet, linear_radius, parts, sets_of_size
 
 

@@ -12,8 +12,7 @@ from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.disturbance import rows_at
 from trihedron.diagnosis.senses import input_senses
 from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
-from trihedron.models.effects.quantisation import common_step, noisy_step
+from trihedron.models.effects import EffectPlace
 from trihedron.records import PositionRecord
 
 WOBBLES = {
@@ -191,91 +190,6 @@ def test_increments_with_small_turns_do_not_depend_on_the_step():
             assert fine.do_step(k * 1.0 + j * 0.025, 0.025) == 0
             total += array(fine, at, "increment", 3)
         assert array(coarse, at, "increment", 3) == pytest.approx(total, abs=3e-13)
-
-
-def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:
-    """Readings (7, 3) [g] of the true bench with a variant of an effect."""
-    return true_bench()[1].prediction + variant.offset + variant.columns @ coefficients
-
-
-def one_variant(name: str, accelerometer: int, parameter: float) -> tuple[Variant, np.ndarray]:
-    """The variant of an effect that acts as the component does, and the component's readings (7, 3) [g]."""
-    place = EffectPlace(name, f"accelerometer-{accelerometer}")
-    seen = readings([place], [(parameter,)])
-    variants = CATALOGUE[name].variants
-    assert variants is not None
-    rows = true_bench()[1]
-    fitting = [v for v in variants(place, rows, seen, 1e-9) if v.limits[0][0] <= parameter <= v.limits[0][1]]
-    standing = [v for v in fitting if v.stands(rows, np.array([parameter])[: v.columns.shape[2]])]
-    assert len(standing) == 1
-    return standing[0], seen
-
-
-def test_a_dead_zone_acts_as_one_of_its_variants():
-    n = true_bench()[1].n
-    accelerometer = int(np.abs(n).min(axis=0).argmin())
-    width = float(np.abs(n[:, accelerometer]).min()) + 1e-3
-    assert width < 0.05
-    variant, seen = one_variant("dead-zone", accelerometer + 1, width)
-    assert variant.lost.sum() == (np.abs(n[:, accelerometer]) < width).sum()
-    assert predicted(variant, np.zeros(0)) == pytest.approx(seen, abs=1e-14)
-    assert variant.limits[0][0] < variant.values(np.zeros(0))[0] <= variant.limits[0][1]
-
-
-def test_saturation_acts_as_one_of_its_variants():
-    prediction = np.abs(true_bench()[1].prediction)
-    accelerometer = int(prediction.max(axis=0).argmax())
-    order = np.sort(prediction[:, accelerometer])
-    level = max(0.9, float(order[-2]) - 1e-4)
-    variant, seen = one_variant("saturation", accelerometer + 1, level)
-    assert variant.fixed.sum() == (prediction[:, accelerometer] >= level).sum() >= 2
-    assert predicted(variant, np.array([level])) == pytest.approx(seen, abs=1e-14)
-    assert variant.low[0] <= level <= variant.high[0]
-    assert variant.values(np.array([level])) == (level,)
-
-
-def test_quantisation_widens_the_bounds_of_its_accelerometer():
-    variant, seen = one_variant("quantisation", 2, 1.3e-4)
-    left = np.abs(seen - predicted(variant, np.zeros(0)))
-    assert variant.values(np.zeros(0))[0] == pytest.approx(1.3e-4, rel=1e-9)
-    assert np.all(left <= variant.widening + 1e-12)
-    assert left[:, 1].max() > 1e-5
-    assert variant.widening[:, [0, 2]].max() == 0.0
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_step_of_averaged_readings_is_found_and_none_where_there_is_none(seed):
-    """Means over rests of rounded samples: some rests lie between two steps. Nine decimals, as a record has."""
-    rng = np.random.default_rng(seed)
-    count, step = int(rng.integers(15, 90)), 10.0 ** rng.uniform(-4.5, -2.5)
-    n = rng.uniform(-1.0, 1.0, count)
-    samples = n[:, None] + rng.uniform(-2e-6, 2e-6, (count, 20))
-    rounded = (step * np.floor(samples / step + 0.5)).mean(axis=1)
-    assert common_step(np.round(rounded * G, 9) / G, 1e-10, 2e-6) == pytest.approx(step, rel=1e-6)
-    assert common_step(np.round(n * G, 9) / G, 1e-10, 2e-6) is None
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_a_step_that_noise_came_on_top_of_is_found_and_none_where_there_is_none(seed):
-    rng = np.random.default_rng(seed)
-    count, step, sigma = int(rng.integers(12, 90)), 10.0 ** rng.uniform(-3.5, -2.1), 1e-5
-    n = rng.uniform(-1.0, 1.0, count)
-    noise = sigma * rng.choice([-1.0, 1.0], count)
-    limits = noisy_step(step * np.round(n / step) + noise, sigma + 1e-10)
-    assert limits is not None
-    assert limits[0] <= step * (1 + 1e-12)
-    assert limits[1] >= step * (1 - 1e-12)
-    assert limits[1] - limits[0] < 1e-3 * step + 2.0 * sigma / np.abs(n / step).max()
-    assert noisy_step(n + noise, sigma + 1e-10) is None
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_many_readings_of_few_inputs_prove_no_step_under_noise(seed):
-    """Nine inputs, each read three times: that all lie near multiples of some step happens by chance."""
-    rng = np.random.default_rng(seed)
-    step, sigma = 10.0 ** rng.uniform(-3.5, -2.1), 1e-5
-    inputs = np.repeat(rng.integers(50, 100, 9) * step, 3)
-    assert noisy_step(inputs + rng.uniform(-sigma, sigma, 27), sigma) is None
 
 
 def test_a_record_without_approach_columns_gives_senses_from_the_row_before():

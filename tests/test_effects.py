@@ -9,7 +9,7 @@ import pytest
 from effect_readings import ALPHA, BETA, ROWS, readings, true_bench
 from trihedron.calibration.linearisation import linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.diagnosis.circumstances import standing_still
+from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
@@ -118,7 +118,8 @@ def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     at = Positions(rng.uniform(-3.0, 3.0, 60), rng.uniform(-3.0, 3.0, 60), np.zeros(60, dtype=int))
     point = np.zeros(len(p.symbols))
     here = linearise(p, at, np.zeros((60, 3)), point, np.full(180, 1e-5))
-    rows = rows_at(here, point, at, standing_still(60, np.zeros(60)))
+    nothing = np.zeros(60)
+    rows = rows_at(here, point, at, Circumstances(nothing, np.full(60, 20.0), nothing, nothing, False))
     basis, _ = np.linalg.qr(here.jacobian)
 
     def left(columns: np.ndarray) -> np.ndarray:

@@ -140,6 +140,11 @@ def test_commands_say_what_the_library_gives(run, tmp_path, monkeypatch, capsys)
         (lambda: th.plan_positions(6, start=1), "did you mean 'starts'?"),
         (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
         (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
+        (lambda: th.export("AccelerometerBlock", flavour="rust"), "--flavour rust: must be python or native"),  # type: ignore[arg-type]
+        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "--fmi 1: must be 2 or 3"),
+        (lambda: th.hide(1, baseline="symmetrc"), "must be asymmetric or symmetric"),  # type: ignore[arg-type]
+        (lambda: th.diagnose(th.hide(1).record, noise_bound=1e-5, rates="averaged"), "has no rates"),
+        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "must be two numbers"),
         (lambda: th.new("scenari"), "did you mean 'scenario'?"),
         (lambda: th.simulate({"run": {"step_s": 1.0}}), "fmus: is missing"),
         (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),

@@ -13,8 +13,8 @@ import pytest
 from fmpy.util import read_csv, read_ref_opt_file
 from fmpy.validation import validate_fmu
 
+from component_kinds import all_kinds, draw_parameters, outputs_of, setter_of, title
 from native_model import Model, open_fmu
-from test_components import all_kinds, draw_parameters, outputs_of, setter_of, title
 from trihedron import cli
 from trihedron.errors import InputError
 from trihedron.exporting import export_components

@@ -9,9 +9,9 @@ import numba
 import numpy as np
 import pytest
 
+from component_kinds import all_kinds, draw_inputs, draw_parameters, outputs_of, setter_of, title
 from native_driver import OK
 from native_model import Model, numbering, open_fmu
-from test_components import all_kinds, draw_inputs, draw_parameters, outputs_of, setter_of, title
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
 from trihedron.fmus.flat_source import flat_source

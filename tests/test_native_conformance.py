@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from component_kinds import all_kinds, title
 from native_checks import CHECKS
 from native_driver import Library
 from native_model import as_json, entries, open_fmu, unpack
 from native_sequences import Subject
-from test_components import all_kinds, title
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
 from trihedron.fmus.native.compiler import host_compiler

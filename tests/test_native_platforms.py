@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from test_components import draw_inputs, draw_parameters
+from component_kinds import draw_inputs, draw_parameters
 from trihedron.fmus import components
 from trihedron.fmus.component import Component
 from trihedron.fmus.in_process import instantiate, references

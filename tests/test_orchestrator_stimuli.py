@@ -197,6 +197,7 @@ def test_a_programme_from_a_file_is_that_from_memory(folder: Path) -> None:
         ({**POSITIONS, "dwel_s": [1.0] * 4}, {}, "unknown column 'dwel_s'; did you mean 'dwell_s'?"),
         ({**POSITIONS, "dwell_s": [1.0, 1.0, 0.0, 1.0]}, {}, "row 3, column 'dwell_s': 0.0 must be positive"),
         (POSITIONS, {"dwell_s": 1.0, "to": "table.temperature"}, "cannot take a position programme"),
+        ({"alpha_deg": [5.0, 5.0], "beta_deg": [5.0, 5.0]}, {"dwell_s": 1e-12}, "of a step; take a shorter run.step_s"),
     ],
 )
 def test_a_wrong_programme(folder: Path, table: dict, more: dict, says: str) -> None:
@@ -262,9 +263,12 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path, ca
     for content, says in (
         (calibration, r"c\.json: says nothing about AttitudeComputer; known: "),
         ({**calibration, "verdict": "falsified"}, r"c\.json: the calibration's verdict is 'falsified'"),
+        ({**calibration, "gravity_mps2": -9.8}, r"c\.json: .* 4\.9 to 14\.7 is possible"),
         ([], r"c\.json: is not a calibration result"),
+        ("9" * 5000, r"c\.json: is not JSON"),
     ):
-        (tmp_path / "c.json").write_text(json.dumps(content), encoding="utf-8")
+        text = content if isinstance(content, str) else json.dumps(content)
+        (tmp_path / "c.json").write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match=r"^fmus\.c\.parameters_from: " + says):
             simulate(Scenario.model_validate({**data, "record": {}, "fmus": computer}))
 

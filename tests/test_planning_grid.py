@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from planning_proof import ProofError, proven_gap
 from planning_reference import COSTS, random_mounting
 from trihedron.calibration.mountings import PRESETS
 from trihedron.calibration.parametrisation import parametrise
@@ -15,7 +16,6 @@ from trihedron.models.regressors import admissible, regressors
 from trihedron.planning.forms import sheets
 from trihedron.planning.grids import Grid
 from trihedron.planning.plan import Plan, plan_targets
-from trihedron.planning.proof import ProofError, proven_gap
 
 
 def costs(plans: list[Plan]) -> np.ndarray:

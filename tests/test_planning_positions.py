@@ -11,7 +11,7 @@ from trihedron.calibration.parametrisation import parametrise
 from trihedron.calibration.targets import convention_targets
 from trihedron.models.bench import TARGETS
 from trihedron.models.regressors import admissible, regressors
-from trihedron.planning.forms import x_from_targets
+from trihedron.planning.forms import sheets, x_from_targets
 from trihedron.planning.improvement import improve
 from trihedron.planning.places import Places, Task, clearances, task_of
 from trihedron.planning.pool import Pool, pool_of
@@ -19,6 +19,7 @@ from trihedron.planning.position_bound import HittingSet, bound_positions
 from trihedron.planning.position_costs import costs
 from trihedron.planning.position_search import drawn, search
 from trihedron.planning.request import stored_positions
+from trihedron.planning.ridges import arcs_at, stack
 from trihedron.planning.rounding import rounded
 from trihedron.planning.setting_check import check_settings
 from trihedron.planning.symmetry import symmetries
@@ -239,3 +240,12 @@ def test_twelve_positions_from_nothing() -> None:
     bound = bound_positions(HittingSet(task, pool_of(task, found.best.places)), 12, found.best.worst, 60)
     assert found.best.worst <= 1.03 * bound.ratio
     print(f"\n12 positions: {found.best.worst:.6f}; {bound.ratio:.6f} proven on a {bound.on} by {bound.cuts} cuts")
+
+
+def test_bounds_of_next_to_nothing_give_arcs_without_a_warning():
+    """Where a form does not depend on β its arc ends nowhere, however large the ratio that says so."""
+    found = sheets(parametrise({"identity": np.eye(3)}), bounds=(1e-320, 1e-320))
+    among = stack(found, 1e-6)
+    alpha = np.linspace(0.0, np.pi, 8)
+    ends = [arcs_at(among, np.full(8, k), alpha).ends for k in range(len(found))]
+    assert any(np.isfinite(own).all(axis=1).any() for own in ends)

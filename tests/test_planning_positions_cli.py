@@ -125,6 +125,8 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
             "leave more angles by --keep-out",
         ),
         (["--positions", "12", "--starts", "0"], "--starts 0"),
+        (["--positions", "12", "--starts", "9" * 23], "must be from 1 to 100000"),
+        (["--positions", "12", "--extra", "1001"], "--extra 1001"),
         (["--positions", "12", "--extra", "-1"], "--extra -1"),
         (["--positions", "12", "--seed", "-1"], "--seed -1"),
         (["--positions", "12", "--dwell", "0"], "--dwell 0"),
@@ -156,6 +158,13 @@ def test_a_check_file_without_its_columns(tmp_path: Path, capsys: pytest.Capture
     path.write_text("alpha_deg,beta_deg\n1,2\n", encoding="utf-8")
     assert main(["plan", "--check", str(path)]) == 2
     assert "planned_alpha_deg" in capsys.readouterr().err
+
+
+def test_a_check_file_with_angles_that_no_table_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "angles.csv"
+    path.write_text("planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg\n1,2,1,2\n3,4,3,1e17\n", encoding="utf-8")
+    assert main(["plan", "--check", str(path)]) == 2
+    assert "row 3, column 'beta_deg': 1e+17 is outside -1e+06 to 1e+06" in capsys.readouterr().err
 
 
 def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from browser import browser, browser_program
+from strapdown_records import strapdown_record
 from trihedron.calibration import calibrate
 from trihedron.cli import main
 from trihedron.diagnosis import diagnose
@@ -20,6 +21,8 @@ from trihedron.records.reading import TableRun
 from trihedron.report.calibration_page import calibration_page
 from trihedron.report.diagnosis_sections import diagnosis_page
 from trihedron.report.plan_page import plan_page
+from trihedron.report.strapdown_page import strapdown_page
+from trihedron.strapdown.diagnosis import diagnose_strapdown
 
 PROGRAM = browser_program()
 needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the path")
@@ -47,7 +50,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory) -> dict[str, Path]:
-    """A page for each verdict of the diagnosis, one of a calibration, one of a plan."""
+    """A page for each verdict of the diagnosis, one of a calibration, one of a strapdown record, one of a plan."""
     folder = tmp_path_factory.mktemp("pages")
     texts = {}
     measured = records()
@@ -57,6 +60,8 @@ def pages(tmp_path_factory) -> dict[str, Path]:
         texts[verdict] = diagnosis_page(result, record)
     run = TableRun(measured["consistent"])
     texts["calibration"] = calibration_page(calibrate(run.record, noise_bound=NOISE_BOUND), run)
+    drift = strapdown_record(drift=np.array([0.5, -0.4, 0.3]), seed=3)
+    texts["strapdown"] = strapdown_page(diagnose_strapdown(drift))
     texts["plan"] = plan_page(plan_targets(("X4", "X6+X8"), grid=15.0))
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")

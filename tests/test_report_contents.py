@@ -27,6 +27,7 @@ from trihedron.report.equations import effect_formula, math
 from trihedron.report.next_sections import next_positions_csv
 from trihedron.report.plan_page import plan_page
 from trihedron.report.rounding import minus, outwards, significant, symbol_text, to_bound, upwards
+from trihedron.report.target_sections import target_section
 
 MATH = "{http://www.w3.org/1998/Math/MathML}"
 
@@ -93,6 +94,12 @@ def test_powers_of_ten_are_typeset_and_hashes_are_not():
     assert typeset("5e12ab 52e1f4 v1e5") == "5e12ab 52e1f4 v1e5"
 
 
+def test_a_sign_before_a_number_is_a_minus_and_a_hyphen_stays():
+    assert typeset("κ by -812.8 arcsec (-1.5), accelerometer-2, X4-5, 2026-11-21, --prior") == (
+        "κ by −812.8 arcsec (−1.5), accelerometer-2, X4-5, 2026-11-21, --prior"
+    )
+
+
 def test_only_numbers_and_signs_are_rewritten():
     assert minus("-1.5e-05") == "−1.5e−5"
     assert minus("2.0e+03 and -1e-10") == "2.0e3 and −1e−10"
@@ -123,6 +130,16 @@ def test_formulas_become_mathml_that_is_well_formed():
     assert "1.2·10−3" in said
     assert "x & y" in said
     assert root.find(".//mtable") is not None
+
+
+def test_a_matrix_has_rows_and_columns_and_a_change_an_upright_letter():
+    root = ElementTree.fromstring(math("Δω = [1 ; 2 | 3 ; 4] n").replace("&nbsp;", " "))
+    rows = [["".join(cell.itertext()) for cell in row.iter(f"{MATH}mtd")] for row in root.iter(f"{MATH}mtr")]
+    rows = rows or [["".join(cell.itertext()) for cell in row.iter("mtd")] for row in root.iter("mtr")]
+    assert rows == [["1", "2"], ["3", "4"]]
+    assert "".join(root.itertext()) == "Δω=(1234)n"
+    upright = [e.text for e in root.iter() if e.attrib.get("mathvariant") == "normal"]
+    assert upright == ["Δ"]
 
 
 def test_every_effect_of_the_table_has_a_formula_with_its_parameters_in_it():
@@ -269,6 +286,28 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
         ]
     )
     assert text == "position,alpha_deg,beta_deg,mounting,approach_alpha\n1,90.0,355.0,b,\n2,1.5,0.0,,-1\n"
+
+
+def test_sets_that_remain_are_numbered_and_figures_with_effects_are_said_to_be_of_the_first(clean):
+    record = clean.selected(np.arange(len(clean)))
+    n = calibrate(clean, noise_bound=NOISE_BOUND).linearised.input
+    record.specific_force[:, 1] += 9.80665 * 1.5e-4 * n[:, 1] ** 3
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "ambiguous"
+    text = diagnosis_page(result, record)
+    for number, finding in enumerate(result.findings, start=1):
+        sentence = "; ".join(cause.sentence for cause in finding.causes)
+        assert f"Set {number}: {typeset(sentence)}." in text
+    assert f"With the first of the sets that remain, {result.findings[0].title}, it leaves" in text
+    assert "With the effect" not in text
+
+
+def test_where_nothing_is_determined_the_table_has_no_empty_columns(clean):
+    few = clean.selected(np.arange(3))
+    table = target_section(calibrate(few, noise_bound=NOISE_BOUND)).table
+    assert table is not None
+    assert list(table.header) == ["target", "meaning", "unit"]
+    assert len(table.rows) == 18
 
 
 def test_warnings_of_the_record_are_on_the_page(clean):

@@ -1,5 +1,7 @@
 """What stands on the page of a diagnosis beside the cause, or in place of one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from trihedron.diagnosis import diagnose
 from trihedron.hidden import measure
 from trihedron.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.report.diagnosis_sections import diagnosis_page
+from trihedron.report.evidence_sections import refused_words
 from trihedron.report.judgement_sections import judgement_sections, shares, structure_sections, target_sections
 
 
@@ -42,6 +45,7 @@ def test_the_page_of_a_cause_has_the_second_witness_and_what_it_does_to_the_cali
     assert table is not None
     moved = {row[0]: float(getattr(row[3], "text", "").replace("−", "-")) for row in table.rows}
     assert len(moved) == 18
+    assert {str(row[-1]) for row in table.rows} == {"", "rad", "g"}
     # A quadratic term passes for scale-factor errors of opposite signs.
     size = explained.causes[0].values[0]
     plus = {1: "X4", 2: "X9", 3: "X14"}[explained.causes[0].place.index + 1]
@@ -63,3 +67,13 @@ def test_the_page_without_a_cause_says_what_the_residual_depends_on(unexplained,
     assert 0.99 < first["explainable"] <= 1.0
     assert shares(list(unexplained.residual_structure)).startswith("<svg")
     assert np.all([0.0 <= entry["explained"] <= 1.0 for entry in unexplained.residual_structure])
+
+
+def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_not_to_remain(explained):
+    (cause,) = explained.causes
+    named = (cause.place.title, 0.5)
+    assert refused_words(replace(explained, tried=(named, ("cubic accelerometer-3", 1.2)))) == []
+    (said,) = refused_words(replace(explained, tried=(named, ("sag inner-axis", 0.9))))
+    assert said.startswith("One of them is not among the sets that remain")
+    (said,) = refused_words(replace(explained, tried=(("sag inner-axis", 0.9), named, ("sag outer-axis", 1.0))))
+    assert said.startswith("2 of them are not")

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from trihedron.report import attitude_error, bench_tour, candidates, held_out, residuals
+from trihedron.report.campaign_pictures import chance_of, distributions_picture
 from trihedron.report.direction_pictures import next_directions, residuals_over_inputs
 from trihedron.report.explanation_pictures import interval_picture, strips_picture
 from trihedron.report.likeness_picture import likeness_picture
+from trihedron.report.position_page import decimals_of
 from trihedron.report.suite_pictures import confusion_picture, detection_picture, size_errors_picture
 from trihedron.report.theme import COLOURS
 from trihedron.report.time_pictures import MOST_POINTS, thinned
@@ -168,3 +171,23 @@ def test_thinning_keeps_peaks_gaps_and_ends() -> None:
 def test_few_points_are_all_drawn() -> None:
     time = np.arange(10.0)
     assert thinned(time, time)[0] is time
+
+
+def test_the_band_of_chance_holds_95_of_100_rank_correlations_of_nothing():
+    rng = np.random.default_rng(5)
+    x = np.arange(60.0)
+    found = [stats.spearmanr(x, rng.permutation(x)).statistic for _ in range(2000)]  # type: ignore[attr-defined]
+    assert np.mean(np.abs(found) <= chance_of(60)) == pytest.approx(0.95, abs=0.015)
+    assert chance_of(1) == 1.0
+
+
+def test_a_scalar_that_never_changes_is_told_and_not_drawn():
+    svg = distributions_picture({"misses": np.zeros(20), "radius": np.linspace(0.1, 0.5, 20)}, {"misses": [0.0]})
+    assert "always 0" in texts(svg)
+    assert "−0.50" not in svg
+
+
+def test_angles_for_the_operator_have_as_many_decimals_as_they_need():
+    assert decimals_of([10.0, -5.0]) == 0
+    assert decimals_of([10.5, 0.25]) == 2
+    assert decimals_of([13.886530140]) == 4

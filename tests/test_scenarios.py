@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from trihedron.bench_run import run_scenario
 from trihedron.calibration import calibrate
 from trihedron.demo import inside_intervals, true_targets
+from trihedron.errors import InputError
 from trihedron.records import read_position_record
 from trihedron.scenario import read_scenario
 
@@ -55,6 +56,17 @@ def test_static_calibration_gives_the_same_bytes_twice(static_run, tmp_path):
     assert [p.name for p in again] == ["run.parquet", "run.json", "positions.csv"]
     for first, second in zip(static_run, again, strict=True):
         assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_position_record_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
+    """A run without its averages must not look like one whose rests could not be found."""
+
+    def full(_record, path):
+        raise InputError(f"{path}: cannot be written (No space left on device)")
+
+    monkeypatch.setattr("trihedron.bench_run.write_position_record", full)
+    with pytest.raises(InputError, match=r"positions\.csv: cannot be written"):
+        run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
 
 
 def test_table_and_attitude_computer_give_their_reference_results(tmp_path):

@@ -178,6 +178,12 @@ def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, given, sa
     assert says in refusal(packed(tmp_path, fmus, whole, "TurntableMotion"))
 
 
+def test_a_unit_whose_exponent_is_no_whole_number(tmp_path, fmus):
+    units = '<ssc:Unit name="x"><ssc:BaseUnit rad="0.5"/></ssc:Unit>'
+    whole = system("root", component("table", "TurntableMotion", inline("kappa|Real|1e-3|x", units=units)), more=STEP)
+    assert "the exponent of rad is 0.5, not a whole number" in refusal(packed(tmp_path, fmus, whole, "TurntableMotion"))
+
+
 GAIN = component("gain", "Gain", u_1="input", y_1="output")
 OTHER = component("other", "Gain", u_1="input", y_1="output")
 SCALED = '<ssc:LinearTransformation factor="2"/>'

@@ -11,8 +11,9 @@ from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis import diagnose
 from trihedron.diagnosis.circumstances import circumstances_of
 from trihedron.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.benches import GRAVITY, classes_with
+from trihedron.hidden_suite.benches import classes_with
 from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
 from trihedron.hidden_suite.measurement import measure_case
 from trihedron.models.effects import Rows
@@ -122,7 +123,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
             continue
         amplitude = rng.uniform(1.8, 4.0) * NOISE_BOUND / far
         for _ in range(6):
-            record = replace(clean, specific_force=clean.specific_force + GRAVITY * amplitude * change)
+            record = replace(clean, specific_force=clean.specific_force + STANDARD_GRAVITY * amplitude * change)
             radius = nearest_triple(case, record) / NOISE_BOUND
             if amplitude < 1e-2 and radius >= LEAST_RADIUS and is_beyond_three(case, record):
                 return UnknownCase(case, record, effect.__name__, radius)

@@ -175,13 +175,12 @@ def _simulated(scenario: Scenario, out: Path | None, ignored: tuple[str, ...], *
         if run.height > MOST_ROWS:
             raise InputError(f"{run.height} rows are too many to average here; raise record.every")
         positions = averaged(run)
-        files = run.files
-        if out is not None:
-            write_position_record(positions, out / "positions.csv")
-            files = (*files, out / "positions.csv")
     except InputError as error:
         return Simulation(run, None, str(error), run.files, ignored)
-    return Simulation(run, positions, "", files, ignored)
+    if out is None:
+        return Simulation(run, positions, "", run.files, ignored)
+    write_position_record(positions, out / "positions.csv")
+    return Simulation(run, positions, "", (*run.files, out / "positions.csv"), ignored)
 
 
 def averaged(run: Run) -> PositionRecord:

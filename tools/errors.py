@@ -1,5 +1,7 @@
 """What is said to a user whose input cannot be used."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -8,6 +10,15 @@ class InputError(Exception):
 
     It names the file, the row and the column, or the option, and says what would be right.
     """
+
+
+@contextmanager
+def said_of(where: str) -> Iterator[None]:
+    """Put the name of a field or file before what is refused in the block."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 LONGEST_MESSAGE = 800

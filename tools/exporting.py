@@ -1,17 +1,17 @@
 """Components written as FMUs."""
 
 import hashlib
-import sys
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from trihedron.errors import InputError, nearest
 from trihedron.fmus import build, component_names, components
 from trihedron.fmus.native.compiler import BuildError, chosen_platforms
 from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.progress import tracked
 from trihedron.shown import Shown
 from trihedron.writing import whole_folder
 
@@ -157,6 +157,10 @@ def export_components(
     for name in names:
         if name not in known:
             raise InputError(f"component {name}: is not known; {nearest(name, known)}")
+    if flavour not in get_args(Flavour):
+        raise InputError(f"--flavour {flavour}: must be {' or '.join(get_args(Flavour))}")
+    if fmi not in (2, 3):
+        raise InputError(f"--fmi {fmi}: must be 2 or 3")
     if flavour == "python" and fmi != 2:
         raise InputError("--fmi 3: the Python flavour is FMI 2.0 only; add --flavour native")
     if flavour == "python" and platform is not None:
@@ -171,7 +175,7 @@ def export_components(
         if flavour == "native":
             chosen_platforms("host" if platform is None else platform)
         with whole_folder(out) as beside:
-            for name in with_progress(chosen):
+            for name in tracked(chosen, "FMUs", show=True):
                 own = [place for place in places if can_extend(table[name], place)]
                 build(name, beside, own, flavour=flavour, fmi=fmi, platform="host" if platform is None else platform)
                 if flavour == "native":
@@ -179,16 +183,6 @@ def export_components(
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
     return [out / f"{name}.fmu" for name in chosen]
-
-
-def with_progress(names: Sequence[str]) -> Iterable[str]:
-    """The names, with a bar where standard error is a terminal: a compiler's first binary takes its time."""
-    if not sys.stderr.isatty():
-        return names
-    from rich.console import Console
-    from rich.progress import track
-
-    return track(names, "FMUs", console=Console(stderr=True), transient=True)
 
 
 def write_reference_results(name: str, effects: Sequence[EffectPlace], folder: Path, fmi: int) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.errors import InputError
+from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
 from trihedron.models.effects import CATALOGUE
 from trihedron.orchestrator import simulate
@@ -152,7 +153,7 @@ def measure(case: HiddenCase, seed: int, *, progress: bool = False) -> PositionR
     record = record_of(raw_record_scenario(case, seed), progress=progress)
     if case.place is not None and case.place.effect == "outlier":
         row = int(case.place.where.removeprefix("position-")) - 1
-        record.specific_force[row, case.place.axes[0] - 1] += case.values[0] * 9.80665
+        record.specific_force[row, case.place.axes[0] - 1] += case.values[0] * STANDARD_GRAVITY
     return record
 
 

@@ -143,6 +143,8 @@ def diagnose(
         return diagnose_strapdown(run, gravity=gravity, baseline=baseline, rates=rates)
     from trihedron.diagnosis import diagnose as judge
 
+    if rates != "instantaneous":
+        raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     return judge(
         run.record,
         noise_bound=noise_bound,
@@ -263,6 +265,11 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     baseline : str
         "symmetric" lets scale-asymmetry be hidden
 
+    Raises
+    ------
+    InputError
+        a seed, an effect or a baseline that there is not
+
     Examples
     --------
     >>> import trihedron as th
@@ -272,6 +279,8 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     """
     from trihedron.hidden import hidden_record
 
+    if baseline not in ("asymmetric", "symmetric"):
+        raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
     return hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
 
 

@@ -11,8 +11,6 @@ from trihedron.answers import Answer, answer
 from trihedron.errors import InputError
 from trihedron.outputs import ordinary_folder
 
-Signed = Parameter(allow_leading_hyphen=True)
-
 
 @dataclass(frozen=True)
 class PositionOptions:

@@ -33,9 +33,11 @@ def calibration_summary(result: Calibration) -> str:
             lines.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
             continue
         ends = ["" if end is None else f"{end:+z.7f}" for end in (row.low, row.high)]
+        # Of a model that the readings contradict nothing is guaranteed.
+        error = "" if result.verdict == "falsified" else f"{row.guaranteed_error:.1e}"
         lines.append(
-            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {row.guaranteed_error:>11.1e} "
-            f"{ends[0]:>13} {ends[1]:>13}  {row.unit}"
+            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {error:>11} "
+            f"{ends[0]:>13} {ends[1]:>13}  {unit_of(row.unit)}".rstrip()
         )
     lines += levelling_lines(result)
     lines += witness_lines(result)
@@ -43,6 +45,11 @@ def calibration_summary(result: Calibration) -> str:
     lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join(lines)
+
+
+def unit_of(unit: str) -> str:
+    """A unit behind a number: nothing for what has none."""
+    return "" if unit == "1" else unit
 
 
 PHYSICAL_WORDS = (
@@ -86,6 +93,8 @@ def missing_lines(result: Calibration) -> list[str]:
     """What the measurements leave open, in words."""
     if not result.missing:
         return []
+    if len(result.missing) == len(result.parameters):
+        return ["The readings determine no target. Measure the positions named, or say what is known by --prior."]
     named = ", ".join(f"{physical_words(gap.name)} ({gap.symbol})" for gap in result.missing)
     return [f"The readings do not determine: {named}. Measure the positions named, or say what is known by --prior."]
 
@@ -163,7 +172,8 @@ def cause_lines(cause: Cause) -> list[str]:
     for parameter, value, (low, high) in zip(
         CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
     ):
-        lines.append(f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {parameter.unit}")
+        text = f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {unit_of(parameter.unit)}"
+        lines.append(text.rstrip())
     return lines + [f"  cannot be told from {other.title}" for other in cause.equivalents]
 
 

@@ -52,7 +52,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Give a folder beside `path` to fill; its files are moved into `path` when the block ends without an error.
 
-    Files of the same name in an existing `path` are replaced, others are left alone.
+    Files of the same name in an existing `path` are replaced, others are left alone; an InputError where the folder
+    cannot be written.
     """
     path = Path(path)
     try:

@@ -1,6 +1,7 @@
 """Quantisation: an accelerometer's reading is rounded to a step."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ FEWEST_NOISY = 10
 """Fewer different readings prove no step whose multiples have errors of their own."""
 FEWEST = 6
 """Fewer readings prove no step."""
+AT_ONCE = 1 << 18
+"""So many steps are tried at once: a fast gyro without noise has hundreds of millions."""
 
 
 def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vector) -> None:
@@ -80,8 +83,8 @@ def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma
 def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
     """The largest step, up to 1e-2, of which at least seven in ten values (N,) are whole multiples.
 
-    Each of some values is tried as m steps, for all m at once: where it is, most of some others are multiples too, and
-    few steps are left for the rest to judge.
+    Each of some values is tried as m steps, for all m: where it is, most of some others are multiples too, and few
+    steps are left for the rest to judge.
 
     Parameters
     ----------
@@ -103,15 +106,10 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
     probes = distinct[np.unique(np.linspace(0, len(distinct) - 1, 12).round().astype(int))][::-1]
     best: float | None = None
     for base in probes[:4]:
-        steps = base / np.arange(math.ceil(base / LARGEST_STEP), math.floor(base / least) + 1)
-        others = probes[probes != base]
-        for tried in (others[:4], others):
-            hits = sum((misses(other, steps) <= 2.0 * tolerance) * 1.0 for other in tried)
-            steps = steps[hits >= SHARE * len(tried) - 1.0]
-        for step in steps:
+        for step in likely_steps(base, probes[probes != base], tolerance, least):
             if best is not None and step <= best:
                 break
-            refined = refine(values, float(step))
+            refined = refine(values, step)
             if share(values, refined, tolerance) >= SHARE:
                 best = refined
                 break
@@ -120,6 +118,17 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
     # Of few multiples of a step most may be even by chance.
     finer = [best / k for k in (2, 3) if share(values, best / k, tolerance) >= share(values, best, tolerance) + 0.15]
     return finer[0] if finer else best
+
+
+def likely_steps(base: float, others: NDArray[np.float64], tolerance: float, least: float) -> Iterator[float]:
+    """Steps, the largest first, of which a value is a whole multiple and most of some others (K,) are too."""
+    last = math.floor(base / least)
+    for first in range(math.ceil(base / LARGEST_STEP), last + 1, AT_ONCE):
+        steps = base / np.arange(first, min(first + AT_ONCE, last + 1))
+        for tried in (others[:4], others):
+            hits = sum((misses(other, steps) <= 2.0 * tolerance) * 1.0 for other in tried)
+            steps = steps[hits >= SHARE * len(tried) - 1.0]
+        yield from steps.tolist()
 
 
 def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
@@ -131,7 +140,7 @@ def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float]
     apart = np.sort(np.abs(values[np.abs(values) > COARSE * sigma]))
     if 1 + np.count_nonzero(np.diff(apart) > 2.0 * sigma) < FEWEST_NOISY:
         return None
-    step = common_step(values, sigma, COARSE * sigma)
+    step = common_step(values, sigma, max(LEAST_STEP, COARSE * sigma))
     if step is None:
         return None
     counts = np.round(np.abs(values) / step)

@@ -17,9 +17,9 @@ from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
 from trihedron.attitude.conditions import EXACT
 from trihedron.attitude.operations import operations_of_update
 from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.progress import progress_bar
 from trihedron.attitude.published import algorithm_named
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.progress import progress_bar
 from trihedron.writing import write_text
 
 PAGE = "choose-an-attitude-algorithm.md"
@@ -82,15 +82,8 @@ CONING_PHASES = tuple(float(x) for x in np.geomspace(0.05, 0.5 * math.pi, 24))
 """Ω Δt: phase of the cone in one gyro sample [rad]."""
 
 
-def largest_error(algorithm: Algorithm, situation: Situation) -> float:
-    """Largest angle between computed and true attitude over `DURATION`, with exact increments [rad]."""
-    count = round(DURATION * situation.rate)
-    samples = sample_motion(paper_motion(situation.motion, EXACT), 1.0 / situation.rate, count)
-    return _error(algorithm, samples.increments, samples.angles_at_steps(algorithm))
-
-
 def situation_errors(situation: Situation, algorithms: Sequence[Algorithm]) -> list[float]:
-    """`largest_error` for several algorithms from the same samples."""
+    """Largest angle between computed and true attitude over `DURATION` [rad] for each algorithm, increments exact."""
     count = round(DURATION * situation.rate)
     samples = sample_motion(paper_motion(situation.motion, EXACT), 1.0 / situation.rate, count)
     return [_error(algorithm, samples.increments, samples.angles_at_steps(algorithm)) for algorithm in algorithms]

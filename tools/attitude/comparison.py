@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from rich.console import Console
-from rich.progress import Progress
 
 from trihedron.attitude.measured import attitude_of_record
 from trihedron.attitude.run import AttitudeRun, attitude_error
 from trihedron.errors import InputError
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.progress import progress_bar
 from trihedron.records import StrapdownRecord
 from trihedron.writing import write_text
 
@@ -72,11 +71,9 @@ def compare_algorithms(
         a record that no algorithm can take
     """
     rows = []
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not (progress and console.is_terminal), transient=True) as bar:
-        task = bar.add_task("attitude", total=1 + len(algorithms))
+    with progress_bar("attitude", 1 + len(algorithms), show=progress) as advance:
         reference = attitude_of_record(record, algorithm=REFERENCE, rates=rates)
-        bar.advance(task)
+        advance(1)
         for algorithm in algorithms:
             try:
                 run = attitude_of_record(record, algorithm=algorithm.name, rates=rates, rate_divisor=rate_divisor)
@@ -86,7 +83,7 @@ def compare_algorithms(
                 rows.append(
                     ComparedAlgorithm(algorithm, len(run.row) - 1, _apart(run, reference), run.rms, run.maximum)
                 )
-            bar.advance(task)
+            advance(1)
     if all(row.refused for row in rows):
         raise InputError(rows[0].refused)
     return rows

@@ -13,13 +13,11 @@ from trihedron.errors import InputError, nearest
 from trihedron.models.attitude import ALGORITHMS, Algorithm
 from trihedron.orchestrator import simulate
 from trihedron.records import StrapdownRecord
+from trihedron.records.columns import INCREMENT, QUATERNION
 from trihedron.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
-
-INCREMENT_COLUMNS = ("dtheta1_rad", "dtheta2_rad", "dtheta3_rad")
-QUATERNION_COLUMNS = ("q0", "q1", "q2", "q3")
 
 
 def attitude_of_record(
@@ -70,7 +68,7 @@ def attitude_of_record(
     _check_range(record, chosen, increments, first, rate_divisor)
     run = simulate(_scenario(record, increments, chosen.number, start), out, progress=progress)
     updated = run.table["updated"].to_numpy()
-    attitude = run.table.select(QUATERNION_COLUMNS).to_numpy()[updated]
+    attitude = run.table.select(QUATERNION).to_numpy()[updated]
     index = first + rate_divisor * np.flatnonzero(updated)
     error = np.full((len(index), 3), np.nan)
     if record.attitude is not None:
@@ -136,7 +134,7 @@ def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
 def _scenario(record: StrapdownRecord, increments: Increments, number: int, start: list[float]) -> Scenario:
     """One attitude computer, driven by the record's increments."""
     time = increments.time_s
-    columns = dict(zip(INCREMENT_COLUMNS, increments.angle.T, strict=True))
+    columns = dict(zip(INCREMENT, increments.angle.T, strict=True))
     return Scenario(
         title=f"attitude of {record.path.name}",
         run=RunSetting(start_s=float(time[0]), stop_s=float(time[-1]), step_s=increments.period),
@@ -154,12 +152,12 @@ def _scenario(record: StrapdownRecord, increments: Increments, number: int, star
             Stimulus(
                 table=pl.DataFrame({"time_s": time[1:], **columns}),
                 stamp="end",
-                columns={f"computer.increment[{i}]": name for i, name in enumerate(INCREMENT_COLUMNS, start=1)},
+                columns={f"computer.increment[{i}]": name for i, name in enumerate(INCREMENT, start=1)},
             )
         ],
         record=RecordSetting(
             columns={
-                **{name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION_COLUMNS, start=1)},
+                **{name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)},
                 "updated": "computer.updated",
             }
         ),

@@ -21,8 +21,8 @@ ALGORITHM_OF_PRINT = {
 }
 """The algorithm that gives the published errors, for each name in print."""
 
-TABLES = {"1": "Table 1", "2": "Table 2", "3": "Table 3", "3.1.1": "section 3.1.1"}
 ANGLES = ("ψ", "ϑ", "γ")
+TABLES = {"1": "Table 1", "2": "Table 2", "3": "Table 3", "3.1.1": "section 3.1.1"}
 
 
 @dataclass(frozen=True)

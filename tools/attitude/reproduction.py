@@ -11,8 +11,8 @@ from trihedron.attitude.angles import angle_errors
 from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
 from trihedron.attitude.conditions import CAUSES, EXACT, PAPER, Cause, Conditions
 from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.progress import progress_bar
 from trihedron.attitude.published import PublishedRow, published_rows
+from trihedron.progress import progress_bar
 
 DURATION = 600.0
 """Length of every run [s]."""

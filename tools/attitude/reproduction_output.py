@@ -16,6 +16,12 @@ from trihedron.writing import whole_folder, write_text
 
 SCHEMA = "trihedron.attitude-reproduction/1"
 LETTERS = ("psi", "theta", "gamma")
+SCORED = (
+    (("1",), 0.002),
+    (("3.1.1",), TOLERANCE),
+    (("2", "3"), TOLERANCE),
+)
+"""Tables that are counted together, and the fraction of the printed number within which one counts."""
 
 
 def reproduction_summary(result: Reproduction) -> list[str]:
@@ -56,7 +62,7 @@ def _ratios(values: Sequence[float] | np.ndarray) -> str:
 
 def _score_lines(result: Reproduction) -> list[str]:
     lines = []
-    for tables, within in ((("1",), 0.002), (("3.1.1",), 0.05), (("2", "3"), 0.05)):
+    for tables, within in SCORED:
         hit, of = result.score(tables, within)
         if of:
             names = " and ".join(TABLES[table] for table in tables)
@@ -93,7 +99,7 @@ def reproduction_json(result: Reproduction) -> str:
         ],
         "scores": [
             {"tables": list(tables), "within": within, "numbers": hit, "of": of}
-            for tables, within in ((("1",), 0.002), (("3.1.1",), 0.05), (("2", "3"), 0.05))
+            for tables, within in SCORED
             for hit, of in (result.score(tables, within),)
         ],
     }

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from trihedron.attitude.published import ANGLES
 from trihedron.attitude.reproduction import ReproducedRow
 
 TOLERANCE = 0.05
@@ -48,8 +49,7 @@ UNEXPLAINED = (
 
 def not_reproduced(row: ReproducedRow) -> list[str]:
     """The angles of a row that come out more than `TOLERANCE` away from print."""
-    names = ("ψ", "ϑ", "γ")
-    return [name for name, ratio in zip(names, row.ratio, strict=True) if not abs(ratio - 1.0) <= TOLERANCE]
+    return [name for name, ratio in zip(ANGLES, row.ratio, strict=True) if not abs(ratio - 1.0) <= TOLERANCE]
 
 
 def sentence_for(row: ReproducedRow) -> str:

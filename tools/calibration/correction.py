@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.reading_errors import corners
-from trihedron.calibration.values import calibrated_block, checked_calibration
+from trihedron.calibration.values import calibrated_block, checked_calibration, number
 from trihedron.errors import InputError, unreadable
 
 ARCSEC = math.radians(1 / 3600)
@@ -63,7 +63,7 @@ def read_correction(path: Path) -> Correction:
 
 
 def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
-    """The correction of a calibration's object; `where` is what messages begin with."""
+    """The correction of a calibration's object; an InputError, which begins with `where`, for what gives none."""
     block: Any = calibrated_block(calibration, where)
     gamma = np.zeros((3, 3))
     for row, column in ((2, 1), (3, 1), (3, 2)):
@@ -76,18 +76,21 @@ def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
 
 
 def _reading_errors(calibration: Mapping[str, Any], where: str) -> tuple[NDArray, NDArray]:
+    """Lower and upper ends (3, 3, 3, 3) of the `corners` in a calibration's object; NaN at other inputs."""
     ends = np.full((2, 3, 3, 3, 3), np.nan)
     try:
-        for entry in calibration["reading_errors"]:
-            place = (int(entry["accelerometer"]) - 1, *(int(x) + 1 for x in entry["input"]))
-            ends[(slice(None), *place)] = float(entry["low"]), float(entry["high"])
-        known = [ends[(slice(None), p - 1, *(x + 1 for x in n))] for p, n in corners()]
-    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        entries = calibration["reading_errors"]
+        given = {(e["accelerometer"], tuple(e["input"])): (e["low"], e["high"]) for e in entries}
+    except (KeyError, TypeError) as error:
         raise InputError(f"{where}: its reading_errors are not as the schema says; calibrate again") from error
-    if not np.isfinite(known).all():
+    wanted = corners()
+    if len(entries) != len(wanted) or not all(corner in given for corner in wanted):
         raise InputError(f"{where}: its reading_errors are not complete; calibrate again")
-    if not all(-1.0 <= low <= high <= 1.0 for low, high in known):
-        raise InputError(f"{where}: its reading_errors are not low <= high, between -1 and 1; calibrate again")
+    for p, n in wanted:
+        low, high = (number(end, f"{where}: reading_errors, accelerometer {p}, input {list(n)}") for end in given[p, n])
+        if not -1.0 <= low <= high <= 1.0:
+            raise InputError(f"{where}: its reading_errors are not low <= high, between -1 and 1; calibrate again")
+        ends[(slice(None), p - 1, *(x + 1 for x in n))] = low, high
     return ends[0], ends[1]
 
 

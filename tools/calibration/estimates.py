@@ -1,21 +1,18 @@
 """Each target's value, guaranteed error and exact interval, and the verdict's radius, at the fit."""
 
 from collections.abc import Iterable
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import track
 
 from trihedron.calibration.linearisation import NOT_OUTSIDE, Linearisation
 from trihedron.calibration.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
 from trihedron.calibration.result import Estimate
 from trihedron.calibration.targets import Target
+from trihedron.progress import tracked
 
-T = TypeVar("T")
 MANY_MEASUREMENTS = 5000
-"""From here on the programmes take seconds and show their progress."""
+"""From here on the programmes take seconds."""
 
 
 def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
@@ -70,7 +67,8 @@ def estimate_targets(here: Linearisation, wanted: list[Target], intervals: NDArr
         return estimates
     reduced = Polytope(here.jacobian @ here.span, here.bound)
     reduced.confine(-here.bound, here.bound)
-    for k in tracked(_determined_rows(here, [t.weights for t in wanted]), here, "guaranteed errors"):
+    known = _determined_rows(here, [t.weights for t in wanted])
+    for k in tracked(known, "guaranteed errors", show=takes_long(here)):
         t = wanted[k]
         error, _, phi = reduced.maximise(here.span.T @ t.weights)
         value = float(t.weights @ here.point + phi @ here.residual)
@@ -107,7 +105,7 @@ def exact_intervals(here: Linearisation, weights: NDArray, centre: NDArray, slac
     tops = {}
     remainder = np.zeros(len(residual))
     known = _determined_rows(here, weights)
-    for k in tracked(known, here, "exact intervals"):
+    for k in tracked(known, "exact intervals", show=takes_long(here)):
         for side, sense in enumerate((-1.0, 1.0)):
             value, step, phi = feasible.maximise(here.span.T @ (sense * weights[k]))
             step = here.span @ step
@@ -143,11 +141,9 @@ def _determined_rows(here: Linearisation, weights: Iterable[NDArray]) -> list[in
     return [k for k, row in enumerate(weights) if is_determined(here, row)]
 
 
-def tracked(rows: list[T], here: Linearisation, what: str) -> Iterable[T]:
-    """The rows, with a bar of progress where there are many measurements and somebody looks."""
-    console = Console(stderr=True)
-    quiet = not console.is_terminal or len(here.bound) < MANY_MEASUREMENTS
-    return track(rows, what, console=console, disable=quiet, transient=True)
+def takes_long(here: Linearisation) -> bool:
+    """Whether there are so many measurements that progress is worth showing."""
+    return len(here.bound) >= MANY_MEASUREMENTS
 
 
 def is_determined(here: Linearisation, weights: NDArray) -> bool:

@@ -98,6 +98,7 @@ class _Problem:
     span: NDArray
 
     def residual(self, point: NDArray, sign: NDArray | None = None) -> NDArray:
+        """Readings less those predicted at a point (3 N,), fractions of g."""
         return (self.reading - predicted_reading(self.parametrisation, point, self.positions, sign)).ravel()
 
     def step(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float | None = None) -> NDArray:
@@ -107,6 +108,7 @@ class _Problem:
         return self.span @ np.linalg.lstsq(rows, self.residual(point, sign) * weight, rcond=cut)[0]
 
     def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
+        """Norm of the weighted residual at a point."""
         return float(np.linalg.norm(self.residual(point, sign) * weight))
 
     def minimise(self, point: NDArray, weight: NDArray) -> tuple[NDArray, NDArray, bool]:

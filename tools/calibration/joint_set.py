@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.estimates import feasible_set, is_determined, tracked
+from trihedron.calibration.estimates import feasible_set, is_determined, takes_long
 from trihedron.calibration.programmes import Polytope
 from trihedron.calibration.result import FeasibleSet
 from trihedron.calibration.targets import Target, convention_targets
+from trihedron.progress import tracked
 
 GROUPS = (
     ("accelerometer 1", ("X4", "X5", "X16")),
@@ -45,7 +46,7 @@ def joint_sets(feasible: FeasibleSet) -> dict[str, list[PairSet]]:
         targets = [known[symbol] for symbol in symbols if symbol in known]
         wanted += [(group, first, second) for i, second in enumerate(targets) for first in targets[:i]]
     result: dict[str, list[PairSet]] = {}
-    for group, first, second in tracked(wanted, here, "joint feasible set"):
+    for group, first, second in tracked(wanted, "joint feasible set", show=takes_long(here)):
         weights = np.array([first.weights, second.weights])
         middle = weights @ feasible.centre
         result.setdefault(group, []).append(PairSet(first, second, middle + _polygon(polytope, weights @ here.span)))

@@ -46,7 +46,9 @@ def checked_rotation(matrix: Any, where: str) -> NDArray:
     where : str
         what the message begins with
     """
-    rows = np.asarray(matrix).tolist() if isinstance(matrix, np.ndarray) else matrix
+    rows = matrix.tolist() if isinstance(matrix, np.ndarray) else matrix
+    if isinstance(rows, list | tuple):
+        rows = [row.tolist() if isinstance(row, np.ndarray) else row for row in rows]
     shaped = isinstance(rows, list | tuple) and len(rows) == 3
     if not (shaped and all(isinstance(row, list | tuple) and len(row) == 3 for row in rows)):
         raise InputError(f"{where}: the matrix must be three rows of three numbers")
@@ -70,7 +72,7 @@ def checked_rotation(matrix: Any, where: str) -> NDArray:
 
 
 def read_mounting_file(path: Path) -> dict[str, NDArray]:
-    """The mountings of a TOML file, `[name] matrix = [[...], [...], [...]]` for each."""
+    """The mountings of a TOML file, `[name] matrix = [[...], [...], [...]]` for each; an InputError for any other."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -81,7 +83,7 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
         raise InputError(f"--mounting {path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise InputError(f"--mounting {path}: not UTF-8 text") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"--mounting {path}: not TOML: {error}") from error
     if not content:
         raise InputError(f"--mounting {path}: holds no mounting; write [name] and matrix = [[...], [...], [...]]")
@@ -96,6 +98,19 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
             raise InputError(f"{where} {wrong}; write matrix = [[...], [...], [...]]")
         mountings[name] = checked_rotation(table["matrix"], where)
     return mountings
+
+
+def mountings_of(given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
+    """The matrices (3, 3) of mountings by name, of a preset, or of a TOML file.
+
+    Raises
+    ------
+    InputError
+        for an unreadable file, or a matrix that is no rotation
+    """
+    if not isinstance(given, str):
+        return {name: checked_rotation(q, f"mounting '{name}'") for name, q in given.items()}
+    return {given: PRESETS[given]} if given in PRESETS else read_mounting_file(Path(given))
 
 
 def read_mounting(option: str, record: PositionRecord) -> dict[str, NDArray]:
@@ -150,7 +165,7 @@ def select(
                 f"{record.path}: row {row}, column mounting: {source} has no mounting '{name}' "
                 f"({nearest(name, tuple(known))}); give a TOML file with [{name}] matrix = [[...], [...], [...]]"
             )
-    return {name: checked_rotation(np.asarray(known[name], dtype=float), f"mounting '{name}'") for name in names}
+    return {name: checked_rotation(known[name], f"mounting '{name}'") for name in names}
 
 
 def mounting_names(record: PositionRecord) -> tuple[str, ...] | None:

@@ -10,7 +10,7 @@ from trihedron.calibration.duplicates import contradiction
 from trihedron.calibration.estimates import chebyshev_centre, estimate_targets, exact_intervals
 from trihedron.calibration.fit import fit
 from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.mountings import checked_rotation, mounting_names, read_mounting, select
+from trihedron.calibration.mountings import mounting_names, mountings_of, read_mounting, select
 from trihedron.calibration.next_positions import next_positions, repeats
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.priors import asked_priors, parameter_limits, with_priors
@@ -19,7 +19,7 @@ from trihedron.calibration.reading_errors import error_weights, reading_errors
 from trihedron.calibration.result import Calibration, Estimate, FeasibleSet, Provenance
 from trihedron.calibration.targets import asked_targets, convention_targets
 from trihedron.calibration.values import GRAVITIES
-from trihedron.errors import InputError
+from trihedron.errors import InputError, said_of
 from trihedron.records import PositionRecord
 from trihedron.records.noise import NoiseBound, noise_bound_from
 
@@ -202,10 +202,8 @@ def fit_record(
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
     p = parametrise(matrices, symmetric=baseline == "symmetric")
     extent = parameter_limits(p.symbols, bounds, asked_priors(priors, p, bounds))
-    try:
+    with said_of(str(record.path)):
         return fit(p, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds, extent)
-    except InputError as error:
-        raise InputError(f"{record.path}: {error}") from error
 
 
 def _check_choice(option: str, value: str, choices: tuple[str, ...]) -> None:
@@ -258,7 +256,7 @@ def _mountings(mounting: Mapping[str, ArrayLike] | str, record: PositionRecord) 
         return select(names, mounting, record, "mounting")
     if len(mounting) != 1:
         raise InputError(f"{record.path}: has no column mounting, so exactly one mounting must be given")
-    return {name: checked_rotation(np.asarray(q, dtype=float), f"mounting '{name}'") for name, q in mounting.items()}
+    return mountings_of(mounting)
 
 
 def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:

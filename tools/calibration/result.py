@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.mountings import checked_rotation
 from trihedron.calibration.reading_errors import ReadingError
-from trihedron.calibration.values import SCHEMA, block_parameters, checked_calibration, number, target_estimates
+from trihedron.calibration.values import (
+    SCHEMA,
+    block_parameters,
+    calibrated_gravity,
+    checked_calibration,
+    target_estimates,
+)
 from trihedron.errors import InputError
 from trihedron.fmus import version
 from trihedron.shown import Shown
@@ -213,7 +219,7 @@ def bench_parameters(calibration: Mapping[str, Any]) -> dict[str, dict[str, floa
     (name, matrix), *_ = mountings.items()
     mounting = checked_rotation(matrix, f"{where}: mounting '{name}'")
     try:
-        gravity = number(content["gravity_mps2"], f"{where}: gravity_mps2")
+        gravity = calibrated_gravity(content, where)
         return component_parameters(target_estimates(content, where), mounting, gravity)
     except KeyError as error:
         raise InputError(f"{where}: the calibration lacks {error.args[0]!r}") from error

@@ -165,6 +165,7 @@ class _Expression:
         self._at, self._depth = 0, 0
 
     def weights(self) -> NDArray:
+        """Weights (P,) of the whole text."""
         constant, weights = self._sum()
         if self._peek():
             self._refuse(f"{self._text[self._at]!r} is not expected here (character {self._at + 1})")

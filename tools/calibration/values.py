@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from trihedron.errors import InputError
-from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
+from trihedron.models.bench import SYMMETRIC_PAIRS
 
 SCHEMA = "trihedron.calibration/1"
 GRAVITIES = (4.9, 14.7)
 """[m/s²]: half and one and a half times the standard, as readings are taken to be."""
-BLOCK_TARGETS = tuple(t for t in TARGETS if t not in ("X1", "X2", "X3", "X8", "-X12", "X13"))
-"""The targets of case (A1) that belong to the block itself; the others are the bench's and the mounting's."""
 
 
 def checked_calibration(calibration: Any, where: str) -> Mapping[str, Any]:
@@ -77,7 +75,10 @@ def target_estimates(calibration: Mapping[str, Any], where: str) -> dict[str, fl
 
 
 def block_parameters(targets: Mapping[str, float], gravity: float) -> dict[str, float | list[float]]:
-    """Parameters of the block, and of its compensation, for values of the `BLOCK_TARGETS`; variable -> value."""
+    """Parameters of the block, and of its compensation, variable -> value, for values of the targets of case (A1).
+
+    X1, X2, X3, X8, -X12 and X13 are the bench's and the mounting's: they are not looked at.
+    """
     return {
         "gravity": gravity,
         "scale_error_plus": [targets["X4"], targets["X9"], targets["X14"]],
@@ -102,12 +103,17 @@ def calibrated_block(calibration: Any, where: str) -> dict[str, float | list[flo
     """
     content = checked_calibration(calibration, where)
     try:
-        gravity = number(content["gravity_mps2"], f"{where}: gravity_mps2")
-        if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
-            raise InputError(f"{where}: gravity_mps2 is {gravity:g}; {GRAVITIES[0]:g} to {GRAVITIES[1]:g} is possible")
-        return block_parameters(target_estimates(content, where), gravity)
+        return block_parameters(target_estimates(content, where), calibrated_gravity(content, where))
     except KeyError as error:
         raise InputError(f"{where}: the calibration lacks {error.args[0]!r}") from error
+
+
+def calibrated_gravity(calibration: Mapping[str, Any], where: str) -> float:
+    """The g [m/s²] of a calibration's object; a KeyError without it, an InputError when there is none such on Earth."""
+    gravity = number(calibration["gravity_mps2"], f"{where}: gravity_mps2")
+    if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
+        raise InputError(f"{where}: gravity_mps2 is {gravity:g}; {GRAVITIES[0]:g} to {GRAVITIES[1]:g} is possible")
+    return gravity
 
 
 def _check_interval(entry: Mapping[str, Any], estimate: float, what: str) -> None:
@@ -122,7 +128,7 @@ def _check_interval(entry: Mapping[str, Any], estimate: float, what: str) -> Non
 
 
 def number(value: Any, what: str) -> float:
-    """The value, when it is a number of a possible size."""
+    """The value, when it is a number of a possible size; else an InputError that begins with what it is."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
         shown = repr(value)
         raise InputError(f"{what} is {shown if len(shown) <= 40 else shown[:37] + '...'}, not a number")

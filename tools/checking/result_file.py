@@ -39,7 +39,7 @@ def check_results(path: Path, text: str) -> Check:
     if not isinstance(content, dict) or "schema" not in content:
         return Check(path, "unknown", (Problem("has no schema; a file of results begins with one"),))
     schema = content["schema"]
-    if schema not in SCHEMAS:
+    if not isinstance(schema, str) or schema not in SCHEMAS:
         what = f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}"
         return Check(path, "unknown", (Problem(what, _line(text, ("schema",))),))
     return _check(path, text, content, SCHEMAS[schema])
@@ -75,7 +75,7 @@ def _check(path: Path, text: str, content: dict[str, Any], kind: str) -> Check:
                 meant = f" (is '{close[0]}' meant?)" if close else ""
             findings.add(problem.text + meant, problem.location)
     if kind == "calibration" and not findings.problems():
-        _check_calibration(path, content, findings)
+        _check_calibration(content, findings)
     problems = findings.problems()
     return Check(path, kind, problems, tuple(warnings), () if problems else _summary(kind, content))
 
@@ -87,7 +87,7 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
     return list(content) if isinstance(content, dict) else []
 
 
-def _check_calibration(path: Path, content: dict[str, Any], findings: Findings) -> None:
+def _check_calibration(content: dict[str, Any], findings: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     from trihedron.calibration.correction import correction_of
     from trihedron.calibration.values import target_estimates

@@ -11,7 +11,8 @@ from trihedron.calibration.open_signs import widening
 from trihedron.calibration.parametrisation import predicted_input
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import coefficient_count, disturbed, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import ASTRAY, coefficient_blocks, extended_model, least_squares_step
+from trihedron.diagnosis.extended_fit import ASTRAY, least_squares_step
+from trihedron.diagnosis.extended_model import coefficient_blocks, extended_model
 from trihedron.diagnosis.lawson import Problem
 from trihedron.models.effects import EffectPlace
 from trihedron.models.regressors import admissible, nominal_input

@@ -65,11 +65,6 @@ def circumstances_of(record: PositionRecord) -> Circumstances:
     return Circumstances(hours, record.temperature, *senses, False, before, record.temperature_resolution)
 
 
-def standing_still(count: int, hours: NDArray) -> Circumstances:
-    """Rows with times alone: 20 degC, no moves."""
-    return Circumstances(hours, np.full(count, 20.0), np.zeros(count), np.zeros(count), False)
-
-
 def senses_of(angle: NDArray) -> NDArray:
     """Senses (N,) of the shorter turns that lead to each of successive angles (N,) [rad]; 0 before the first move."""
     turns = np.remainder(np.diff(angle) + np.pi, 2.0 * np.pi) - np.pi

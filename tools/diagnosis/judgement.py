@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.diagnosis.extended_fit import ExtendedFit, least_squares_step
+from trihedron.diagnosis.gain import MAX_LEVERAGE
 
 FOLDS = 5
 BLOCKS = 4
 SHUFFLES = 60
-MAX_LEVERAGE = 1.0
-"""A reading that was left out is scored when its prediction is at most so many times as uncertain as a reading."""
 FEWEST_SCORED = 6
 USUAL_CHANCE = 0.05
 """More than this part of the shuffles being as good as the effect deserves a warning."""

@@ -11,6 +11,9 @@ from trihedron.diagnosis.classes import column_space
 from trihedron.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.models.effects import EffectPlace
 
+NOTHING = 1e-9
+"""Columns of which so little is left, relatively, are imitated."""
+
 
 def likeness(here: Linearisation, circumstances: Circumstances, places: Sequence[EffectPlace]) -> NDArray:
     """Cosines of the least angles between what effects add to the nominal model at a record's positions.
@@ -30,15 +33,26 @@ def likeness(here: Linearisation, circumstances: Circumstances, places: Sequence
         1 where one can be chosen to look just like the other, 0 where nothing of it can; a row of zeros for an effect
         that adds nothing here
     """
-    bench = column_space(here.jacobian)
     rows = rows_at(here, here.point, here.positions, circumstances)
+    return cosines(here.jacobian, [signature_columns([place], rows) for place in places])
+
+
+def cosines(imitated: NDArray, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+    """Cosines (K, K) of the least angles between the spaces of K blocks of columns (M, k), less what is imitated.
+
+    Parameters
+    ----------
+    imitated : (M, P) array
+        columns whose space is taken out of all the others
+    columns : sequence of (M, k) array
+    """
+    base = column_space(imitated)
     spaces = []
-    for place in places:
-        columns = signature_columns([place], rows)
-        left = columns - bench @ (bench.T @ columns)
-        left[:, np.linalg.norm(left, axis=0) < 1e-9 * np.linalg.norm(columns, axis=0)] = 0.0
+    for block in columns:
+        left = block - base @ (base.T @ block)
+        left[:, np.linalg.norm(left, axis=0) < NOTHING * np.linalg.norm(block, axis=0)] = 0.0
         spaces.append(column_space(left))
-    alike = np.zeros((len(places), len(places)))
+    alike = np.zeros((len(spaces), len(spaces)))
     for i, first in enumerate(spaces):
         for j, second in enumerate(spaces):
             if first.shape[1] and second.shape[1]:

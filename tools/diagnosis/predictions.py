@@ -10,7 +10,8 @@ from trihedron.calibration.linearisation import Linearisation, linearise
 from trihedron.calibration.parametrisation import Positions
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import is_linear, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import ExtendedFit, extended_model
+from trihedron.diagnosis.extended_fit import ExtendedFit
+from trihedron.diagnosis.extended_model import extended_model
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.restricted import CONTEXT_SIZE, INPUT
 

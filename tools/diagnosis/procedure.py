@@ -18,7 +18,7 @@ from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.classes import Classes, classes_of, same_space
 from trihedron.diagnosis.disturbance import is_linear
 from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended
-from trihedron.diagnosis.extension import Gain, measure_gain
+from trihedron.diagnosis.gain import Gain, measure_gain
 from trihedron.diagnosis.intervals import parameter_intervals
 from trihedron.diagnosis.judgement import judge
 from trihedron.diagnosis.limits import excluded_sizes, target_shifts

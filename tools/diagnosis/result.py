@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.result import Calibration
 from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.extension import Gain
+from trihedron.diagnosis.gain import Gain
 from trihedron.diagnosis.judgement import Judgement
 from trihedron.diagnosis.second_mounting import SecondMounting
 from trihedron.models.effects import CATALOGUE, EffectPlace

@@ -6,8 +6,6 @@ from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import track
 
 from trihedron.calibration.linearisation import Linearisation
 from trihedron.calibration.programmes import chebyshev_radius
@@ -24,6 +22,7 @@ from trihedron.diagnosis.sets import MAX_SET, sets_of_size
 from trihedron.diagnosis.variants import Relaxation, relaxations
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from trihedron.models.effects.outlier import place_of
+from trihedron.progress import tracked
 
 MOST_FOUND = 60
 """So many sets of one size are enough to say that the positions cannot decide."""
@@ -176,17 +175,10 @@ def smallest_explanations(
     places = [place for place in classes.places if place not in untold]
     softened = relaxations(here, rows, [*untold, *bent])
     known: dict[tuple[EffectPlace, ...], list[Centre]] = {}
-    console = Console(stderr=True)
     for size in range(1, MAX_SET + 1):
         found: list[ExtendedFit] = []
-        candidates = track(
-            candidate_sets(here, circumstances, centre, places, softened, size, known),
-            f"sets of {size}",
-            total=None,
-            console=console,
-            disable=not (progress and console.is_terminal),
-            transient=True,
-        )
+        sets = candidate_sets(here, circumstances, centre, places, softened, size, known)
+        candidates = tracked(sets, f"sets of {size}", show=progress)
         complete = True
         for judged, (named, chosen) in enumerate(candidates, start=1):
             found += best_in_class(here, circumstances, classes, named, chosen, limit, resolution)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from trihedron.calibration.programmes import chebyshev_radius
 from trihedron.diagnosis.lawson import Problem, Projection, project, sharp_weights
-from trihedron.diagnosis.set_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
+from trihedron.diagnosis.set_bounds import bounds_of, surviving_sets
+from trihedron.diagnosis.set_settling import ACCEPTED, REFUSED, settle
 
 MAX_SET = 3
 MOST_OUTLIERS = 2

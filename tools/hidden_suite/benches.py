@@ -15,13 +15,13 @@ from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.calibration.procedure import fit_record
 from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.diagnosis.classes import Classes, classes_of
+from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.hidden import START_APART
 from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, STAND_BOUND, draw_truth, temperature_at
 from trihedron.models.bench import ELEMENTARY, elementary, elementary_reading
 from trihedron.models.effects import POSITION_EFFECTS
 from trihedron.records import PositionRecord
 
-GRAVITY = 9.80665
 SYMMETRIC_SHARE = 0.25
 """Part of the benches whose scale factors do not depend on the sign, and are diagnosed so."""
 TWO_MOUNTINGS_SHARE = 0.25
@@ -143,7 +143,7 @@ def faultless_record(bench: Bench) -> PositionRecord:
         time_s=time,
         alpha=bench.alpha,
         beta=bench.beta,
-        specific_force=GRAVITY * reading,
+        specific_force=STANDARD_GRAVITY * reading,
         temperature=temperature_at(time / 3600.0),
         approach_alpha=senses[:, 0],
         approach_beta=senses[:, 1],

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.calibration.mountings import PRESETS
+from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.hidden import BLOCK_NOISE, ENCODER_FLUCTUATION, RECORD_DECIMALS, STEP_S, bench_scenario, record_of
 from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.benches import GRAVITY, Bench
+from trihedron.hidden_suite.benches import Bench
 from trihedron.hidden_suite.cases import SuiteCase
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.records import PositionRecord
@@ -46,7 +47,7 @@ def measure_case(case: SuiteCase) -> PositionRecord:
     for hidden in case.hidden:
         if hidden.place.effect == "outlier":
             error[int(hidden.place.where.removeprefix("position-")) - 1, hidden.place.axes[0] - 1] += hidden.values[0]
-    written = np.round(record.specific_force + GRAVITY * error, RECORD_DECIMALS)
+    written = np.round(record.specific_force + STANDARD_GRAVITY * error, RECORD_DECIMALS)
     return dataclasses.replace(record, specific_force=written, resolution=0.5 * 10.0**-RECORD_DECIMALS)
 
 

@@ -1,14 +1,14 @@
 """Cases of a suite run one after the other, here or in several processes."""
 
+import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
+from multiprocessing import get_context
 from typing import TypeVar
 
-from rich.console import Console
-from rich.progress import track
-
 from trihedron.errors import InputError
+from trihedron.progress import tracked
 
 MOST_CASES = 100_000
 Outcome = TypeVar("Outcome")
@@ -44,9 +44,17 @@ def run_cases(
     ):
         if not least <= number <= most:
             raise InputError(f"--{name} {number}: must be a whole number from {least} to {most}")
-    console = Console(stderr=True)
-    hidden = not (progress and console.is_terminal)
     with ExitStack() as stack:
-        each = map if jobs == 1 else stack.enter_context(ProcessPoolExecutor(jobs)).map
+        each = map if jobs == 1 else stack.enter_context(_pool(jobs)).map
         found = each(run, range(cases))
-        return tuple(track(found, "cases", total=cases, console=console, disable=hidden, transient=True))
+        return tuple(tracked(found, "cases", show=progress, total=cases))
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    """Processes that begin anew: a fork would wait for ever for threads of polars that it does not have.
+
+    Ctrl-C is for the process that started them; they end what they are at.
+    """
+    return ProcessPoolExecutor(
+        jobs, mp_context=get_context("spawn"), initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
+    )

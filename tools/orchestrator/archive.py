@@ -21,10 +21,9 @@ MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
 MOST_DESCRIPTION_BYTES = 128 << 20
 LONGEST_SHOWN = 80
-LONGEST_SHOWN = 80
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """How FMI and SSP let members be compressed."""
-_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
+DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 
 
 @dataclass(frozen=True)
@@ -197,7 +196,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             # Sources and documentation are nothing that an FMU may read when it runs.
             needed = [m for m in members if not m.filename.startswith(("sources/", "documentation/"))]
             archive.extractall(folder, needed)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise InputError(f"{label}: is not a readable FMU archive ({error})") from error
     script = folder / "resources" / "slavemodule.txt"
     module = script.read_text("utf-8", errors="replace").strip() if script.is_file() else None

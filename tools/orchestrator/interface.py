@@ -23,8 +23,16 @@ class Variable:
 
     Attributes
     ----------
+    name, causality, variability : str
+        as the model description has them; the name of an array's element ends with its number
     kind : str
         Real, Integer, Boolean, String or Enumeration; Binary and Clock, which the orchestrator does not pass on
+    reference : int
+        value reference
+    unit : str or None
+    minimum, maximum : float or None
+        in its unit
+    start : bool, int, float, str or None
     items : tuple
         the values of an enumeration with their names
     type : str

@@ -26,9 +26,11 @@ class Sources:
     hashes: dict[str, str] = field(default_factory=dict)
 
     def note(self, label: str, content: bytes) -> None:
+        """Keep the hash of what a file holds."""
         self.hashes[label] = hashlib.sha256(content).hexdigest()
 
     def read(self, label: str) -> bytes:
+        """The bytes of a file, noted; an InputError where it cannot be read."""
         try:
             content = (self.base / label).read_bytes()
         except OSError as error:
@@ -47,7 +49,7 @@ class Loaded:
 
 
 def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded]:
-    """Build or find, check and unpack every FMU; resolve its parameters."""
+    """Build or find, check and unpack every FMU; resolve its parameters; an InputError for what cannot be had."""
     unpacked: dict[str, UnpackedFmu] = {}
     built: dict[tuple[str, tuple[EffectPlace, ...], str | None], Path] = {}
     loaded: dict[str, Loaded] = {}

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from trihedron.errors import InputError, nearest
+from trihedron.errors import InputError, nearest, said_of
 from trihedron.orchestrator.interface import Interface, Value, Variable, spread
 
 SETTABLE = ("parameter", "input")
@@ -41,8 +41,7 @@ def resolve_parameters(
     ):
         named: dict[str, str] = {}
         for name, value in values.items():
-            where = f"fmus.{interface.name}.{origin}"
-            try:
+            with said_of(f"fmus.{interface.name}.{origin}"):
                 variables = interface.find(name, SETTABLE)
                 for variable in variables:
                     if variable.causality not in SETTABLE or variable.variability == "constant":
@@ -52,8 +51,6 @@ def resolve_parameters(
                     named[variable.name] = name
                 for variable, item in spread(value, variables, name):
                     resolved[variable.name] = (variable, item)
-            except InputError as error:
-                raise InputError(f"{where}: {error}") from error
     return resolved
 
 
@@ -86,17 +83,12 @@ def calibrated_parameters(content: bytes, label: str, component: str) -> Mapping
 
     try:
         data = json.loads(content.decode("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{label}: is not JSON ({error})") from error
     if not isinstance(data, dict):
         raise InputError(f"{label}: is not a calibration result (schema trihedron.calibration/1)")
-    try:
+    with said_of(label):
         found = bench_parameters(data)
-    except (ValueError, KeyError, TypeError) as error:
-        reason = str(error) if isinstance(error, ValueError) else f"no calibration result ({error!r})"
-        raise InputError(f"{label}: {reason}") from error
-    except InputError as error:
-        raise InputError(f"{label}: {error}") from error
     if component not in found:
         raise InputError(f"{label}: says nothing about {component}; {nearest(component, list(found))}")
     return found[component]

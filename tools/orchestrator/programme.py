@@ -8,13 +8,13 @@ import numpy as np
 
 from trihedron.errors import InputError, nearest
 from trihedron.models.motion import move_duration
+from trihedron.models.position_programme import TICK_TOLERANCE
 from trihedron.orchestrator.grid import MOST_STEPS, Grid
 from trihedron.orchestrator.interface import Interface, Value, Variable
 from trihedron.orchestrator.stimuli import Drive, in_limits, input_variables
 from trihedron.orchestrator.tables import NumberTable
 from trihedron.scenario import RunSetting, Stimulus
 
-TICK_TOLERANCE = 1e-9
 ParameterValue = Callable[[str, Variable], Value | None]
 
 
@@ -105,6 +105,8 @@ def resolve_programme(
         slot = (move + float(dwell[row])) / run.step_s
         if slot > MOST_STEPS:
             raise InputError(f"{table.row(row)}: takes {slot:.3g} steps; no run is that long")
+        if slot <= TICK_TOLERANCE:
+            raise InputError(f"{table.row(row)}: takes {slot:.3g} of a step; take a shorter run.step_s")
         tick += math.ceil(slot - TICK_TOLERANCE)
         before = target
     return Programme(interface.name, variables, command, np.array(begins), tick)

@@ -13,7 +13,7 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.errors import InputError, one_line
+from trihedron.errors import InputError, one_line, said_of
 from trihedron.orchestrator.blocks import Values
 from trihedron.orchestrator.bus import make_buses
 from trihedron.orchestrator.connections import check_single_sources, resolve_connections
@@ -211,14 +211,14 @@ def resolve_stimuli(
     programmes: dict[int, Programme] = {}
     for number, stimulus in enumerate(scenario.stimuli, start=1):
         if stimulus.kind == "programme":
-            with _in(f"stimuli[{number}]"):
+            with said_of(f"stimuli[{number}]"):
                 positions = table(stimulus, number, None)
                 programmes[number] = resolve_programme(stimulus, positions, scenario.run, interfaces, parameter)
     grid = make_grid(scenario.run, [programme.end for programme in programmes.values()])
     drives: list[tuple[str, Drive]] = []
     for number, stimulus in enumerate(scenario.stimuli, start=1):
         name = f"stimuli[{number}]"
-        with _in(name):
+        with said_of(name):
             if stimulus.kind == "programme":
                 drives.append((name, drive_of_programme(programmes[number], grid)))
             elif stimulus.kind == "constant":
@@ -229,14 +229,6 @@ def resolve_stimuli(
                 )
                 drives += [(name, drive) for drive in found]
     return grid, drives
-
-
-@contextmanager
-def _in(where: str) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
 
 
 @contextmanager

@@ -38,6 +38,7 @@ def input_variables(text: str, interfaces: Mapping[str, Interface]) -> tuple[Int
 
 
 def in_limits(value: Value, variable: Variable, where: str) -> Value:
+    """A value as the variable's type takes it; what is wrong with it begins with its place."""
     try:
         return checked(value, variable)
     except InputError as error:

@@ -18,7 +18,7 @@ from trihedron.planning.position_costs import Costs, costs
 from trihedron.planning.position_search import search
 from trihedron.planning.request import Request, requested_task, stored_positions
 from trihedron.planning.rounding import rounded
-from trihedron.planning.waiting import shown_status
+from trihedron.progress import shown_status
 from trihedron.shown import Shown
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     bound, interrupted = None, result.interrupted
     if request.cuts and not interrupted and not (effects and request.extra):
         try:
-            with shown_status("lower bound", progress):
+            with shown_status("lower bound", show=progress):
                 hitting = HittingSet(task, pool_of(task, found.places), request.seed)
                 bound = bound_positions(hitting, count, found.worst, request.cuts)
         except KeyboardInterrupt:

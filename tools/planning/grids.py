@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.errors import InputError
+from trihedron.planning.certificate import ROUNDING
 from trihedron.planning.forms import Sheet, basis, clearance, dual_forms, value
 from trihedron.planning.master import Master
 from trihedron.planning.optimum import Optimum, UndeterminedError, settled
@@ -20,7 +21,6 @@ WHOLE = 480
 """Lines of a grid that is priced whole, at most."""
 ROWS_AT_ONCE = 64
 FINEST_DEG = 0.01
-ROUNDING = 64 * np.finfo(float).eps
 
 
 class Grid:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from trihedron.planning.forms import basis
+from trihedron.planning.optimum import NO_WEIGHT
 from trihedron.planning.places import Task, allowed, freedom, slopes
 from trihedron.planning.position_costs import Costs, costs
 
@@ -26,7 +27,6 @@ NEAR_ONE = 0.35
 """Columns with |F'y| so far below one do not enter a step's programme."""
 INSIDE = 2e-10
 """Clearance [g] that a step leaves to readings on the boundary."""
-NO_WEIGHT = 1e-9
 GAIN = 1e-10
 SMALL_GAIN, SMALL_STEPS = 1e-6, 4
 """An improvement ends after so many steps in a row that gain so little."""

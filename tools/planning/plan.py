@@ -4,15 +4,12 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rich.console import Console
-from rich.progress import track
 
-from trihedron.calibration.mountings import PRESETS, checked_rotation, read_mounting_file
+from trihedron.calibration.mountings import mountings_of
 from trihedron.calibration.parametrisation import Parametrisation, parametrise
 from trihedron.calibration.targets import Target, asked_targets, convention_targets
 from trihedron.errors import InputError
@@ -20,6 +17,7 @@ from trihedron.planning.continuum import Continuum
 from trihedron.planning.forms import DEFAULT_BOUNDS, sheets
 from trihedron.planning.grids import Grid
 from trihedron.planning.optimum import Optimum, UndeterminedError
+from trihedron.progress import tracked
 from trihedron.shown import Shown
 
 if TYPE_CHECKING:
@@ -171,14 +169,12 @@ def plan_targets(
         raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
     if grid is not None and not isfinite(grid):
         raise InputError(f"--grid {grid}: must be a number of degrees")
-    p = parametrise(_one_mounting(mounting), symmetric=baseline == "symmetric")
+    p = parametrise(mountings_of(mounting), symmetric=baseline == "symmetric")
     found = sheets(p, bounds=bounds, rule=admissible)
     wanted = asked_targets(targets, p) if targets else convention_targets(p, convention)
     search = Continuum(found) if grid is None else Grid(found, grid)
-    console = Console(stderr=True)
-    quiet = not (progress and console.is_terminal)
     plans = []
-    for target in track(wanted, "plans", console=console, disable=quiet, transient=True):
+    for target in tracked(wanted, "plans", show=progress):
         size = float(np.abs(target.weights).max())
         try:
             best = search.optimum(target.weights / size).times(size)
@@ -188,14 +184,6 @@ def plan_targets(
             raise InputError(f"--target {target.symbol}: {where} cannot determine it{hint}") from None
         plans.append(Plan(target, best, grid, admissible, bounds, p))
     return plans
-
-
-def _one_mounting(mounting: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
-    if not isinstance(mounting, str):
-        return {
-            name: checked_rotation(np.asarray(q, dtype=float), f"mounting '{name}'") for name, q in mounting.items()
-        }
-    return {mounting: PRESETS[mounting]} if mounting in PRESETS else read_mounting_file(Path(mounting))
 
 
 def _number(value: float) -> float | int:

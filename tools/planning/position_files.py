@@ -8,6 +8,7 @@ from trihedron.errors import InputError
 from trihedron.orchestrator.tables import read_table
 from trihedron.planning.common_plan import CommonPlan
 from trihedron.planning.places import Places
+from trihedron.records.checks import LIMITS
 from trihedron.writing import whole_folder
 
 DWELL_S = 20.0
@@ -90,10 +91,15 @@ def read_angles(path: Path) -> tuple[Places, Places]:
     Raises
     ------
     InputError
-        for a file that cannot be read, lacks a column or holds no rows
+        for a file that cannot be read, lacks a column, holds no rows, or angles that no table has
     """
     names = ("planned_alpha_deg", "planned_beta_deg", "alpha_deg", "beta_deg")
     table, _ = read_table(path, str(path), names)
+    low, high, needed = LIMITS["alpha_deg"]
+    for name in names:
+        values = table.columns[name]
+        for k in np.flatnonzero((values < low) | (values > high)).tolist():
+            raise InputError(f"{table.row(k)}, column '{name}': {values[k]:g} is outside {low:g} to {high:g}; {needed}")
     angle = np.radians(np.column_stack([table.columns[name] for name in names]))
     mounting = np.zeros(len(angle), dtype=int)
     return Places(angle[:, :2], mounting), Places(angle[:, 2:], mounting)

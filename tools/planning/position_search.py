@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import Progress
 
 from trihedron.planning.improvement import improve, merit
 from trihedron.planning.places import Places, Task, allowed, free_arcs
 from trihedron.planning.position_costs import NOT_DETERMINED, Costs, costs
+from trihedron.progress import progress_bar
 
 ELITE = 6
 """So many of the best sets are kept and changed."""
@@ -86,9 +85,7 @@ def search(
     rng = np.random.default_rng(seed)
     elite: list[tuple[float, Costs]] = []
     done, interrupted = 0, False
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not (progress and console.is_terminal), transient=True) as bar:
-        tracked = bar.add_task(f"{count} positions", total=len(given) + starts)
+    with progress_bar(f"{count} positions", len(given) + starts, show=progress) as advance:
         try:
             for places in [*given, *([None] * starts)]:
                 start = _start(task, count, rng, elite) if places is None else costs(task, places)
@@ -96,7 +93,7 @@ def search(
                 done += 1
                 _keep(elite, merit(found, criterion), found)
                 state = f"{count} positions, ratio {elite[0][1].worst:.5f}" if elite[0][1].determined.all() else None
-                bar.update(tracked, advance=1, description=state)
+                advance(1, state)
         except KeyboardInterrupt:
             if not elite:
                 raise

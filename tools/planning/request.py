@@ -4,20 +4,22 @@ import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.mountings import PRESETS, checked_rotation, read_mounting_file
+from trihedron.calibration.mountings import mountings_of
 from trihedron.calibration.parametrisation import parametrise
 from trihedron.calibration.targets import convention_targets
 from trihedron.errors import InputError
 from trihedron.planning.forms import DEFAULT_BOUNDS
 from trihedron.planning.optimum import UndeterminedError
 from trihedron.planning.places import Places, Task, free_arcs, task_of
-from trihedron.planning.waiting import shown_status
+from trihedron.progress import shown_status
+
+MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
+"""More searches, cuts or positions would not end within days."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def requested_task(request: Request, *, progress: bool = False) -> Task:
             raise InputError(f"--keep-out: nothing of {name} is left; leave some of its angles free")
     options: dict[str, Any] = {"bounds": request.bounds, "rule": request.admissible, "keep_out": keep_out}
     try:
-        with shown_status("optima of the targets", progress):
+        with shown_status("optima of the targets", show=progress):
             task = task_of(p, targets, **options)
             reserve = np.radians(request.reserve_deg)
             reserved = task_of(p, targets, **options, best=task.best, reserve=reserve)
@@ -91,14 +93,14 @@ def check_request(request: Request) -> None:
         raise InputError(f"--reserve {request.reserve_deg:g}: must be between 0 and 10 degrees")
     if request.resolution_deg is not None and not 1e-6 <= request.resolution_deg <= 30.0:
         raise InputError(f"--resolution {request.resolution_deg:g}: must be between 1e-6 and 30 degrees")
-    for name, number, least in (
-        ("starts", request.starts, 1),
-        ("cuts", request.cuts, 0),
-        ("extra", request.extra, 0),
-        ("seed", request.seed, 0),
+    for name, number, least, most in (
+        ("starts", request.starts, 1, MOST_STARTS),
+        ("cuts", request.cuts, 0, MOST_CUTS),
+        ("extra", request.extra, 0, MOST_EXTRA),
+        ("seed", request.seed, 0, 2**31 - 1),
     ):
-        if number < least:
-            raise InputError(f"--{name} {number}: must be at least {least}")
+        if not least <= number <= most:
+            raise InputError(f"--{name} {number}: must be from {least} to {most}")
     for text in request.keep_out:
         parsed_keep_out(text)
 
@@ -142,11 +144,7 @@ def _stored_rows() -> Iterator[dict[str, str]]:
 def _all_mountings(given: Sequence[Mapping[str, ArrayLike] | str]) -> dict[str, NDArray]:
     found: dict[str, NDArray] = {}
     for one in given:
-        if not isinstance(one, str):
-            more = {name: checked_rotation(np.asarray(q, dtype=float), f"mounting '{name}'") for name, q in one.items()}
-        else:
-            more = {one: PRESETS[one]} if one in PRESETS else read_mounting_file(Path(one))
-        for name, matrix in more.items():
+        for name, matrix in mountings_of(one).items():
             if name in found:
                 raise InputError(f"--mountings: {name} is given twice")
             if not name.replace("-", "").replace("_", "").isalnum():

@@ -80,7 +80,7 @@ def arcs_at(among: Stack, sheet: NDArray, alpha: NDArray) -> Arcs:
     if among.free:
         return Arcs(sheet, alpha, np.zeros((len(alpha), 0)))
     edge = np.squeeze(basis(alpha)[:, None, None, :] @ among.patterns[sheet], -2)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         spread = np.arccos((2.0 * among.margin - edge[..., 2]) / np.hypot(edge[..., 0], edge[..., 1]))
     middle = np.arctan2(edge[..., 1], edge[..., 0])
     beta = np.concatenate([middle - spread, middle + spread], axis=1)

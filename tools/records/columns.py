@@ -30,6 +30,7 @@ class Kind:
 
     @property
     def known(self) -> tuple[str, ...]:
+        """All columns that it may have."""
         return self.required + self.optional
 
 
@@ -54,10 +55,12 @@ class Layout:
 
     @property
     def numbers(self) -> tuple[str, ...]:
+        """The columns of numbers that are there."""
         return tuple(name for name in self.present if name != MOUNTING)
 
     @property
     def texts(self) -> tuple[str, ...]:
+        """The columns of names that are there."""
         return tuple(name for name in self.present if name == MOUNTING)
 
 
@@ -83,6 +86,7 @@ class Columns:
         return np.stack([self.numbers[name] for name in names], axis=1)
 
     def optional(self, name: str) -> np.ndarray | None:
+        """A column of numbers (N,), None where the file has none."""
         return self.numbers.get(name)
 
 

@@ -3,14 +3,14 @@
 import csv
 import math
 import re
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
+from trihedron.progress import tracked
 from trihedron.records.columns import (
     ANGLES,
     FORCE,
@@ -23,6 +23,8 @@ from trihedron.records.columns import (
     shown,
 )
 
+LARGE = 30_000_000
+"""From so many bytes on reading shows its progress."""
 PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
 
@@ -51,7 +53,7 @@ def read_csv(path: Path, data: bytes, recognise: Callable[[Sequence[str], int], 
     parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
     texts: dict[str, list[str]] = {name: [] for name in layout.texts}
     digits: dict[str, int] = {}
-    for start in _tracked(range(1, len(body), PART), len(data)):
+    for start in tracked(range(1, len(body), PART), "reading", show=len(data) >= LARGE):
         columns = reader.part(body[start : start + PART], rows[start : start + PART])
         for name in layout.numbers:
             parts[name].append(columns[name][1])
@@ -161,16 +163,6 @@ def _fields(path: Path, row: int, line: str) -> list[str]:
         if "unexpected end" in str(error):
             raise refusal(path, row, None, 'a quote (") is not closed on its line') from error
         raise refusal(path, row, None, f"not a row of comma-separated fields ({error})") from error
-
-
-def _tracked(starts: range, size: int) -> Iterable[int]:
-    """The same numbers, with a progress bar on a terminal when the file is large."""
-    if size < 30_000_000 or not sys.stderr.isatty():
-        return starts
-    from rich.console import Console
-    from rich.progress import track
-
-    return track(starts, description="reading", console=Console(stderr=True), transient=True)
 
 
 class _Reader:

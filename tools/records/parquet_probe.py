@@ -8,6 +8,7 @@ import sys
 
 
 def main() -> int:
+    """The exit status."""
     import polars as pl
 
     try:

@@ -5,15 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from trihedron import __version__
 from trihedron.campaign.comparison import CHANCE, Comparison
 from trihedron.campaign.computing import Results, summarise
 from trihedron.campaign.file import Campaign
 from trihedron.campaign.store import Store
 from trihedron.campaign.texts import rate_text, told_values
 from trihedron.hidden_suite.suite import named_suite
-from trihedron.report.campaign_pictures import distributions_picture, rates_picture, sensitivity_picture
+from trihedron.report.campaign_pictures import chance_of, distributions_picture, rates_picture, sensitivity_picture
+from trihedron.report.cells import Cell
 from trihedron.report.page import Section, Table, render_page
+from trihedron.report.record_sections import versions
+from trihedron.report.rounding import minus, significant
 from trihedron.report.suite_pictures import confusion_picture
 
 KINDS = {
@@ -50,7 +52,7 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
         rows = [[entry["runs"], entry["first_run"], entry["message"]] for entry in summary["failures"]]
         sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
     failed = summary["failed"]
-    verdict = f"{campaign.runs} {KINDS[campaign.kind]}, {failed or 'none'} failed."
+    verdict = " ".join([f"{campaign.runs} {KINDS[campaign.kind]}, {failed or 'none'} failed.", *counted(summary)])
     if comparison is not None:
         verdict += f" {_sentence(comparison)}"
     worse = comparison is not None and bool(comparison.of("worse"))
@@ -61,13 +63,24 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
         sections,
         tone="attention" if failed or worse else "good" if comparison is not None else "neutral",
         provenance={
-            "trihedron": __version__,
-            "campaign": manifest["order_sha256"],
-            "code": manifest["code_sha256"],
+            "campaign, SHA-256": manifest["order_sha256"],
+            "code, SHA-256": manifest["code_sha256"],
             "seed": campaign.seed,
+            **versions(),
         },
         sources=[SALTELLI] if sobol else [],
     )
+
+
+def counted(summary: Mapping[str, Any]) -> list[str]:
+    """The rates of the whole campaign, each as a sentence."""
+    whole = [item for item in summary["computed"] if "rate" in item and "against" not in item]
+    return [
+        f"{item['rate'].capitalize()} was {told_values(item)} in {entry['count'] or 'none'} of {entry['cases']}."
+        for item in whole
+        for entry in item["result"][:1]
+        if entry["cases"]
+    ]
 
 
 def _sentence(comparison: Comparison) -> str:
@@ -110,7 +123,7 @@ def _about(campaign: Campaign) -> Section:
     for name, axis in campaign.parameters.items():
         ((form, value),) = axis.model_dump(exclude_none=True).items()
         shown = ", ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
-        rows.append([name, form.replace("_", " "), shown + (", ..." if len(value) > MOST_VALUES else "")])
+        rows.append([name, form.replace("_", " "), minus(shown) + (", ..." if len(value) > MOST_VALUES else "")])
     table = Table(["parameter", "distribution", "of"], rows) if rows else None
     return Section("What was run", [" ".join(said)], table=table)
 
@@ -133,18 +146,26 @@ def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Sect
             sections.append(Section(title, svg=confusion_picture(found), caption=f"Rows: {item['of']}."))
         else:
             sections += [
-                Section(f"What {name} depends on", svg=sensitivity_picture(name, entry), caption=_method(entry))
+                Section(
+                    f"What {name} depends on",
+                    svg=sensitivity_picture(name, entry, runs),
+                    caption=_method(entry, runs),
+                )
                 for name, entry in found.items()
+                for runs in [int(np.isfinite(results.numbers(name)).sum())]
             ]
     return [*(_rates(against, found) for against, found in curves.items()), *sections]
 
 
-def _method(entry: Mapping[str, Any]) -> str:
+def _method(entry: Mapping[str, Any], runs: int) -> str:
     if entry["method"] == "sobol":
         without = f" {entry['rows_with_failures']} had a run that failed." if entry["rows_with_failures"] else ""
         indices = f"First-order and total Sobol indices from {entry['rows']} rows"
         return f"{indices}, with bootstrapped intervals of 95 %.{without}"
-    return "Spearman's rank correlation with each parameter; the band is ±0.1."
+    return (
+        f"Spearman's rank correlation with each parameter. With no connection 95 % of the correlations of {runs} runs "
+        f"lie in the band, ±{chance_of(runs):.2g}."
+    )
 
 
 def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
@@ -168,11 +189,14 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     there = {name: entry for name, entry in found.items() if entry["runs"]}
     at = next((entry["quantiles"] for entry in there.values()), [])
     header = ["scalar", "runs", "mean", *(f"{100.0 * q['at']:g} %" for q in at), "largest"]
-    rows = [
-        [name, entry["runs"], f"{entry['mean']:.4g}", *(f"{q['value']:.4g}" for q in entry["quantiles"]),
-         f"{entry['largest']:.4g}"]
+    rows: list[list[Cell]] = [
+        [
+            name,
+            entry["runs"],
+            *(significant(v, 4) for v in (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])),
+        ]
         for name, entry in there.items()
-    ]  # fmt: skip
+    ]
     columns = {name: np.asarray(results.numbers(name)) for name in there}
     marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from trihedron.report.choosing_pictures import power_of_ten
 from trihedron.report.svg import drawing, say_empty, short, svg_text
 from trihedron.report.theme import BAND, DASHES, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
 
@@ -46,21 +47,23 @@ def distributions_picture(columns: Mapping[str, NDArray], marks: Mapping[str, Se
                 say_empty(ax)
                 continue
             low, high = float(values.min()), float(values.max())
+            if low == high:
+                ax.set_xticks([])
+                say_empty(ax, f"always {low:.4g}")
+                continue
             wide = low > 0.0 and math.log10(high / low) > DECADES
-            edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, max(high, low + 1e-300), BINS + 1)
-            if high == low:
-                edges = np.array([low - 0.5, low + 0.5])
+            edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, high, BINS + 1)
             ax.hist(values, bins=edges, color=FIRST.light, alpha=0.75, linewidth=0)
             if wide:
                 ax.set_xscale("log")
                 ax.minorticks_off()
                 decades = np.arange(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
                 shown = decades[:: -(-len(decades) // MOST_TICKS)]
-                ax.set_xticks(10.0**shown, [f"{10.0**d:g}" for d in shown])
+                ax.set_xticks(10.0**shown, [power_of_ten(10.0**d) for d in shown])
             else:
                 ax.locator_params(axis="x", nbins=5)
                 if 0.0 < max(abs(low), abs(high)) < 1e-2:
-                    ax.ticklabel_format(axis="x", style="sci", scilimits=(0, 0))
+                    ax.ticklabel_format(axis="x", style="sci", scilimits=(0, 0), useMathText=True)
             for mark in marks.get(name, ()):
                 ax.axvline(mark, color=SECOND.light, linewidth=0.9, linestyle=(0, (4, 2)))
         return svg_text(figure, f"Distribution of {', '.join(names)}; dashed lines are quantiles")
@@ -119,7 +122,12 @@ def _middle(low: float, high: float, *, positive: bool) -> float:
     return math.sqrt(low * high) if low > 0.0 else high / math.sqrt(2.0)
 
 
-def sensitivity_picture(name: str, found: Mapping[str, Any]) -> str:
+def chance_of(runs: int) -> float:
+    """Within so much of zero 95 % of the rank correlations stay where there is no connection; one at most."""
+    return min(1.0, 1.96 / math.sqrt(max(runs - 1, 1)))
+
+
+def sensitivity_picture(name: str, found: Mapping[str, Any], runs: int) -> str:
     """How a scalar depends on the parameters: Sobol indices with their intervals, or rank correlations.
 
     Parameters
@@ -128,6 +136,8 @@ def sensitivity_picture(name: str, found: Mapping[str, Any]) -> str:
         of the scalar
     found : mapping
         what `trihedron.campaign.computing.sensitivity` says of it
+    runs : int
+        of which it is said
     """
     sobol = found["method"] == "sobol"
     key = "total" if sobol else "correlation"
@@ -149,7 +159,7 @@ def sensitivity_picture(name: str, found: Mapping[str, Any]) -> str:
                 handles.append(Line2D([], [], color=colour.light, marker=marker, markersize=4.4, label=label))
             axes.set_xlabel("part of the variance")
         else:
-            axes.axvspan(-0.1, 0.1, color=BAND.light, linewidth=0, zorder=0)
+            axes.axvspan(-chance_of(runs), chance_of(runs), color=BAND.light, linewidth=0, zorder=0)
             for y, (_, entry) in enumerate(rows):
                 if entry[key] is not None:
                     axes.plot([0.0, entry[key]], [y, y], color=FIRST.light, linewidth=1.6)

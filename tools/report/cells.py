@@ -19,6 +19,7 @@ LONG = 24
 """A text of more letters in a table may be broken into lines."""
 
 _POWER = re.compile(r"(?<![\w.])(?P<sign>[-+−]?)(?P<head>\d+(?:\.\d+)?)e(?P<power>[-+−]?\d+)(?![\w.]*\w)")
+_MINUS = re.compile(r"(?:(?<=[\s(\[])|^)-(?=\d)")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -40,8 +41,8 @@ Cell = str | int | float | bool | Written | Drawn | None
 
 
 def typeset(text: str) -> str:
-    """Text whose numbers with a power of ten are written as such: −1.09e-03 as −1.09·10⁻³."""
-    return _POWER.sub(_power, text)
+    """Text with the signs of typography, numbers with a power of ten written as such: -1.09e-03 as −1.09·10⁻³."""
+    return _MINUS.sub("−", _POWER.sub(_power, text))
 
 
 def _power(number: re.Match[str]) -> str:

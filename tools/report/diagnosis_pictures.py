@@ -77,7 +77,10 @@ def _by_position(values: ArrayLike, count: int) -> np.ndarray:
     return column(array).reshape(count, -1) if count and array.size else np.full((count, 1), np.nan)
 
 
-def candidates(names: Sequence[str], radius: ArrayLike) -> str:
+LEAVES = "largest residual that the best fit leaves [σ]"
+
+
+def candidates(names: Sequence[str], radius: ArrayLike, label: str = LEAVES) -> str:
     """What each candidate effect leaves of the misfit: the smallest radius of the extended model.
 
     Parameters
@@ -85,7 +88,9 @@ def candidates(names: Sequence[str], radius: ArrayLike) -> str:
     names : sequence of str, length N
         the effects with their places; "none", say, for the model as it is
     radius : array, shape (N,)
-        least max |residual| in units of σ; the data are explained up to 1
+        least max |residual| in units of its bound; the data are explained up to 1
+    label : str
+        of the axis
 
     Returns
     -------
@@ -107,14 +112,14 @@ def candidates(names: Sequence[str], radius: ArrayLike) -> str:
         most = float(np.nanmax(left)) if np.isfinite(left).any() else 1.0
         axes.set_xlim(0.0, 1.1 * max(most, 1.25))
         for k, value in enumerate(left):
-            text = f"{value:.3g}" if np.isfinite(value) else "not possible"
+            text = f"{value:.2f}" if np.isfinite(value) else "not possible"
             at = 0.0 if not np.isfinite(value) else 1.0 if explained[k] else value
             axes.annotate(text, (at, k), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
         axes.set_yticks(y, labels)
         axes.tick_params(axis="y", length=0, labelcolor=INK.light)
         axes.set_ylim(max(len(labels), 2) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
-        axes.set_xlabel("largest residual that the best fit leaves [σ]")
+        axes.set_xlabel(label)
         line = Line2D([], [], color=ALERT.light, linewidth=1.3, label="the data are explained up to here")
         figure.legend(handles=[line], loc="outside upper left", handletextpad=0.6)
         if not labels:

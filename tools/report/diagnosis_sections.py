@@ -12,7 +12,14 @@ from trihedron.report.calibration_pictures import residuals
 from trihedron.report.cells import Cell
 from trihedron.report.diagnosis_pictures import held_out
 from trihedron.report.direction_pictures import residuals_over_inputs
-from trihedron.report.evidence_sections import centred, confusion_section, proved, ranking_section, witness_section
+from trihedron.report.evidence_sections import (
+    CONFUSION,
+    centred,
+    confusion_section,
+    proved,
+    ranking_section,
+    witness_section,
+)
 from trihedron.report.excluded_sections import excluded_sections
 from trihedron.report.judgement_sections import judgement_sections, structure_sections, target_sections
 from trihedron.report.model_sections import cause_lines, extended_values, model_section
@@ -22,7 +29,7 @@ from trihedron.report.record_sections import key_figures, measured_section, prov
 from trihedron.report.rounding import Written, outwards, to_bound, unit_text
 from trihedron.report.sources import diagnosis_sources
 from trihedron.report.target_sections import target_section
-from trihedron.summaries import VERDICTS, open_targets
+from trihedron.summaries import MOST_SETS, VERDICTS, open_targets
 
 FEW_RIVALS = 3
 """Up to so many sets of effects are named in the verdict."""
@@ -35,20 +42,28 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord) -> str:
     seeds = {}
     if result.judgement is not None and result.judgement.shuffles:
         seeds["seed of the shuffles"] = len(record)
+    sections = [
+        measured_section(record, result.baseline),
+        model_section(result.baseline, extended_values(result), named),
+        *diagnosis_sections(result, record),
+    ]
     return render_page(
         f"Diagnosis of {record.path.name}",
         verdict_sentence(result),
-        [
-            measured_section(record, result.baseline),
-            model_section(result.baseline, extended_values(result), named),
-            *diagnosis_sections(result, record),
-        ],
+        sections,
         tone=TONES.get(result.verdict, "attention"),
         key=key_figures(result.baseline)
-        | ({"with the effect": f"{result.findings[0].fit.radius:.3g} σ"} if result.findings else {}),
+        | ({f"with {first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"} if result.findings else {}),
         provenance=provenance(result.baseline, seeds),
-        sources=diagnosis_sources(result),
+        sources=diagnosis_sources(result, compared=any(s.title == CONFUSION for s in sections)),
     )
+
+
+def first_words(result: Diagnosis) -> str:
+    """What the figures with the effects are of: the effects that were named, or the first of the sets that remain."""
+    if result.verdict != "explained":
+        return "the first of the sets that remain"
+    return "the effect" if len(result.causes) == 1 else "the effects"
 
 
 def verdict_sentence(result: Diagnosis) -> str:
@@ -82,7 +97,17 @@ def rivals(result: Diagnosis) -> str:
     sure = len(deciding(result.baseline.linearised, result.next_positions))
     if sure == proposed:
         return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
-    return f"{said} Of {proposed} further positions that are proposed {sure or 'none'} surely tell two of them apart."
+    return f"{said} Of {proposed} further positions that are proposed {tells(sure)} two of them apart."
+
+
+def tells(count: int) -> str:
+    """So many positions surely tell something."""
+    return "none surely tells" if not count else "one surely tells" if count == 1 else f"{count} surely tell"
+
+
+def named_words(result: Diagnosis) -> str:
+    """The first of several sets by its name."""
+    return "" if result.verdict == "explained" else f", {result.findings[0].title},"
 
 
 def diagnosis_sections(result: Diagnosis, record: PositionRecord, files: list[Path] | None = None) -> list[Section]:
@@ -114,7 +139,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
     least = f"{result.baseline.radius:.2f} σ"
     said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least}."
     if fit is not None:
-        said += f" With the effect{'s' if len(fit.places) > 1 else ''} it leaves {fit.radius:.2f} σ."
+        said += f" With {first_words(result)}{named_words(result)} it leaves {fit.radius:.2f} σ."
     return [
         Section(
             "Residuals before and after" if fit is not None else "Residuals",
@@ -133,21 +158,27 @@ def residual_sections(result: Diagnosis) -> list[Section]:
 
 def cause_section(result: Diagnosis, files: list[Path]) -> Section:
     """The cause that was named, or the candidates that remain."""
+    named = result.verdict == "explained"
     rows: list[list[Cell]] = []
-    for finding in result.findings:
+    for number, finding in enumerate(result.findings, start=1):
         for cause in finding.causes:
             effect = CATALOGUE[cause.place.effect].at(cause.place)
             for parameter, value, (low, high) in zip(effect.parameters, cause.values, cause.intervals, strict=True):
                 half = 0.5 * (high - low) if math.isfinite(high - low) else None
                 ends = outwards(low, high, half) if half else (Written(f"{low:.3g}"), Written(f"{high:.3g}"))
                 left = Written(f"{finding.fit.radius:.2f}")
-                rows.append(
-                    [cause.place.title, parameter.name, to_bound(value, half), *ends, unit_text(parameter.unit), left]
-                )
-    named = result.verdict == "explained"
+                row: list[Cell] = [cause.place.title, parameter.name, to_bound(value, half), *ends]
+                rows.append([*([] if named else [number]), *row, unit_text(parameter.unit), left])
     same = [e.title for cause in result.causes for e in cause.equivalents]
     same += [" with ".join(place.title for place in places) for places in result.equivalent_sets]
-    told = [cause.sentence.capitalize() + "." for finding in result.findings for cause in finding.causes]
+    shown = result.findings[:MOST_SETS]
+    told = [
+        f"{'' if named else f'Set {number}: '}{'; '.join(cause.sentence for cause in finding.causes)}."
+        for number, finding in enumerate(shown, start=1)
+    ]
+    told = [text[0].upper() + text[1:] for text in told]
+    if len(result.findings) > len(shown):
+        told.append(f"{len(result.findings) - len(shown)} sets more are in the table; the first leave least.")
     if same and named:
         told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
     if result.mounting is not None:
@@ -161,9 +192,11 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
     return Section(
         "The cause" if named else "Causes that remain",
         told,
-        table=Table(["effect", "parameter", "estimate", "low", "high", "unit", "leaves [σ]"], rows),
+        table=Table(
+            [*([] if named else ["set"]), "effect", "parameter", "estimate", "low", "high", "unit", "leaves [σ]"], rows
+        ),
         files=files,
-        equations=cause_lines([cause for finding in result.findings for cause in finding.causes]) if not named else (),
+        equations=cause_lines([cause for finding in shown for cause in finding.causes]) if not named else (),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from trihedron.report.svg import column, drawing, say_empty, svg_text, three_columns
@@ -35,14 +36,20 @@ def residuals_over_inputs(
     if witness is not None:
         proof |= np.asarray(witness, dtype=bool).reshape(-1, 3)
     looks: dict[str, dict[str, Any]] = {
-        "without the effect" if second is not None else "residual": {
+        "before" if second is not None else "residual": {
             "marker": "o",
             "markerfacecolor": "none",
             "color": SECOND.light,
             "markersize": 4.0,
         },
         "with the effect": {"marker": "o", "color": FIRST.light, "markersize": 3.2, "markeredgewidth": 0},
-        "proves it": {"marker": "o", "markerfacecolor": "none", "color": ALERT.light, "markersize": 7.5},
+        "proves that no fit exists": {
+            "marker": "D",
+            "markerfacecolor": "none",
+            "color": ALERT.light,
+            "markersize": 7.6,
+            "markeredgewidth": 1.2,
+        },
     }
     series = [first, second, np.where(proof, first, np.nan) if proof.any() else None]
     shown = [(label, look, values) for (label, look), values in zip(looks.items(), series, strict=True)
@@ -61,8 +68,11 @@ def residuals_over_inputs(
             if not np.isfinite(first[:, p] + n[:, p]).any():
                 say_empty(axes)
         panels[0].set_ylabel("residual [σ]")
-        handles = [Line2D([], [], linestyle="none", label=label, **look) for label, look, _ in shown]
-        figure.legend(handles=handles, loc="outside upper left", ncols=3, handletextpad=0.4)
+        handles = [
+            Patch(facecolor=BAND.light, label="within ±σ"),
+            *(Line2D([], [], linestyle="none", label=label, **look) for label, look, _ in shown),
+        ]
+        figure.legend(handles=handles, loc="outside upper left", ncols=4, handletextpad=0.5)
         return svg_text(figure, "Residuals of each accelerometer against its own input")
 
 

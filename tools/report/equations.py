@@ -13,9 +13,10 @@ _TOKEN = re.compile(
     r"(?P<number>\d+(?:\.\d+)?(?:e[−+-]?\d+)?)"
     r"|(?P<name>[A-Za-zΑ-Ωα-ωϑ][A-Za-zΑ-Ωα-ωϑ]*\*?)(?:_(?P<below>[A-Za-z0-9]+))?(?P<above>[²³⁺⁻ᵀ])?"
     r"|(?P<words>'[^']*')"
-    r"|(?P<operator>[-+−·×/()=|,<>≤≥±;°?])(?P<raised>[²³])?"
+    r"|(?P<operator>[-+−·×∘/()=|,<>≤≥±;°?])(?P<raised>[²³])?"
 )
 FUNCTIONS = ("sin", "cos", "exp", "sign", "up")
+THIN = '<mspace width="0.17em"/>'
 
 
 def math(text: str) -> str:
@@ -25,7 +26,8 @@ def math(text: str) -> str:
     ----------
     text : str
         names of one or more letters with ``_`` before an index (n_3, Γ_21), powers as ² and ³, numbers with a power of
-        ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d
+        ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
+        ``[a ; b | c ; d]`` is a matrix with the rows a b and c d
 
     Returns
     -------
@@ -39,9 +41,10 @@ def _row(text: str) -> str:
     parts = []
     position = 0
     while position < len(text):
-        if text[position] == "{":
-            end = text.index("}", position)
-            parts.append(_choice(text[position + 1 : end]))
+        if text[position] in "{[":
+            brace = text[position] == "{"
+            end = text.index("}" if brace else "]", position)
+            parts.append((_choice if brace else _matrix)(text[position + 1 : end]))
             position = end + 1
             continue
         match = _TOKEN.match(text, position)
@@ -49,9 +52,12 @@ def _row(text: str) -> str:
             parts.append("" if text[position] == " " else f"<mtext>{escape(text[position])}</mtext>")
             position += 1
             continue
-        parts.append(_element(match, first=text[:position].rstrip()[-1:] in ("", *"=(;|,<>≤≥")))
+        first = text[:position].rstrip()[-1:] in ("", *"=(;|,<>≤≥")
+        if match["name"] in FUNCTIONS and not first:
+            parts.append(THIN)
+        parts.append(_element(match, first=first))
         if match["number"] and text[match.end() :].lstrip()[:1].isalpha():
-            parts.append('<mspace width="0.17em"/>')
+            parts.append(THIN)
         position = match.end()
     return "".join(parts)
 
@@ -60,6 +66,13 @@ def _choice(text: str) -> str:
     rows = [part.split(";") for part in text.split("|")]
     cells = "".join(f"<mtr><mtd>{_row(value)}</mtd><mtd>{_row(where)}</mtd></mtr>" for value, where in rows)
     return f'<mrow><mo stretchy="true">{{</mo><mtable columnalign="left left">{cells}</mtable></mrow>'
+
+
+def _matrix(text: str) -> str:
+    rows = ["".join(f"<mtd>{_row(cell)}</mtd>" for cell in part.split(";")) for part in text.split("|")]
+    cells = "".join(f"<mtr>{row}</mtr>" for row in rows)
+    opens, closes = '<mo form="prefix" stretchy="true">(</mo>', '<mo form="postfix" stretchy="true">)</mo>'
+    return f'<mrow>{opens}<mtable class="matrix">{cells}</mtable>{closes}</mrow>'
 
 
 def _element(match: re.Match[str], *, first: bool) -> str:
@@ -74,12 +87,12 @@ def _element(match: re.Match[str], *, first: bool) -> str:
         # Brackets keep the size of the text; a sign at the beginning belongs to its number.
         form = ' form="prefix"' if first and match["operator"] in "-−" else ""
         size = ' stretchy="false"' if match["operator"] in "()|" else ""
+        size += {"|": ' lspace="0" rspace="0"', "/": ' lspace="0.06em" rspace="0.06em"'}.get(match["operator"], "")
         if match["operator"] == "?":
             return "<mi>?</mi>"
         sign = f"<mo{form}{size}>{escape(match['operator'].replace('-', '−'))}</mo>"
         return f"<msup>{sign}<mn>{_SUPERSCRIPTS[match['raised']]}</mn></msup>" if match["raised"] else sign
-    upright = ' mathvariant="normal"' if match["name"] in FUNCTIONS else ""
-    name = f"<mi{upright}>{escape(match['name'])}</mi>"
+    name = _name(match["name"])
     below = f"<mn>{escape(match['below'])}</mn>" if match["below"] else ""
     above = f"<mn>{_SUPERSCRIPTS[match['above']]}</mn>" if match["above"] else ""
     if below and above:
@@ -87,6 +100,14 @@ def _element(match: re.Match[str], *, first: bool) -> str:
     if below or above:
         return f"<m{'sub' if below else 'sup'}>{name}{below}{above}</m{'sub' if below else 'sup'}>"
     return name
+
+
+def _name(text: str) -> str:
+    """A name; a change is written with an upright Δ before the letter that it is of."""
+    if text.startswith("Δ") and len(text) > 1:
+        return f'<mrow><mi mathvariant="normal">Δ</mi><mi>{escape(text[1:])}</mi></mrow>'
+    upright = ' mathvariant="normal"' if text in FUNCTIONS else ""
+    return f"<mi{upright}>{escape(text)}</mi>"
 
 
 def signed(value: float, text: str, *, first: bool = False) -> str:

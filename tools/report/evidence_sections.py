@@ -23,6 +23,11 @@ from trihedron.report.rounding import Written, minus
 
 MOST_RANKED = 16
 MOST_COMPARED = 10
+CONFUSION = "Evidence: what could be taken for what"
+ALIKE = (
+    "How alike effects look {}: 1 means that the one can be sized to look just like the other, 0 that it cannot at "
+    "all. Close to 1 it takes small noise to confuse them."
+)
 
 
 def centred(residual: NDArray, bound: NDArray, fit: ExtendedFit | None) -> NDArray:
@@ -90,11 +95,30 @@ def ranking_section(result: Diagnosis) -> list[Section]:
             "Evidence: which effect mends it",
             [
                 f"Each of the {len(result.tried)} effects of the catalogue that are linear was added to the model in "
-                f"turn. At or below one σ the extended model explains every reading. {told}"
+                f"turn. At or below one σ the extended model explains every reading. {told}",
+                *refused_words(result),
             ],
             candidates([title for title, _ in shown], [radius for _, radius in shown]),
             f"Least largest residual that each effect leaves, in units of σ; the best {len(shown)}.",
         )
+    ]
+
+
+def refused_words(result: Diagnosis) -> list[str]:
+    """How many effects mend the record by themselves and are still not among the sets that remain; none where none."""
+    remaining = {
+        place.title
+        for finding in result.findings
+        if len(finding.causes) == 1
+        for cause in finding.causes
+        for place in (cause.place, *cause.equivalents)
+    }
+    refused = sum(radius <= 1.0 and title not in remaining for title, radius in result.tried)
+    if not refused or not remaining:
+        return []
+    which = "One of them is" if refused == 1 else f"{refused} of them are"
+    return [
+        f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends it."
     ]
 
 
@@ -112,16 +136,12 @@ def confusion_section(result: Diagnosis, record: PositionRecord) -> list[Section
         if cause.equivalents
     ]
     rows += [["the set that was named", title_of(members)] for members in result.equivalent_sets]
-    said = [
-        "How alike effects look at the positions of this record, beyond what the model's parameters imitate: 1 means "
-        "that the one can be sized to look just like the other, 0 that it cannot at all. Close to 1 it takes small "
-        "noise to confuse them."
-    ]
+    said = [ALIKE.format("at the positions of this record, beyond what the model's parameters imitate")]
     if result.findings and not rows:
         said.append("What was found is alone in its class: some measurement on this bench tells it from every other.")
     return [
         Section(
-            "Evidence: what could be taken for what",
+            CONFUSION,
             said,
             likeness_picture([place.title for place in places], alike),
             "Cosine of the least angle between what two effects add to the readings.",

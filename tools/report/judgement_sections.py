@@ -11,7 +11,7 @@ from trihedron.diagnosis import Diagnosis
 from trihedron.report.bars import Bar, bars
 from trihedron.report.cells import Cell
 from trihedron.report.page import Section, Table
-from trihedron.report.rounding import outwards, significant, symbol_text, to_bound
+from trihedron.report.rounding import outwards, significant, symbol_text, to_bound, unit_text
 from trihedron.report.svg import drawing, say_empty, short, svg_text
 from trihedron.report.theme import AXES, BAND, INK, WIDTH
 from trihedron.summaries import physical_words
@@ -49,7 +49,7 @@ def target_sections(result: Diagnosis) -> list[Section]:
     """What the effects do to the calibration; a section, or none."""
     if not result.targets:
         return []
-    names = {row.symbol: physical_words(row.name) for row in result.baseline.parameters}
+    known = {row.symbol: row for row in result.baseline.parameters}
     sigma = result.baseline.noise_bound
     halves = [None if None in (t["low"], t["high"]) else 0.5 * (t["high"] - t["low"]) for t in result.targets]
     drawn, reach = bars(
@@ -62,10 +62,10 @@ def target_sections(result: Diagnosis) -> list[Section]:
     for t, half, bar in zip(result.targets, halves, drawn, strict=True):
         moved = to_bound(t["after"] - t["before"], half)
         ends = outwards(t["low"], t["high"], half)
-        rows.append(
-            [symbol_text(t["symbol"]), names.get(t["symbol"], ""), to_bound(t["after"], half), moved, bar, *ends]
-        )
-    header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high"]
+        own = known.get(t["symbol"])
+        words, unit = ("", "") if own is None else (physical_words(own.name), unit_text(own.unit))
+        rows.append([symbol_text(t["symbol"]), words, to_bound(t["after"], half), moved, bar, *ends, unit])
+    header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high", "unit"]
     caption = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each target with the effects: what the readings leave."
     return [
         Section(
@@ -95,15 +95,18 @@ def structure_sections(result: Diagnosis) -> list[Section]:
     ]
 
 
-def shares(entries: Sequence[dict[str, Any]]) -> str:
-    """Bars of what each quantity predicts of the residual, before what is predictable at all (SVG)."""
-    labels = [short(f"accelerometer {entry['accelerometer']}: {entry['on']}") for entry in entries]
+def shares(entries: Sequence[dict[str, Any]], of: str = "accelerometer") -> str:
+    """Bars of what each quantity predicts of the residual, before what is predictable at all (SVG).
+
+    `of` names the entry that has the number of the accelerometer, or of the axis.
+    """
+    labels = [short(f"{of} {entry[of]}: {entry['on']}") for entry in entries]
     with drawing():
         figure = Figure(figsize=(WIDTH, 1.05 + 0.24 * max(len(labels), 2)), layout="constrained")
         axes = figure.subplots()
         y = np.arange(len(labels))
         axes.barh(y, [entry["explainable"] for entry in entries], height=0.86, color=BAND.light, linewidth=0)
-        colours = [AXES[int(entry["accelerometer"]) - 1].light for entry in entries]
+        colours = [AXES[int(entry[of]) - 1].light for entry in entries]
         axes.barh(y, [entry["explained"] for entry in entries], height=0.52, color=colours, linewidth=0)
         axes.set_yticks(y, labels)
         axes.tick_params(axis="y", length=0, labelcolor=INK.light)
@@ -114,4 +117,4 @@ def shares(entries: Sequence[dict[str, Any]]) -> str:
         figure.legend(handles=[Patch(facecolor=BAND.light, label="more than noise")], loc="outside upper left")
         if not labels:
             say_empty(axes)
-        return svg_text(figure, "How much of the residual of each accelerometer each quantity predicts")
+        return svg_text(figure, f"How much of the residual of each {of} each quantity predicts")

@@ -1,5 +1,7 @@
 """The page that an operator takes to the table."""
 
+from collections.abc import Sequence
+
 from trihedron.planning.common_plan import CommonPlan
 from trihedron.report.cells import Cell, Written
 from trihedron.report.page import Section, Table, render_page
@@ -9,10 +11,22 @@ from trihedron.report.rounding import minus, symbol_text
 from trihedron.report.sources import common_plan_sources
 from trihedron.summaries import physical_words
 
+MOST_DECIMALS = 4
+"""Of the angles [deg]: finer than any table is set."""
+ANGLES = ("alpha_deg", "beta_deg")
+
+
+def decimals_of(angles: Sequence[float]) -> int:
+    """The fewest decimals that show all angles [deg] as they are, four at most."""
+    exact = (d for d in range(MOST_DECIMALS) if all(abs(round(a, d) - a) < 1e-7 for a in angles))
+    return next(exact, MOST_DECIMALS)
+
 
 def operator_page(plan: CommonPlan, dwell_s: float) -> str:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
+    degrees = [plan.position(row) for row in range(len(plan.commands))]
+    places = decimals_of([one[name] for one in degrees for name in ANGLES])
     header = ["no.", "α [deg]", "β [deg]", *(["mounting"] if several else []), "dwell [s]", "remark", "done"]
     rows: list[list[Cell]] = []
     for number, row in enumerate(plan.programme, start=1):
@@ -20,9 +34,8 @@ def operator_page(plan: CommonPlan, dwell_s: float) -> str:
         first = list(plan.programme).index(row) + 1
         remark = f"again no. {first}" if first < number else ""
         mounting = [one["mounting"]] if several else []
-        angles = [Written(minus(f"{one[name]:.6g}")) for name in ("alpha_deg", "beta_deg")]
+        angles = [Written(minus(f"{one[name]:z.{places}f}")) for name in ANGLES]
         rows.append([number, *angles, *mounting, Written(f"{dwell_s:g}"), remark, "☐"])
-    degrees = [plan.position(row) for row in range(len(plan.commands))]
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
     reserve = plan.request.reserve_deg
     sections = [

@@ -4,6 +4,7 @@ import math
 import re
 
 from trihedron.report.cells import Written
+from trihedron.summaries import unit_of
 
 _POWER = re.compile(r"(?<=\d)e\+?(−?)0*(?=\d)(\d+)")
 
@@ -34,7 +35,7 @@ def symbol_text(symbol: str) -> str:
 
 def unit_text(unit: str) -> str:
     """A unit as people write it: m/s² for m/s2, nothing for 1."""
-    return "" if unit == "1" else unit.replace("2", "²").replace("3", "³")
+    return unit_of(unit).replace("2", "²").replace("3", "³")
 
 
 def to_bound(value: float | None, bound: float | None) -> Written | None:

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from trihedron.attitude import AttitudeRun
-from trihedron.report.page import Section
+from trihedron.report.cells import Cell
+from trihedron.report.page import Section, Table
+from trihedron.report.rounding import minus, significant
 from trihedron.report.time_pictures import attitude_error, bench_tour
 
 
@@ -32,10 +35,29 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     shown = runs[-1]
     return Section(
         "A measured strapdown record",
-        [line for k, run in enumerate(runs) for line in run.summary()[min(k, 1) :]],
+        [f"{shown.summary()[0]}.", *(f"{line[0].upper()}{line[1:]}." for line in shown.split_lines())],
         attitude_error(shown.time_s, np.degrees(shown.error_rad), np.degrees(shown.error_angle)),
         "Attitude from the measured gyros, "
         + ("" if shown.gyro_bias is None else "their bias at rest taken out, ")
         + "less the true attitude.",
+        error_table(runs) if shown.rms is not None else None,
         files=[file for run in runs for file in run.files],
     )
+
+
+def error_table(runs: Sequence[AttitudeRun]) -> Table:
+    """Errors of the attitude, a row for each run: with the gyros' bias as it is, or taken out."""
+    rows: list[list[Cell]] = []
+    for run in runs:
+        bias = "none" if run.gyro_bias is None else ", ".join(f"{np.degrees(value):.3f}" for value in run.gyro_bias)
+        parts = [None if part is None else rms_of(part[run.judged]) for part in (run.heading, run.tilt)]
+        drift = None if run.drift is None else 60.0 * run.drift
+        figures = (run.rms, run.maximum, run.final, drift, *parts)
+        rows.append([minus(bias), *(None if v is None else significant(float(np.degrees(v)), 3) for v in figures)])
+    names = ["rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]", "heading rms [deg]", "tilt rms [deg]"]
+    return Table(["gyro bias taken out [deg/s]", *names], rows)
+
+
+def rms_of(values: NDArray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))

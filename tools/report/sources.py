@@ -1,7 +1,12 @@
 """Where the methods are published that a result was made with; only those that were used."""
 
+from typing import TYPE_CHECKING
+
 from trihedron.calibration import Calibration
 from trihedron.diagnosis import Diagnosis
+
+if TYPE_CHECKING:
+    from trihedron.strapdown.result import StrapdownDiagnosis
 
 SOURCES = {
     "guaranteed": (
@@ -22,12 +27,34 @@ SOURCES = {
         "maximum approximation. Thesis, University of California, Los Angeles, 1961."
     ),
     "allan": (
-        "Noise bound from the scatter within rests: D. W. Allan. Statistics of atomic frequency standards. Proceedings "
+        "Noise from the scatter within rests: D. W. Allan. Statistics of atomic frequency standards. Proceedings "
         "of the IEEE 54 (1966), pp. 221–230. doi 10.1109/PROC.1966.4634."
+    ),
+    "left-out": (
+        "Parts of the record left out and predicted: M. Stone. Cross-validatory choice and assessment of statistical "
+        "predictions. Journal of the Royal Statistical Society B 36 (1974), pp. 111–147."
+    ),
+    "angles": (
+        "What could be taken for what, by angles between subspaces: Å. Björck, G. H. Golub. Numerical methods for "
+        "computing angles between linear subspaces. Mathematics of Computation 27 (1973), pp. 579–594."
+    ),
+    "gyros": (
+        "Model of the gyro block: P. Groves. Principles of GNSS, inertial, and multisensor integrated navigation "
+        "systems. 2nd edition, Artech House, 2013, section 4.4."
+    ),
+    "attitude": (
+        "Attitude from increments: Yu. N. Chelnokov, S. E. Perelyaev, L. A. Chelnokova. Investigation of algorithms "
+        "for the inertial orientation of a moving object. Izvestiya of Saratov University, Mathematics. Mechanics. "
+        "Informatics 16 (2016), no. 1, pp. 80–95 (in Russian). doi 10.18500/1816-9791-2016-16-1-80-95."
+    ),
+    "norm": (
+        "Accelerometers by the size of gravity at rest: J. C. Lötters, J. Schipper, P. H. Veltink, W. Olthuis, "
+        "P. Bergveld. Procedure for in-use calibration of triaxial accelerometers in medical applications. Sensors and "
+        "Actuators A 68 (1998), pp. 221–228."
     ),
     "shuffles": "Shuffled effects as a control: R. A. Fisher. The Design of Experiments. Oliver and Boyd, 1935.",
     "fmi": (
-        "Simulation of held-out positions: Modelica Association. Functional Mock-up Interface for Model Exchange and "
+        "Simulation by FMUs: Modelica Association. Functional Mock-up Interface for Model Exchange and "
         "Co-Simulation, version 2.0. 2014."
     ),
     "columns": (
@@ -52,16 +79,39 @@ def calibration_sources(result: Calibration) -> list[str]:
     return [SOURCES[name] for name in used]
 
 
-def diagnosis_sources(result: Diagnosis) -> list[str]:
-    """Of a diagnosis."""
+def diagnosis_sources(result: Diagnosis, *, compared: bool) -> list[str]:
+    """Of a diagnosis; `compared` where it is shown how alike effects are."""
     used = []
     if result.tried:
         used.append("lawson")
     if result.judgement is not None and result.judgement.shuffles:
         used.append("shuffles")
+    if result.judgement is not None and (result.judgement.folds or result.judgement.blocks):
+        used.append("left-out")
     if result.gain is not None:
         used.append("fmi")
+    if compared:
+        used.append("angles")
     return [*calibration_sources(result.baseline), *(SOURCES[name] for name in used)]
+
+
+def strapdown_sources(result: "StrapdownDiagnosis") -> list[str]:
+    """Of the diagnosis of a strapdown record."""
+    used = []
+    found = result.inspection
+    if found.accelerometers is not None and found.accelerometers.least_squares is not None:
+        used.append("norm")
+    if found.gyros is not None:
+        used.append("allan")
+    if result.parts:
+        used += ["gyros", "attitude", "fmi", "simplex"]
+    if result.tried:
+        used += ["chebyshev", "lawson"]
+    if result.alike is not None and len(result.compared) > 1:
+        used.append("angles")
+    if result.witnesses:
+        used += ["shuffles", "left-out"]
+    return [SOURCES[name] for name in used]
 
 
 def plan_sources(*, proven: bool) -> list[str]:

@@ -86,7 +86,9 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
         rows = [[cell for k, cell in enumerate(row) if k not in dropped] for row in rows]
         return Table(header, rows)
     if reach == 0.0:
-        return Table(header, rows)
+        # Nothing is determined: columns without a number say nothing.
+        kept = [k for k in range(len(header)) if any(row[k] is not None for row in rows)]
+        return Table([header[k] for k in kept], [[row[k] for k in kept] for row in rows])
     marks = "band: estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
     if truth is not None:
         marks += "; bar: truth"

@@ -4,23 +4,11 @@ import hashlib
 import io
 import stat
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath
 
 from trihedron.errors import InputError, unreadable
-from trihedron.orchestrator.archive import MOST_BYTES, MOST_MEMBERS
+from trihedron.orchestrator.archive import DAMAGE, METHODS, MOST_BYTES, MOST_MEMBERS, shown
 from trihedron.ssp.namespaces import STRUCTURE
-
-METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""How SSP lets members be compressed."""
-
-LONGEST_SHOWN = 80
-_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
-
-
-def shown(name: str) -> str:
-    """A name for a message: shortened, without characters that would move a terminal's cursor."""
-    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
 
 
 def refuse_outside(name: str, label: str) -> None:
@@ -91,6 +79,6 @@ def unpack_ssp(path: Path, folder: Path) -> str:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             _check_members(archive.infolist(), label)
             archive.extractall(folder)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise InputError(f"{label}: is not a readable .ssp archive ({error})") from error
     return hashlib.sha256(content).hexdigest()

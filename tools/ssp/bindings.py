@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, said_of
 from trihedron.orchestrator.interface import Value, Variable, checked
 from trihedron.orchestrator.quantities import Scale
 from trihedron.ssp.document import child, children, local_name, number_of, qualified, read_document, units_of
@@ -162,15 +162,12 @@ def value_for(given: Given, variable: Variable, scales: Mapping[str, Scale]) -> 
     InputError
         a text that is no such value, another type, another dimension, or a value outside the variable's limits
     """
-    where = f"{given.where}: parameter '{given.name}'"
     text = given.text if given.table is None else given.table.get(given.text, given.text)
-    try:
+    with said_of(f"{given.where}: parameter '{given.name}'"):
         value = _value(text, given, variable)
         if variable.kind == "Real" and given.convert:
             value = _converted(float(value), given, variable, scales)
         return checked(value, variable)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
 
 
 def _value(text: str, given: Given, variable: Variable) -> Value:

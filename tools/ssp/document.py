@@ -130,7 +130,7 @@ def number_of(element: Element, attribute: str, label: str, default: float | Non
 
 
 def units_of(root: Element, path: str, label: str) -> dict[str, Scale]:
-    """The units that a document defines."""
+    """The units that a document defines; an InputError for one that is none."""
     units: dict[str, Scale] = {}
     for unit in children(root, f"{path}/ssc:Unit"):
         base = child(unit, "ssc:BaseUnit")
@@ -141,6 +141,9 @@ def units_of(root: Element, path: str, label: str) -> dict[str, Scale]:
         factor = number_of(base, "factor", where, 1.0)
         if factor == 0.0:
             raise InputError(f"{where}: factor is 0")
+        broken = [k for k, power in exponents.items() if not power.is_integer()]
+        if broken:
+            raise InputError(f"{where}: the exponent of {broken[0]} is {exponents[broken[0]]:g}, not a whole number")
         whole = {k: int(power) for k, power in exponents.items()}
         units[str(unit.get("name"))] = scale_of(whole, factor, number_of(base, "offset", where, 0.0))
     return units

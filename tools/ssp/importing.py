@@ -48,7 +48,6 @@ def scenario_of_ssp(path: Path, *, step: float | None = None, coupling: str | No
         the file
     step : float, optional
         length of a step [s]; without it that of OMSimulator's annotation, or the smallest that an FMU asks for
-
     coupling : str, optional
         how cycles of connections are taken, "jacobi" or "iterate"; without it as the exported scenario says
 

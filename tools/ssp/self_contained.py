@@ -1,14 +1,13 @@
 """A scenario without stimuli: programmes as components, constants as parameters, so that FMUs alone make the run."""
 
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, said_of
 from trihedron.models.position_programme import POSITIONS
 from trihedron.orchestrator.grid import make_grid
 from trihedron.orchestrator.interface import Interface, Value, Variable, spread
@@ -41,7 +40,7 @@ def self_contained(scenario: Scenario) -> Scenario:
     fmus, connections = dict(written["fmus"]), list(written["connections"])
     ends, first = [], {}
     for number, stimulus in enumerate(scenario.stimuli, start=1):
-        with _in(f"stimuli[{number}]"):
+        with said_of(f"stimuli[{number}]"):
             if stimulus.kind == "rows":
                 raise InputError("timed rows cannot stand in an .ssp; give constants or a position programme")
             if stimulus.kind == "constant":
@@ -66,14 +65,6 @@ def self_contained(scenario: Scenario) -> Scenario:
     return Scenario.model_validate(
         {**written, **paths, "run": run, "fmus": {**first, **fmus}, "connections": connections}
     )
-
-
-@contextmanager
-def _in(where: str) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
 
 
 def _starts(loaded: Mapping[str, Loaded]) -> Any:

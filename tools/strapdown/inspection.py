@@ -119,7 +119,8 @@ class Inspection(Shown):
         """Sampling, rests, accelerometers, gyros."""
         from trihedron.strapdown.inspection_text import inspection_text
 
-        return inspection_text(self).split("\n")
+        shown: Any = self
+        return inspection_text(shown).split("\n")
 
     def to_polars(self) -> "DataFrame":
         """A row for each rest: time_s, length_s."""

@@ -1,0 +1,139 @@
+"""Every component, plain and extended by effects, with random values for its variables."""
+
+import random
+
+from trihedron.fmus import components
+from trihedron.fmus.component import Component
+from trihedron.fmus.composition import extend
+from trihedron.fmus.in_process import references
+from trihedron.models.effects import EffectPlace
+
+GYRO_EFFECTS = [
+    EffectPlace(name, "gyro-block")
+    for name in (
+        "latency",
+        "gyro-bias",
+        "gyro-bias-drift",
+        "gyro-scale-misalignment",
+        "gyro-scale-asymmetry",
+        "gyro-g-sensitivity",
+        "gyro-g-squared",
+        "jitter",
+    )
+]
+
+EXTENDED = {
+    "TurntableMotion": [
+        EffectPlace("encoder-harmonic", "outer-axis", 2),
+        EffectPlace("encoder-harmonic", "inner-axis", 1),
+        EffectPlace("axis-wobble", "inner-axis", 2),
+        EffectPlace("backlash", "outer-axis"),
+        EffectPlace("sag", "inner-axis"),
+        EffectPlace("base-drift", "base"),
+    ],
+    "AccelerometerBlock": [
+        EffectPlace("quadratic", "accelerometer-3"),
+        EffectPlace("bias-drift", "accelerometer-1"),
+        EffectPlace("scale-asymmetry", "accelerometer-2"),
+        EffectPlace("cross-product", "accelerometer-1", axes=(2, 3)),
+        EffectPlace("temperature-scale", "accelerometer-2"),
+        EffectPlace("hysteresis", "accelerometer-3"),
+        EffectPlace("lever-arm", "accelerometer-2"),
+        EffectPlace("dead-zone", "accelerometer-1"),
+        EffectPlace("quantisation", "accelerometer-3"),
+    ],
+    "AccelerometerCompensation": [],
+    "AttitudeComputer": [EffectPlace("undersampling", "attitude-computer")],
+    "GyroBlock": [*GYRO_EFFECTS, EffectPlace("gyro-quantisation", "gyro-block")],
+    "GyroCompensation": GYRO_EFFECTS,
+    "HarmonicMotion": [],
+    "PositionProgramme": [],
+    "TableController": [],
+}
+
+
+def all_kinds() -> list[Component]:
+    kinds = list(components().values())
+    return kinds + [extend(c, EXTENDED[c.name]) for c in kinds if EXTENDED[c.name]]
+
+
+def title(component: Component) -> str:
+    return component.name + (" extended" if component.effects else "")
+
+
+def draw_parameters(component: Component, rng: random.Random) -> dict[str, float]:
+    """Random parameters within what each may be."""
+    values: dict[str, float] = {}
+    for v in component.interface:
+        if v.causality != "parameter" or v.name in (
+            "mounting",
+            "initial_attitude",
+            "gravity",
+            "sample_period",
+            "pi",
+            "trapezoid_nodes",
+            "step_samples",
+        ):
+            continue
+        for element in v.elements:
+            if v.type == "boolean":
+                values[element] = float(rng.random() < 0.5)
+            elif v.type == "enumeration":
+                values[element] = float(rng.randint(1, len(v.items)))
+            elif v.type == "integer":
+                values[element] = float(rng.randint(int(v.minimum or 0), min(10**9, int(v.maximum or 10**9))))
+            elif v.name in ("max_rate", "max_acceleration"):
+                values[element] = rng.uniform(0.2, 3.0)
+            elif v.name == "dwell_time":
+                values[element] = rng.uniform(0.01, 0.5)
+            elif v.name == "period":
+                values[element] = rng.choice([0.0, 0.02])
+            elif v.name in ("held_fraction", "noise_bound", "quantum"):
+                values[element] = rng.uniform(0.0, 0.1)
+            elif v.name == "encoder_fluctuation_bound":
+                values[element] = rng.uniform(0.0, 1e-5)
+            else:
+                values[element] = rng.uniform(-0.01, 0.01)
+    return values
+
+
+def draw_inputs(component: Component, rng: random.Random) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for v in component.interface:
+        if v.causality == "input":
+            for element in v.elements:
+                if v.type == "integer":
+                    values[element] = float(rng.randint(1, 3))
+                else:
+                    # Increments within the valid range of every attitude algorithm.
+                    size = 0.02 if v.name == "increment" else 10.0 if v.unit == "m/s2" else 1.0
+                    values[element] = rng.uniform(-size, size)
+    return values
+
+
+def setter_of(slave, component: Component):
+    """Set values by name, each through the function of its type."""
+    kinds = {e: v.type for v in component.interface for e in v.elements}
+    numbers = references(component)
+
+    def set_values(values: dict[str, float]) -> None:
+        for name, value in values.items():
+            if kinds[name] == "real":
+                slave.setReal([numbers[name]], [value])
+            elif kinds[name] == "boolean":
+                slave.setBoolean([numbers[name]], [bool(value)])
+            else:
+                slave.setInteger([numbers[name]], [int(value)])
+
+    return set_values
+
+
+def outputs_of(slave, component: Component) -> list[float]:
+    numbers = references(component)
+    values: list[float] = []
+    for v in component.interface:
+        if v.causality == "output":
+            at = [numbers[e] for e in v.elements]
+            get = {"real": slave.getReal, "integer": slave.getInteger, "boolean": slave.getBoolean}[v.type]
+            values += [float(x) for x in get(at)]
+    return values

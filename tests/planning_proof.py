@@ -1,0 +1,69 @@
+"""A plan's proof, checked again from nothing but its positions, weights and dual."""
+
+import numpy as np
+
+from trihedron.planning.certificate import ceiling
+from trihedron.planning.forms import clearance, dual_forms, sheets, value
+from trihedron.planning.grids import Grid
+from trihedron.planning.optimum import lower_bound
+from trihedron.planning.plan import Plan
+
+LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
+"""By how much |F'y| may exceed one, tried in turn: the lower bound is divided by what is proven."""
+BIAS = 1e-11
+
+
+class ProofError(ValueError):
+    """The positions, weights and dual prove nothing; the message says why."""
+
+
+def proven_gap(plan: Plan) -> float:
+    """How much less than this plan another could cost, relative; proven without what the search has stored.
+
+    Parameters
+    ----------
+    plan : Plan
+        its `optimum.lower_bound` is not used
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ProofError
+        when the weights are biased, a reading is not admissible, or |F'y| exceeds one somewhere
+    """
+    best, target = plan.optimum, plan.target.weights
+    found = sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible)
+    total = np.zeros(len(target))
+    for accelerometer, alpha, beta, weight in zip(best.accelerometer, best.alpha, best.beta, best.weights, strict=True):
+        own = [sheet for sheet in found if sheet.accelerometer == accelerometer]
+        sheet = max(own, key=lambda s, a=alpha, b=beta: float(clearance(s, a, b)))
+        if float(clearance(sheet, alpha, beta)) <= 0.0:
+            place = _place(accelerometer, alpha, beta)
+            raise ProofError(f"the sign of the input is not certain for {place}")
+        total += weight * value(sheet.regressor, alpha, beta)
+    bias = float(np.abs(total - target).max())
+    if bias > BIAS * max(1.0, float(np.abs(target).max())):
+        raise ProofError(f"the weights are biased by {bias:.2g}")
+    if plan.grid_deg is not None:
+        bound = Grid(found, plan.grid_deg).ceiling(best.dual)
+        if bound > 1.0 + LEVELS[-1]:
+            raise ProofError(f"the dual is not admissible: |F'y| is {bound:.6g} on the grid")
+    else:
+        for excess in LEVELS:
+            bounded = ceiling(found, best.dual, 1.0 + excess)
+            if not len(bounded.violations):
+                break
+        else:
+            k, _, alpha, beta = bounded.violations[0]
+            worst = abs(float(value(dual_forms(found, best.dual)[int(k)], alpha, beta)))
+            place = _place(found[int(k)].accelerometer, alpha, beta)
+            raise ProofError(f"the dual is not admissible: |F'y| is {worst:.6g} for {place}")
+        bound = bounded.bound
+    return max(best.cost - lower_bound(target, best.dual, bound), 0.0) / best.cost
+
+
+def _place(accelerometer: int, alpha: float, beta: float) -> str:
+    return f"accelerometer {accelerometer + 1} at alpha {np.degrees(alpha):.6g}°, beta {np.degrees(beta):.6g}°"

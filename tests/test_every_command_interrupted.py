@@ -1,0 +1,118 @@
+"""Every command and Ctrl-C: what is there afterwards is whole, and the exit status says that it is not all."""
+
+import inspect
+import json
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from command_table import QUICK, Command, files
+from trihedron import cli
+
+
+def whole(folder: Path) -> bool:
+    """Whether no file is one that a command has begun: those have names that begin with a dot, or say so."""
+    return not list(folder.rglob(".*")) and not list(folder.rglob("*.incomplete"))
+
+
+class Struck(Exception):
+    """Stands for Ctrl-C in the count of calls."""
+
+
+def calls_of(command: Command) -> int:
+    """How many calls of our functions a command makes."""
+    count = 0
+
+    def counted(frame: Any, event: str, argument: Any) -> None:
+        nonlocal count
+        if event == "call" and is_ours(frame):
+            count += 1
+
+    sys.setprofile(counted)
+    try:
+        cli.main(list(command.arguments))
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def interrupted_at(command: Command, number: int) -> int:
+    """The exit status of a command that Ctrl-C strikes in the n-th call of our functions."""
+    count = 0
+
+    def strike(frame: Any, event: str, argument: Any) -> None:
+        nonlocal count
+        if event == "call" and is_ours(frame):
+            count += 1
+            if count == number:
+                sys.setprofile(None)
+                raise KeyboardInterrupt
+
+    sys.setprofile(strike)
+    try:
+        return cli.main(list(command.arguments))
+    finally:
+        sys.setprofile(None)
+
+
+OURS = str(Path(cli.__file__).resolve().parent)
+
+
+def is_ours(frame: Any) -> bool:
+    name = frame.f_code.co_filename
+    # A generator is also called to be closed, where Python lets no exception out.
+    if frame.f_code.co_flags & inspect.CO_GENERATOR:
+        return False
+    return name.startswith(OURS) and not name.endswith(("exit_status.py", "cli.py", "answers.py"))
+
+
+STRIKES = (0.02, 0.5, 0.97)
+"""Parts of the way at which Ctrl-C comes."""
+LONG = (
+    *("calibrate clean.csv", "diagnose measured.csv", "plan --positions", "plan --check", "hidden --cases"),
+    *("campaign campaign.toml", "reproduce calibration"),
+)
+"""Commands whose every call is not counted in each run of the tests."""
+INTERRUPTIBLE = [c for c in QUICK if c.arguments[0] not in ("completion", "doctor")]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(c, marks=[pytest.mark.acceptance] if c.title in LONG else []) for c in INTERRUPTIBLE],
+    ids=lambda c: c.title,
+)
+def test_ctrl_c_in_the_middle(command: Command, here: Path, capsys):
+    """At several places of the way: what is there afterwards is whole, and the exit status says that it is not all."""
+    before = files(here)
+    calls = calls_of(command)
+    capsys.readouterr()
+    complete = {name: content for name, content in files(here).items() if name not in before}
+    for part in STRIKES:
+        for name in [*complete, *(p.name for p in here.iterdir() if p.name.startswith("out"))]:
+            path = here / Path(name).parts[0]
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        status = interrupted_at(command, max(1, int(part * calls)))
+        said = capsys.readouterr()
+        left = {name: content for name, content in files(here).items() if name not in before}
+        assert {name: content for name, content in files(here).items() if name in before} == before
+        assert "Traceback" not in said.err
+        if status == 0:
+            # A search that is stopped gives the best that it has found, and says so.
+            assert "interrupted" in said.out or left == complete, (part, said)
+            continue
+        assert status == 130, said.err
+        assert said.err.count("\n") == 1
+        assert said.err.startswith("trihedron: interrupted")
+        assert whole(here), (part, sorted(left))
+        for name, content in left.items():
+            if command.arguments[0] in ("simulate", "campaign"):
+                continue
+            assert content == complete[name], (part, name)
+        if command.arguments[0] == "simulate" and left:
+            said_complete = json.loads(left["out/run.json"]).get("complete", True)
+            assert said_complete is False or left["out/run.csv"] == complete["out/run.csv"]
+    assert not list(Path(tempfile.gettempdir()).iterdir())

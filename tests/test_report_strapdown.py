@@ -1,0 +1,198 @@
+"""What the page of a strapdown record says, and that its figures are those of the result."""
+
+import re
+from dataclasses import replace
+from html import unescape
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from strapdown_records import POSES, strapdown_record, true_motion
+from trihedron.diagnosis.likeness import cosines
+from trihedron.diagnosis.result import Cause
+from trihedron.hidden_strapdown.cases import draw_case
+from trihedron.models.effects import STRAPDOWN_EFFECTS
+from trihedron.report.rounding import to_bound
+from trihedron.report.strapdown_excluded import in_words
+from trihedron.report.strapdown_model import FORMULAS, effect_lines, own_words
+from trihedron.report.strapdown_page import strapdown_page, verdict_sentence
+from trihedron.report.strapdown_sections import parameter_section
+from trihedron.strapdown.diagnosis import diagnose_strapdown
+from trihedron.strapdown.separation import OF_ACCELEROMETERS, what_separates
+
+
+@pytest.fixture(scope="module")
+def explained():
+    matrix = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
+    return diagnose_strapdown(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=matrix, seed=3))
+
+
+@pytest.fixture(scope="module")
+def page(explained):
+    return strapdown_page(explained)
+
+
+@pytest.fixture(scope="module")
+def ambiguous():
+    found = diagnose_strapdown(draw_case(4, 4, ()).record())
+    assert found.verdict == "ambiguous"
+    return found
+
+
+def cells_of(row: str) -> list[str]:
+    """The cells of a row, as text."""
+    cells = re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL)
+    return [unescape(re.sub(r"<[^>]*>", "", cell)) for cell in cells]
+
+
+def tables(text: str) -> list[tuple[list[str], list[list[str]]]]:
+    """Header and rows of every table, as text."""
+    found = []
+    for table in re.findall(r"<table>(.*?)</table>", text, re.DOTALL):
+        rows = [cells_of(row) for row in re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)]
+        found.append((rows[0], rows[1:]))
+    return found
+
+
+def table_with(text: str, *header: str) -> list[dict[str, str]]:
+    """The rows of the first table that has such columns."""
+    for names, rows in tables(text):
+        if set(header) <= set(names):
+            return [dict(zip(names, row, strict=True)) for row in rows]
+    raise AssertionError(f"no table has {header}")
+
+
+def test_the_page_goes_from_the_record_to_the_cause_and_to_what_is_excluded(page):
+    headings = re.findall(r"<h2>([^<]*)</h2>", page)
+    order = [
+        "What was measured",
+        "What was simulated",
+        "Errors before and after",
+        "The cause",
+        "The block's own parameters",
+        "Evidence: which effect mends it",
+        "Evidence: what could be taken for what",
+        "The gain on parts of the record that were not used",
+        "Excluded: effects of the gyros",
+        "What these results rest on",
+        "Methods used, and where they are published",
+    ]
+    at = [[unescape(h) for h in headings].index(name) for name in order]
+    assert at == sorted(at)
+
+
+def test_what_has_no_unit_is_printed_without_one(page, ambiguous, explained):
+    for text in (page, strapdown_page(ambiguous)):
+        units = [row["unit"] for row in table_with(text, "parameter", "estimate", "unit")]
+        assert units
+        assert "1" not in units
+        assert "rad/s/g2" not in text
+    # Behind a number of a line that is printed there is no unit "1" either.
+    lines = [line for found in (explained, ambiguous) for line in found.lines()]
+    assert any(line.endswith("]") for line in ambiguous.lines())
+    assert not any(re.search(r"(\]|below [0-9.e-]+) 1$", line) for line in lines)
+
+
+def test_the_cause_has_the_digits_that_its_interval_justifies_in_the_table_and_in_the_equation(page, explained):
+    (cause,) = explained.causes
+    rows = table_with(page, "effect", "parameter", "estimate", "low")
+    assert len(rows) == len(cause.values) == 9
+    mathematics = "".join(re.findall(r"<math.*?</math>", page))
+    for row, value, (low, high) in zip(rows, cause.values, cause.intervals, strict=True):
+        written = to_bound(value, 0.5 * (high - low))
+        assert written is not None
+        assert row["estimate"] == written.text
+        assert float(row["low"].replace("−", "-")) <= low
+        assert float(row["high"].replace("−", "-")) >= high
+        assert f"<mn>{written.text.lstrip('−')}</mn>" in mathematics
+
+
+def test_it_says_on_what_it_rests_and_cites_what_was_used(page, explained):
+    record = explained.inspection.record
+    below = page[page.index("What these results rest on") :]
+    for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy", "trihedron"):
+        assert fact in below
+    for author in ("Groves", "Chelnokov", "Lawson", "Fisher", "Stone", "Björck", "Allan", "Lötters"):
+        assert author in below
+    assert "Golovan" not in below
+
+
+def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used():
+    found = diagnose_strapdown(strapdown_record(true_motion(POSES[:1])))
+    assert found.verdict == "insufficient"
+    text = unescape(strapdown_page(found))
+    assert "One rest of" in text
+    assert all(thing in text for thing in found.missing)
+    assert "Lawson" not in text
+    assert "Groves" not in text
+
+
+def test_sets_that_remain_are_numbered_and_all_named(ambiguous):
+    text = strapdown_page(ambiguous)
+    rows = table_with(text, "set", "effect")
+    assert [row["set"] for row in rows] == [str(k + 1) for k, causes in enumerate(ambiguous.candidates) for _ in causes]
+    for causes in ambiguous.candidates:
+        assert causes[0].place.title in verdict_sentence(ambiguous)
+    assert "Causes that remain" in text
+    assert "no interval is given" in parameter_section(ambiguous).paragraphs[0]
+
+
+def test_one_measurement_that_shows_two_effects_is_named_once(ambiguous):
+    (said,) = what_separates([[c.place for c in causes] for causes in ambiguous.candidates], "gravity")
+    assert said == f"{OF_ACCELEROMETERS} (shows quadratic, scale-asymmetry)"
+
+
+def test_every_effect_on_gyros_and_attitude_computer_that_is_searched_has_a_formula():
+    searched = [e for e in STRAPDOWN_EFFECTS.values() if e.variants is None]
+    for effect in searched:
+        place = effect.places[0]
+        own = effect.at(place).parameters
+        values = tuple(k + 0.25 for k, _ in enumerate(own, start=1))
+        (line,) = effect_lines([Cause(place, (), values, tuple((v - 0.01, v + 0.01) for v in values))])
+        said = "".join(ElementTree.fromstring(line.replace("&nbsp;", " ")).itertext())
+        for value in values:
+            assert f"{value:.3f}" in said, effect.name
+    assert set(FORMULAS) <= {e.name for e in searched}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("gyro gamma_11", "scale factor of gyro 1"),
+        ("gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
+        ("accelerometer bias_3", "bias of accelerometer 3"),
+        ("something else", "something else"),
+    ],
+)
+def test_parameters_are_in_words(name, words):
+    assert own_words(name) == words
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        ("rate_2", ("rate", "2")),
+        ("gamma_12", ("gamma, axis 2", "1")),
+        ("coefficient_1_23", ("coefficient, axes 2 3", "1")),
+        ("delay", ("delay", "")),
+    ],
+)
+def test_excluded_parameters_have_a_column_for_each_gyro(parameter, words):
+    assert in_words(parameter) == words
+
+
+def test_likeness_is_the_cosine_between_spaces_less_what_is_imitated():
+    e = np.eye(4)
+    first, second = e[:, [0]] + e[:, [3]], e[:, [0]] + e[:, [1]] + 7.0 * e[:, [3]]
+    alike = cosines(e[:, [3]], [first, second, e[:, [3]]])
+    assert alike == pytest.approx(np.array([[1.0, np.sqrt(0.5), 0.0], [np.sqrt(0.5), 1.0, 0.0], [0.0, 0.0, 0.0]]))
+
+
+def test_effects_that_are_compared_begin_with_those_that_were_found(explained):
+    assert explained.compared[0] == explained.causes[0].place
+    assert explained.alike is not None
+    assert explained.alike.shape == (len(explained.compared),) * 2
+    assert np.diag(explained.alike) == pytest.approx(1.0)
+    assert "could be taken for what" not in strapdown_page(replace(explained, alike=None))
+    assert "Björck" not in strapdown_page(replace(explained, alike=None))

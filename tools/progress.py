@@ -1,0 +1,52 @@
+"""How far long work has come, on standard error where that is a terminal; elsewhere nothing is shown or loaded."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+
+def tracked(items: Iterable[Item], title: str, *, show: bool, total: int | None = None) -> Iterable[Item]:
+    """The same items, with a bar.
+
+    Parameters
+    ----------
+    items : iterable
+    title : str
+        what is worked at
+    show : bool
+        whether a bar is wanted at all
+    total : int, optional
+        how many items there are, where they do not say themselves
+    """
+    if not (show and sys.stderr.isatty()):
+        return items
+    from rich.console import Console
+    from rich.progress import track
+
+    return track(items, title, total=total, console=Console(stderr=True), transient=True)
+
+
+@contextmanager
+def progress_bar(title: str, total: float, *, show: bool) -> Iterator[Callable[..., None]]:
+    """Give a function that is told how much more is done and, where it changes, the bar's title."""
+    if not (show and sys.stderr.isatty()):
+        yield lambda done, title=None: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done, title=None: bar.update(task, advance=done, description=title)
+
+
+def shown_status(what: str, *, show: bool) -> AbstractContextManager[object]:
+    """Say what is being done while the block runs."""
+    if not (show and sys.stderr.isatty()):
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(what)

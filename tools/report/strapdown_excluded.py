@@ -1,0 +1,57 @@
+"""What a strapdown record excludes: how large each effect can be at most, and what the record cannot show."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from trihedron.models.effects.definition import ACCELEROMETERS
+from trihedron.report.cells import Cell
+from trihedron.report.excluded_sections import excluded_table
+from trihedron.report.page import Section, Table
+from trihedron.report.rounding import unit_text, upwards
+from trihedron.strapdown.result import StrapdownDiagnosis
+
+GYROS = ("1", "2", "3")
+_OF_A_GYRO = re.compile(r"(?P<name>[a-z]+)_(?P<gyro>[123])_?(?P<axes>[123]{0,2})")
+SAID = "Larger sizes of these effects contradict the record. Bounds are rounded up."
+
+
+def excluded_sections(result: StrapdownDiagnosis) -> list[Section]:
+    """Upper bounds for gyros and accelerometers, and the effects that cannot be seen."""
+    of_gyros = [entry for entry in result.excluded if entry["where"] not in ACCELEROMETERS]
+    others = [entry for entry in result.excluded if entry["where"] in ACCELEROMETERS]
+    sections = []
+    if of_gyros:
+        sections.append(Section("Excluded: effects of the gyros", [SAID], table=gyro_table(of_gyros)))
+    if others:
+        said = [] if sections else [SAID]
+        sections.append(
+            Section("Excluded: effects of the accelerometers", said, table=excluded_table(others, ACCELEROMETERS))
+        )
+    if result.not_seen:
+        names = ", ".join(dict.fromkeys(place.effect for place in result.not_seen))
+        said = f"No possible size of these effects would show in this record, and they were not searched: {names}."
+        sections.append(Section("What the record cannot show", [said]))
+    return sections
+
+
+def gyro_table(entries: Sequence[dict[str, Any]]) -> Table:
+    """A row for each effect and direction, a column for each gyro, one for what is of the block as a whole."""
+    found: dict[tuple[str, str, str], dict[str, Cell]] = {}
+    for entry in entries:
+        words, column = in_words(entry["parameter"])
+        found.setdefault((entry["effect"], words, unit_text(entry["unit"])), {})[column] = upwards(entry["above"])
+    columns = [name for name in (*GYROS, "") if any(name in cells for cells in found.values())]
+    rows = [[*key[:2], *(cells.get(name) for name in columns), key[2]] for key, cells in found.items()]
+    return Table(["effect", "parameter", *(f"gyro {name}" if name else "block" for name in columns), "unit"], rows)
+
+
+def in_words(parameter: str) -> tuple[str, str]:
+    """A parameter without its gyro, and the gyro's number: "gamma_12" is "gamma, axis 2" of gyro 1."""
+    match = _OF_A_GYRO.fullmatch(parameter)
+    if match is None:
+        return parameter, ""
+    axes = match["axes"]
+    if not axes:
+        return match["name"], match["gyro"]
+    return f"{match['name']}, {'axis' if len(axes) == 1 else 'axes'} {' '.join(axes)}", match["gyro"]
