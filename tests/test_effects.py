@@ -11,6 +11,7 @@ from trihedron.calibration.linearisation import linearise
 from trihedron.calibration.parametrisation import Positions, parametrise
 from trihedron.diagnosis.circumstances import Circumstances
 from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
+from trihedron.diagnosis.intervals import effect_intervals
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.units import UNITS
@@ -223,3 +224,10 @@ def test_wrong_entries_are_refused_in_one_line(entry, said):
     with pytest.raises(ValueError, match=said) as refusal:
         place_from_mapping(entry)
     assert "\n" not in str(refusal.value)
+
+
+def test_what_a_record_leaves_of_a_width_is_no_negative_width():
+    width = CATALOGUE["hysteresis"].parameters
+    assert effect_intervals(width, lambda direction: 2e-4) == ((0.0, 2e-4),)
+    bias = CATALOGUE["bias-asymmetry"].parameters
+    assert effect_intervals(bias, lambda direction: 2e-4) == ((-2e-4, 2e-4),)

@@ -151,7 +151,8 @@ def effect_intervals(parameters: Sequence[EffectParameter], reach: Callable[[NDA
             found += polar_intervals(in_plane)
             k += 2
         else:
-            found.append((-reach(-unit[k]), reach(unit[k])))
+            least = parameters[k].smallest
+            found.append((-reach(-unit[k]) if least is None else max(least, -reach(-unit[k])), reach(unit[k])))
             k += 1
     return tuple(found)
 

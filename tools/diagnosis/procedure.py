@@ -220,5 +220,7 @@ def finding_of(
         if place.effect == "outlier":
             row = int(place.where.removeprefix("position-")) - 1
             named = place_of(int(numbers[row]), place.axes[0])
-        causes.append(Cause(named, classes.equivalents(place), values, ends))
+        parameters = CATALOGUE[place.effect].at(place).parameters
+        possible = (v if p.smallest is None else max(p.smallest, v) for p, v in zip(parameters, values, strict=True))
+        causes.append(Cause(named, classes.equivalents(place), tuple(possible), ends))
     return Finding(tuple(causes), fit)
