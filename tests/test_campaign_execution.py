@@ -273,6 +273,11 @@ def test_options_that_do_not_go_together_are_refused(tmp_path, words, message, c
     assert error.count("\n") == 1
 
 
+def test_an_unknown_engine_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"engine 'dsk' is not known; did you mean 'dask'\?"):
+        run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", engine="dsk")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path, unbroken):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"

@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol
 
-from trihedron.errors import InputError
+from trihedron.errors import InputError, nearest
 
 MOST_JOBS = 1024
 _START_SECONDS = 60.0
@@ -169,6 +169,9 @@ class LocalEngine:
             shutil.rmtree(self._folders[pool], ignore_errors=True)
 
 
+ENGINES = ("local", "dask")
+
+
 @contextlib.contextmanager
 def engine_of(name: str, jobs: int | None, scheduler: str | None) -> Iterator[Engine]:
     """An engine for as long as the block lasts.
@@ -184,8 +187,10 @@ def engine_of(name: str, jobs: int | None, scheduler: str | None) -> Iterator[En
     Raises
     ------
     InputError
-        options that do not go together, a scheduler that does not answer, or Dask that is not installed
+        an unknown name, options that do not go together, a scheduler that does not answer, or Dask that is not installed
     """
+    if name not in ENGINES:
+        raise InputError(f"engine '{name}' is not known; {nearest(name, ENGINES)}")
     if name == "local":
         if scheduler is not None:
             raise InputError("--scheduler: goes with --engine dask")

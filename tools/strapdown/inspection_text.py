@@ -8,6 +8,9 @@ from trihedron.strapdown.inspection import EXCITED, Inspection
 from trihedron.strapdown.norm_calibration import NAMES
 from trihedron.strapdown.rests import Rests
 
+DIGITS_OF_STAMPS = 1e-6
+"""Jitter of so small a part of the period is in the last digits of the time stamps."""
+
 
 def inspection_text(found: Inspection) -> str:
     """What `trihedron inspect` prints."""
@@ -18,10 +21,12 @@ def _sampling_lines(found: Inspection) -> list[str]:
     record, sampling = found.record, found.sampling
     kind = "rates" if record.rate is not None else "increments"
     length = float(record.time_s[-1] - record.time_s[0])
+    jitter = f"jitter {sampling.jitter_rms:.2g} s rms, {sampling.jitter_max:.2g} s at most"
+    if sampling.jitter_max < DIGITS_OF_STAMPS * sampling.period:
+        jitter = "no jitter"
     lines = [
         f"{record.path.name}: {len(record)} rows of {kind} over {length:.6g} s, one every {sampling.period:.6g} s",
-        f"time stamps: jitter {sampling.jitter_rms:.2g} s rms, {sampling.jitter_max:.2g} s at most; "
-        f"{len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
+        f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
     ]
     lines += [f"gap of {size:.4g} s after {time:.6g} s" for time, size in sampling.gaps[:5]]
     lines += [f"{name}: {rows} rows are saturated" for name, rows in sampling.saturated.items()]
