@@ -73,7 +73,7 @@ COMMANDS = (
     command("export AccelerometerBlock --out out --json out.json"),
     command("export-ssp run.toml --out out.ssp --flavour python --json out.json", "run.toml"),
     command("plan --target X4 --grid 15 --json out.json --report out.html --picture out.svg"),
-    command("plan --positions 6 --starts 1 --cuts 0 --out out --json out.json"),
+    command("plan --positions 6 --starts 1 --cuts 0 --out out --json out.json --report out.html"),
     command("plan --check angles.csv --json out.json", "angles.csv"),
     command("check run.toml --json out.json", "run.toml"),
     command("new scenario out.toml --json out.json"),

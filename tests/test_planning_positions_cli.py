@@ -36,13 +36,14 @@ def plan_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plan") / "plan"
     options = ["plan", "--positions", "9", "--admissible", "tables", "--starts", "1", "--cuts", "2", "--repeat", "2"]
     options += ["--resolution", "0.05", "--keep-out", "alpha:30:40", "--dwell", "12", "--json", f"{folder}.json"]
-    assert main([*options, "--out", str(folder)]) == 0
+    assert main([*options, "--out", str(folder), "--report", f"{folder}.html"]) == 0
     return folder
 
 
 def test_the_plan_that_is_written(plan_folder: Path) -> None:
     plan = json.loads((plan_folder / "plan.json").read_text(encoding="utf-8"))
     assert json.loads(Path(f"{plan_folder}.json").read_text(encoding="utf-8")) == plan
+    assert Path(f"{plan_folder}.html").read_bytes() == (plan_folder / "operator.html").read_bytes()
     assert plan["schema"] == "trihedron.plan/1"
     assert len(plan["positions"]) == 9
     assert sorted(set(plan["programme"])) == list(range(1, 10))
@@ -139,6 +140,7 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
         (["--positions", "12", "--mountings", "identity", "identity"], "given twice"),
         (["--positions", "12", "--mountings", "identity", "--mounting", "tripod"], "--mounting and --mountings"),
         (["--check", "missing.csv"], "missing.csv"),
+        (["--check", "missing.csv", "--report", "r.html"], "--report: does not go with --check"),
     ],
 )
 def test_wrong_options_are_said_in_one_line(

@@ -54,8 +54,8 @@ def plan(
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
     settings = {"admissible": admissible, "bounds": bounds, "convention": convention, "baseline": baseline}
-    others = {"--target": target, "--grid": grid, "--continuum": continuum, "--report": report, "--picture": picture}
-    done = plan_common(common, {**settings, "mounting": mounting}, others, json)
+    others = {"--target": target, "--grid": grid, "--continuum": continuum, "--picture": picture}
+    done = plan_common(common, {**settings, "mounting": mounting}, others, json, report)
     if done is not None:
         return done
     if continuum and grid is not None:

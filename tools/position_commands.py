@@ -89,7 +89,11 @@ IN_REQUEST = {"reserve": "reserve_deg", "resolution": "resolution_deg"}
 
 
 def plan_common(
-    options: PositionOptions, common: dict[str, Any], others: dict[str, object], json: Path | None
+    options: PositionOptions,
+    common: dict[str, Any],
+    others: dict[str, object],
+    json: Path | None,
+    report: Path | None = None,
 ) -> Answer | None:
     """Do what these options ask for; None where they ask for nothing.
 
@@ -101,6 +105,8 @@ def plan_common(
     others : dict
         options of the plans of single targets, by name; false where not given
     json : Path or None
+    report : Path or None
+        where the operator's page of a plan of positions is written too
 
     Raises
     ------
@@ -124,7 +130,11 @@ def plan_common(
             raise InputError(f"{name}: does not go with --{use}; a common set serves all targets, at any angles")
     if "mountings" in given and common["mounting"] != "identity":
         raise InputError("--mounting and --mountings: give one of the two")
-    return ACTIONS[use](options, given, common, json)
+    if use == "positions":
+        return _positions(options, given, common, json, report)
+    if report is not None:
+        raise InputError(f"--report: does not go with --{use}; it is the page of --target or --positions")
+    return (_curve if use == "curve" else _check)(options, given, common, json)
 
 
 def _dashed(name: str) -> str:
@@ -139,14 +149,20 @@ def _request(given: dict[str, Any], common: dict[str, Any]) -> Any:
     return Request(**{"mountings": (common["mounting"],), **basis, **own})
 
 
-def _positions(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> Answer:
+def _positions(
+    options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None, report: Path | None
+) -> Answer:
     from trihedron.planning.common_plan import plan_positions
     from trihedron.planning.position_files import DWELL_S, checked_dwell, write_plan
+    from trihedron.printing import write_report
+    from trihedron.report.position_page import operator_page
 
     assert options.positions is not None
     dwell = checked_dwell(DWELL_S if options.dwell is None else options.dwell)
     plan = plan_positions(options.positions, _request(given, common), progress=True)
     files = write_plan(plan, options.out, dwell_s=dwell) if options.out is not None else []
+    if report is not None:
+        write_report(report, operator_page(plan, dwell))
     return answer([*plan.lines(), *map(str, files)], json, plan.json_text())
 
 

@@ -187,7 +187,8 @@ def engine_of(name: str, jobs: int | None, scheduler: str | None) -> Iterator[En
     Raises
     ------
     InputError
-        an unknown name, options that do not go together, a scheduler that does not answer, or Dask that is not installed
+        an unknown name, options that do not go together, a scheduler that does not answer, or Dask that is not
+        installed
     """
     if name not in ENGINES:
         raise InputError(f"engine '{name}' is not known; {nearest(name, ENGINES)}")
