@@ -1,6 +1,5 @@
 """`trihedron plan` for a common set of positions: options, files, what is printed."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -197,10 +196,3 @@ def _check(options: PositionOptions, given: dict[str, Any], common: dict[str, An
         "targets": [dict(vars(target)) for target in found.targets],
     }
     return answer(check_summary(found), json, content)
-
-
-ACTIONS: dict[str, Callable[[PositionOptions, dict[str, Any], dict[str, Any], Path | None], Answer]] = {
-    "positions": _positions,
-    "curve": _curve,
-    "check": _check,
-}
