@@ -183,6 +183,10 @@ def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
     problems = found(written(tmp_path, json.dumps(first, indent=1), "edited.json"))
     assert len(problems) == 1
     assert "exclude one another" in problems[0][1]
+    emptied = json.loads(text) | {"reading_errors": []}
+    problems = found(written(tmp_path, json.dumps(emptied, indent=1), "emptied.json"))
+    assert len(problems) == 1
+    assert "reading_errors are not complete" in problems[0][1]
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def _check_calibration(content: dict[str, Any], findings: Findings) -> None:
     from trihedron.calibration.values import target_estimates
 
     try:
-        if content["verdict"] == "consistent" and content.get("reading_errors"):
+        if content["verdict"] == "consistent" and "reading_errors" in content:
             correction_of(content, "calibration")
         else:
             target_estimates(content, "calibration")
