@@ -15,6 +15,7 @@ from trihedron.records import StrapdownRecord, write_strapdown_record
 from trihedron.report.allan_pictures import allan_curve, allan_picture
 from trihedron.strapdown import inspect_record
 from trihedron.strapdown.inspection_text import inspection_text
+from trihedron.strapdown.reading_steps import reading_steps
 from trihedron.strapdown.sampling import sampling_of
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
@@ -290,6 +291,28 @@ def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
     assert calibration.low is not None
     assert calibration.high is not None
     assert np.all((calibration.low <= TRUTH) & (calibration.high >= TRUTH))
+
+
+@pytest.mark.parametrize("decimals", [None, 9, 6])
+def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
+    """Each rest has one value, as with coarse steps; but the values have no divisor in common."""
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
+    force = record.specific_force if decimals is None else np.round(record.specific_force, decimals)
+    found = inspect_record(replace(record, specific_force=force))
+    assert len(found.rests) == len(POSES)
+    assert not found.rests.step.any()
+    assert found.rests.force_bound is not None
+    assert found.rests.force_bound.max() < 1e-5 * G
+
+
+def test_a_step_is_found_though_no_two_rests_are_one_apart():
+    step = 0.05
+    values = step * np.array([0.0, 14.0, 35.0, 41.0, 80.0]).repeat(50)
+    channel = np.column_stack([values, values + 0.3 * step, np.zeros_like(values)])
+    rests = tuple(slice(k, k + 50) for k in range(0, 250, 50))
+    found, off = reading_steps(channel, rests)
+    assert found == pytest.approx([step, step, 0.0])
+    assert off == pytest.approx([0.5 * step, 0.5 * step, 0.0])
 
 
 def test_noise_wider_than_the_steps_averages_them_out():
