@@ -25,5 +25,6 @@ EFFECT = Effect(
     signature=lambda place, rows: gyro_columns(np.ones_like(rows.rate)),
     from_coefficients=all_coefficients,
     sentence=sentence_of("the gyros have a constant bias", "rad/s"),
+    formula="Δω = ({bias_1}, {bias_2}, {bias_3}) 'rad/s'",
     in_motion=True,
 )

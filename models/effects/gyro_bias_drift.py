@@ -25,5 +25,6 @@ EFFECT = Effect(
     signature=lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),
     from_coefficients=all_coefficients,
     sentence=sentence_of("the biases of the gyros drift", "rad/s an hour"),
+    formula="Δω = ({rate_1}, {rate_2}, {rate_3}) t 'rad/s', t 'in hours'",
     in_motion=True,
 )

@@ -1,7 +1,14 @@
 """Bias of the gyros that depends on the specific force."""
 
 from trihedron.models.effects.definition import Effect, all_coefficients
-from trihedron.models.effects.motion_rows import matrix_columns, no_numbers, of_a_matrix, on_gyros, sentence_of
+from trihedron.models.effects.motion_rows import (
+    matrix_columns,
+    matrix_formula,
+    no_numbers,
+    of_a_matrix,
+    on_gyros,
+    sentence_of,
+)
 from trihedron.models.restricted import INPUT, Vector
 
 
@@ -39,5 +46,6 @@ EFFECT = Effect(
     signature=lambda place, rows: matrix_columns(rows.specific_force),
     from_coefficients=all_coefficients,
     sentence=sentence_of("the biases of the gyros depend on the specific force, row by row", "rad/s for each g"),
+    formula=f"Δω = {matrix_formula('coefficient', '123')} n 'rad/s'",
     in_motion=True,
 )

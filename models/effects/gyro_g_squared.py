@@ -1,7 +1,7 @@
 """Anisoelasticity of the gyros: a bias that depends on the product of two components of the specific force."""
 
 from trihedron.models.effects.definition import Effect, EffectParameter, all_coefficients
-from trihedron.models.effects.motion_rows import matrix_columns, no_numbers, on_gyros, sentence_of
+from trihedron.models.effects.motion_rows import matrix_columns, matrix_formula, no_numbers, on_gyros, sentence_of
 from trihedron.models.restricted import INPUT, Vector
 
 PRODUCTS = ((1, 2), (1, 3), (2, 3))
@@ -55,5 +55,6 @@ EFFECT = Effect(
     sentence=sentence_of(
         "the biases of the gyros depend on products of two specific forces, gyro by gyro", "rad/s for each g²"
     ),
+    formula=f"Δω = {matrix_formula('coefficient', ('_12', '_13', '_23'))} (n_1 n_2, n_1 n_3, n_2 n_3) 'rad/s'",
     in_motion=True,
 )

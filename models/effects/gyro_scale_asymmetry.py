@@ -29,5 +29,6 @@ EFFECT = Effect(
     signature=lambda place, rows: gyro_columns(np.abs(rows.rate)),
     from_coefficients=all_coefficients,
     sentence=sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
+    formula="Δω = ({coefficient_1} |ω_1|, {coefficient_2} |ω_2|, {coefficient_3} |ω_3|)",
     in_motion=True,
 )

@@ -1,7 +1,14 @@
 """Scale factors and misalignment of the gyros."""
 
 from trihedron.models.effects.definition import Effect, all_coefficients
-from trihedron.models.effects.motion_rows import matrix_columns, no_numbers, of_a_matrix, on_gyros, sentence_of
+from trihedron.models.effects.motion_rows import (
+    matrix_columns,
+    matrix_formula,
+    no_numbers,
+    of_a_matrix,
+    on_gyros,
+    sentence_of,
+)
 from trihedron.models.restricted import Vector
 
 
@@ -36,5 +43,6 @@ EFFECT = Effect(
     signature=lambda place, rows: matrix_columns(rows.rate),
     from_coefficients=all_coefficients,
     sentence=sentence_of("the gyros have errors of scale (diagonal) and misalignment, row by row", ""),
+    formula=f"Δω = {matrix_formula('gamma', '123')} ω",
     in_motion=True,
 )

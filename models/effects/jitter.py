@@ -52,5 +52,6 @@ EFFECT = Effect(
     sentence=lambda place, values: (
         f"the time stamps jitter more than the sampling: {100.0 * values['share']:.0f} % of their jitter is the log's"
     ),
+    formula="Δω = {share} ω (τ/T − k), τ 'the interval by the time stamps, of' k 'whole periods' T",
     in_motion=True,
 )

@@ -44,5 +44,6 @@ EFFECT = Effect(
         if values["delay"] >= 0.0
         else f"the gyros lead by {-1e3 * values['delay']:.3f} ms"
     ),
+    formula="ω_read(t) = ω(t − ({delay}) 's')",
     in_motion=True,
 )

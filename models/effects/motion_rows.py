@@ -73,6 +73,12 @@ def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple
     )
 
 
+def matrix_formula(name: str, columns: Sequence[str]) -> str:
+    """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
+    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
+    return f"[{' | '.join(rows)}]"
+
+
 def gyro_columns(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signature (N, 3, 3) of an effect that adds c_p · values (N, 3) to the reading of each gyro p."""
     return values[:, :, None] * np.eye(3)

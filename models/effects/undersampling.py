@@ -34,5 +34,6 @@ EFFECT = Effect(
     sentence=lambda place, values: (
         f"the attitude computer leaves coning out: {values['coefficient']:+.3f} of the product of two increments"
     ),
+    formula="Δγ = {coefficient} γ_before × γ",
     in_motion=True,
 )

@@ -88,20 +88,24 @@ def ranking_section(result: Diagnosis) -> list[Section]:
     if not result.tried:
         return []
     shown = result.tried[:MOST_RANKED]
-    mending = sum(radius <= 1.0 for _, radius in result.tried)
-    told = {0: "None of them does.", 1: "One does."}.get(mending, f"{mending} do.")
     return [
         Section(
             "Evidence: which effect mends it",
             [
                 f"Each of the {len(result.tried)} effects of the catalogue that are linear was added to the model in "
-                f"turn. At or below one σ the extended model explains every reading. {told}",
+                f"turn. At or below one σ the extended model explains every reading. {how_many_mend(result.tried)}",
                 *refused_words(result),
             ],
             candidates([title for title, _ in shown], [radius for _, radius in shown]),
             f"Least largest residual that each effect leaves, in units of σ; the best {len(shown)}.",
         )
     ]
+
+
+def how_many_mend(tried: Sequence[tuple[str, float]]) -> str:
+    """How many effects, each with the radius that it leaves, bring everything within its bound."""
+    mending = sum(radius <= 1.0 for _, radius in tried)
+    return {0: "None of them does.", 1: "One does."}.get(mending, f"{mending} do.")
 
 
 def refused_words(result: Diagnosis) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from trihedron.diagnosis.result import Cause
 from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects.motion_rows import matrix_formula
 from trihedron.report.equations import effect_formula, math
 from trihedron.report.model_sections import OPEN, Value
 from trihedron.report.page import Section
@@ -14,26 +15,7 @@ from trihedron.report.rounding import to_bound
 from trihedron.strapdown.norm_calibration import COLUMNS, ROWS
 from trihedron.strapdown.result import StrapdownDiagnosis
 
-
-def matrix(name: str, columns: Sequence[str]) -> str:
-    """A matrix of parameters, a row for each gyro: {name_1c} and so on, c the names of the columns."""
-    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
-    return f"[{' | '.join(rows)}]"
-
-
 AXES = ("1", "2", "3")
-FORMULAS = {
-    "gyro-bias": "Δω = ({bias_1}, {bias_2}, {bias_3}) 'rad/s'",
-    "gyro-bias-drift": "Δω = ({rate_1}, {rate_2}, {rate_3}) t 'rad/s', t 'in hours'",
-    "gyro-g-sensitivity": f"Δω = {matrix('coefficient', AXES)} n 'rad/s'",
-    "gyro-g-squared": f"Δω = {matrix('coefficient', ('_12', '_13', '_23'))} (n_1 n_2, n_1 n_3, n_2 n_3) 'rad/s'",
-    "gyro-scale-asymmetry": "Δω = ({coefficient_1} |ω_1|, {coefficient_2} |ω_2|, {coefficient_3} |ω_3|)",
-    "gyro-scale-misalignment": f"Δω = {matrix('gamma', AXES)} ω",
-    "jitter": "Δω = {share} ω (τ/T − k), τ 'the interval by the time stamps, of' k 'whole periods' T",
-    "latency": "ω_read(t) = ω(t − ({delay}) 's')",
-    "undersampling": "Δγ = {coefficient} γ_before × γ",
-}
-"""What effects on gyros and attitude computer add to the readings; matrices have a row for each gyro."""
 
 _OWN = re.compile(r"(?P<sensor>accelerometer|gyro) (?P<kind>gamma|bias)_(?P<first>\d)(?P<second>\d?)")
 
@@ -94,7 +76,7 @@ def gyro_line(result: StrapdownDiagnosis, values: Mapping[str, Value]) -> str:
     terms = ["ω_read = ω"]
     if "gyro gamma_11" in values:
         own = {f"gamma_{p}{q}": number(values[f"gyro gamma_{p}{q}"]) for p in AXES for q in AXES}
-        terms.append(f"+ {matrix('gamma', AXES).format(**own)} ω")
+        terms.append(f"+ {matrix_formula('gamma', AXES).format(**own)} ω")
     if result.bias_at_rest is not None:
         bounds = result.inspection.rests.rate_bound
         near = [None] * 3 if bounds is None else [float(b) for b in np.median(bounds, axis=0)]
@@ -139,8 +121,7 @@ def effect_lines(causes: Sequence[Cause]) -> list[str]:
             name: number((value, 0.5 * (high - low)))
             for name, value, (low, high) in zip(names, cause.values, cause.intervals, strict=True)
         }
-        own = FORMULAS.get(cause.place.effect)
-        formula = own.format(**numbers) if own is not None else effect_formula(cause.place, numbers)
+        formula = effect_formula(cause.place, numbers)
         if formula is not None:
             lines.append(math(formula))
     return lines

@@ -6,7 +6,7 @@ import numpy as np
 
 from trihedron.report.cells import Cell
 from trihedron.report.diagnosis_pictures import candidates
-from trihedron.report.evidence_sections import ALIKE, CONFUSION, MOST_RANKED, unrepeated
+from trihedron.report.evidence_sections import ALIKE, CONFUSION, MOST_RANKED, how_many_mend, unrepeated
 from trihedron.report.likeness_picture import likeness_picture
 from trihedron.report.page import Section, Table, Tone, render_page
 from trihedron.report.record_sections import versions
@@ -116,14 +116,12 @@ def ranking_sections(result: StrapdownDiagnosis) -> list[Section]:
     if not result.tried:
         return []
     shown = result.tried[:MOST_RANKED]
-    mending = sum(radius <= 1.0 for _, radius in result.tried)
-    told = {0: "None of them does.", 1: "One does."}.get(mending, f"{mending} do.")
     return [
         Section(
             "Evidence: which effect mends it",
             [
                 f"Each of the {len(result.tried)} effects that this record can show was added to the simulation in "
-                f"turn. At or below one every error is within its bound. {told}"
+                f"turn. At or below one every error is within its bound. {how_many_mend(result.tried)}"
             ],
             candidates([title for title, _ in shown], [radius for _, radius in shown], "largest error over its bound"),
             f"Least largest error that each effect leaves, over its bound; the best {len(shown)}.",
