@@ -9,7 +9,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 BIN = $(VENV)/bin
 READY = $(VENV)/.ready
 WORKERS ?= 2
-PYTEST = $(BIN)/python -m pytest
+PYTEST = $(BIN)/python -m pytest -c tests/pytest.ini --rootdir tests
 
 .PHONY: demo test acceptance bench lint docs case-studies setup wheel clean
 
@@ -17,10 +17,10 @@ demo: $(READY)
 	$(BIN)/trihedron demo --out demo-results
 
 test: $(READY)
-	$(PYTEST) -n $(WORKERS) -m "not acceptance and not benchmark_ratio"
+	$(PYTEST) tests -n $(WORKERS) -m "not acceptance and not benchmark_ratio"
 
 acceptance: $(READY)
-	$(PYTEST) -n $(WORKERS) -m acceptance -s
+	$(PYTEST) tests -n $(WORKERS) -m acceptance -s
 
 bench: $(READY)
 	$(PYTEST) tests/benchmarks -m benchmark_ratio -s
@@ -31,12 +31,12 @@ lint: $(READY) build/typing/trihedron
 	$(BIN)/pyright
 
 docs: $(READY)
-	$(BIN)/python -m trihedron.reference docs
+	$(BIN)/python -m trihedron.tools.reference docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 # The measured records stand beside the project, or where TRIHEDRON_DATA says.
 case-studies: $(READY)
-	$(BIN)/python -m trihedron.strapdown.case_studies "$${TRIHEDRON_DATA:-../shared/data}" docs
+	$(BIN)/python -m trihedron.tools.strapdown.case_studies "$${TRIHEDRON_DATA:-../shared/data}" docs
 
 setup: $(READY)
 
@@ -46,19 +46,17 @@ $(READY): pyproject.toml
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
 	touch $(READY)
 
-# The packages under their import names, for the type checker: an editable install has them under their folders' names.
-build/typing/trihedron: $(wildcard tools/*) pyproject.toml
-	rm -rf build/typing
-	mkdir -p build/typing/trihedron
-	for entry in tools/*; do ln -s "../../../$$entry" build/typing/trihedron/; done
-	for name in models fmus scenarios; do ln -s "../../../$$name" build/typing/trihedron/; done
+# The root is the package: the type checker finds `trihedron` of the tests through a link of that name.
+build/typing/trihedron:
+	mkdir -p build/typing
+	ln -sfn ../.. build/typing/trihedron
 
 # The wheel holds native FMUs of every component for all platforms, which ziglang compiles; the checkout has none.
 WHEEL = build/wheel
 wheel: $(READY)
 	rm -rf $(WHEEL)/source dist
 	mkdir -p $(WHEEL)/source
-	cp -R models fmus tools scenarios pyproject.toml README.md LICENSE $(WHEEL)/source
+	cp -R __init__.py models fmus tools scenarios pyproject.toml README.md LICENSE $(WHEEL)/source
 	test -d $(WHEEL)/zig || { rm -rf $(WHEEL)/zig.part && \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check --target $(WHEEL)/zig.part "ziglang>=0.13" && \
 		mv $(WHEEL)/zig.part $(WHEEL)/zig; }

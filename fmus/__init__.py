@@ -6,22 +6,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from trihedron.fmus.component import Component
-    from trihedron.models.effects import EffectPlace
+    from ..models.effects import EffectPlace
+    from .component import Component
 
 
 @cache
 def components() -> dict[str, "Component"]:
     """Every component, by its name."""
-    from trihedron.fmus.accelerometer_block import ACCELEROMETER_BLOCK
-    from trihedron.fmus.accelerometer_compensation import ACCELEROMETER_COMPENSATION
-    from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
-    from trihedron.fmus.gyro_block import GYRO_BLOCK
-    from trihedron.fmus.gyro_compensation import GYRO_COMPENSATION
-    from trihedron.fmus.harmonic_motion import HARMONIC_MOTION
-    from trihedron.fmus.position_programme import POSITION_PROGRAMME
-    from trihedron.fmus.table_controller import TABLE_CONTROLLER
-    from trihedron.fmus.turntable_motion import TURNTABLE_MOTION
+    from .accelerometer_block import ACCELEROMETER_BLOCK
+    from .accelerometer_compensation import ACCELEROMETER_COMPENSATION
+    from .attitude_computer import ATTITUDE_COMPUTER
+    from .gyro_block import GYRO_BLOCK
+    from .gyro_compensation import GYRO_COMPENSATION
+    from .harmonic_motion import HARMONIC_MOTION
+    from .position_programme import POSITION_PROGRAMME
+    from .table_controller import TABLE_CONTROLLER
+    from .turntable_motion import TURNTABLE_MOTION
 
     every = (
         TURNTABLE_MOTION,
@@ -89,16 +89,16 @@ def build(
     trihedron.fmus.native.compiler.BuildError
         there is no compiler for the platform, or it fails
     """
-    from trihedron.fmus.composition import extend
+    from .composition import extend
 
     component = extend(components()[name], effects)
     if flavour == "native" and fmi in (2, 3):
-        from trihedron.fmus.native.compiler import chosen_platforms
-        from trihedron.fmus.native.flavour import build_native_fmu
+        from .native.compiler import chosen_platforms
+        from .native.flavour import build_native_fmu
 
         return build_native_fmu(component, folder, fmi, chosen_platforms(platform), portable=platform == "all")
     if flavour == "python" and fmi == 2:
-        from trihedron.fmus.python_flavour import build_python_fmu
+        from .python_flavour import build_python_fmu
 
         return build_python_fmu(component, folder)
     raise ValueError(f"there is no flavour {flavour} of FMI {fmi}")

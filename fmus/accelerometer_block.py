@@ -1,9 +1,9 @@
 """AccelerometerBlock: three accelerometers with sign-dependent scale factors."""
 
-from trihedron.fmus.component import GRAVITY, Component, Variable, seed
-from trihedron.models import accelerometer
-from trihedron.models.random_numbers import GENERATOR_SIZE
-from trihedron.models.restricted import CONTEXT_SIZE
+from ..models import accelerometer
+from ..models.random_numbers import GENERATOR_SIZE
+from ..models.restricted import CONTEXT_SIZE
+from .component import GRAVITY, Component, Variable, seed
 
 
 def _gamma(row: int, column: int) -> Variable:

@@ -1,8 +1,8 @@
 """AccelerometerCompensation: readings to specific force, the inverse of the calibrated block."""
 
-from trihedron.fmus.accelerometer_block import ACCELEROMETER_BLOCK
-from trihedron.fmus.component import Component, Variable
-from trihedron.models import compensation
+from ..models import compensation
+from .accelerometer_block import ACCELEROMETER_BLOCK
+from .component import Component, Variable
 
 CALIBRATED = (
     "gravity",

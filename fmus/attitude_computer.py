@@ -2,10 +2,10 @@
 
 import math
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.models import attitude
-from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from ..models import attitude
+from ..models.attitude_algorithms import ALGORITHMS
+from ..models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from .component import Component, Variable
 
 ATTITUDE_COMPUTER = Component(
     name="AttitudeComputer",

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.models.effects import EffectPlace
+from ..models.effects import EffectPlace
+from .units import STANDARD_GRAVITY
 
 Causality = Literal["parameter", "input", "output", "state", "work"]
 Variability = Literal["fixed", "tunable", "discrete", "continuous"]

@@ -3,8 +3,8 @@
 import dataclasses
 from collections.abc import Sequence
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name
+from ..models.effects import CATALOGUE, EffectPlace, parameter_name
+from .component import Component, Variable
 
 
 def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:

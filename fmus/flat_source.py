@@ -8,8 +8,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from trihedron.fmus.component import Component
-from trihedron.models.effects import CATALOGUE
+from ..models.effects import CATALOGUE
+from .component import Component
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """GyroBlock: three gyros, from true rates or increments to readings of rates and increments."""
 
-from trihedron.fmus.component import GRAVITY, Component, Variable, seed
-from trihedron.models import gyro
-from trihedron.models.random_numbers import GENERATOR_SIZE
-from trihedron.models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
+from ..models import gyro
+from ..models.random_numbers import GENERATOR_SIZE
+from ..models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
+from .component import GRAVITY, Component, Variable, seed
 
 GYRO_BLOCK = Component(
     name="GyroBlock",

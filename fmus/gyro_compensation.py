@@ -1,9 +1,9 @@
 """GyroCompensation: increments that gyros read to increments of the body, the inverse of the gyro block."""
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.gyro_block import GYRO_BLOCK
-from trihedron.models import gyro_compensation
-from trihedron.models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
+from ..models import gyro_compensation
+from ..models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
+from .component import Component, Variable
+from .gyro_block import GYRO_BLOCK
 
 SHARED = ("specific_force", "temperature", "interval", "gravity", "scale_misalignment", "bias")
 """Inputs and parameters of the block that its inverse has too, under the same names: one parameter set fits both."""

@@ -2,10 +2,10 @@
 
 import math
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.models import harmonic_motion
-from trihedron.models.harmonic_motion import HARMONICS
+from ..models import harmonic_motion
+from ..models.harmonic_motion import HARMONICS
+from .component import Component, Variable
+from .units import STANDARD_GRAVITY
 
 
 def _harmonics(name: str, letter: str, amplitude: float, frequency: float) -> tuple[Variable, ...]:

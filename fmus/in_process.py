@@ -4,9 +4,9 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.flat_source import flat_source
-from trihedron.fmus.instance import Instance
+from .component import Component, Variable
+from .flat_source import flat_source
+from .instance import Instance
 
 
 def instance_rows(component: Component) -> tuple[tuple, ...]:
@@ -23,7 +23,7 @@ def limits(variable: Variable) -> tuple[float | None, float | None]:
 
 def effect_count(component: Component) -> int:
     """How many parameters the effects of a component have."""
-    from trihedron.models.effects import CATALOGUE
+    from ..models.effects import CATALOGUE
 
     return sum(len(CATALOGUE[place.effect].at(place).parameters) for place in component.effects)
 
@@ -51,7 +51,7 @@ def references(component: Component) -> dict[str, int]:
 
 def parameter_starts(name: str) -> dict[str, float | list[float]]:
     """Start values of a component's parameters, by variable."""
-    from trihedron.fmus import components
+    from . import components
 
     return {
         v.name: list(v.starts) if v.size else v.starts[0]

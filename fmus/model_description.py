@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.in_process import effect_count
-from trihedron.fmus.units import UNITS
+from .component import Component, Variable
+from .in_process import effect_count
+from .units import UNITS
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -170,7 +170,7 @@ def experiment(component: Component) -> dict[str, str]:
 
 def root_attributes(component: Component) -> dict[str, str]:
     """Attributes of the root element that both versions of FMI have, but for the identity."""
-    from trihedron.fmus import version
+    from . import version
 
     return {
         "modelName": component.name,
@@ -248,7 +248,7 @@ def description_2(component: Component, sources: Sequence[str]) -> Element:
 
 def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
     """The model description of a version of FMI, without identity and date."""
-    from trihedron.fmus.model_description_3 import description_3
+    from .model_description_3 import description_3
 
     return description_3(component) if fmi == 3 else description_2(component, sources)
 

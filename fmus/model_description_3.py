@@ -2,8 +2,8 @@
 
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.model_description import (
+from .component import Component, Variable
+from .model_description import (
     add_categories,
     add_units,
     declared_types,

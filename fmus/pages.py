@@ -8,9 +8,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.in_process import limits
-from trihedron.models.effects import CATALOGUE
+from ..models.effects import CATALOGUE
+from .component import Component, Variable
+from .in_process import limits
 
 STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.component import Component
-from trihedron.fmus.model_description import number
-from trihedron.fmus.units import UNITS
+from .component import Component
+from .model_description import number
+from .units import UNITS
 
 VALUES = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"

@@ -2,10 +2,10 @@
 
 import math
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.models import position_programme
-from trihedron.models.motion import AXIS_PLAN_SIZE
-from trihedron.models.position_programme import POSITIONS
+from ..models import position_programme
+from ..models.motion import AXIS_PLAN_SIZE
+from ..models.position_programme import POSITIONS
+from .component import Component, Variable
 
 
 def _angles(name: str, axis: str) -> Variable:

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
 
-from trihedron.fmus import instance
-from trihedron.fmus.archive import write_archive
-from trihedron.fmus.component import Component
-from trihedron.fmus.flat_source import flat_source
-from trihedron.fmus.in_process import effect_count, instance_rows
-from trihedron.fmus.model_description import model_description
-from trihedron.fmus.pages import accompanying_files
+from . import instance
+from .archive import write_archive
+from .component import Component
+from .flat_source import flat_source
+from .in_process import effect_count, instance_rows
+from .model_description import model_description
+from .pages import accompanying_files
 
 SCRIPT = '''"""{name}: {description}
 

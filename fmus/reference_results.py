@@ -3,8 +3,8 @@
 import math
 from pathlib import Path
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.in_process import instantiate, references
+from .component import Component, Variable
+from .in_process import instantiate, references
 
 STEPS = 200
 MOST_OUTPUTS = 9

@@ -1,7 +1,7 @@
 """TableController: turns the table so that the computed attitude stays what it was at the start."""
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.models import table_controller
+from ..models import table_controller
+from .component import Component, Variable
 
 TABLE_CONTROLLER = Component(
     name="TableController",

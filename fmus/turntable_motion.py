@@ -2,11 +2,11 @@
 
 import math
 
-from trihedron.fmus.component import GRAVITY, Component, Variable, identity_matrix, seed
-from trihedron.models import turntable
-from trihedron.models.motion import AXIS_PLAN_SIZE
-from trihedron.models.random_numbers import GENERATOR_SIZE
-from trihedron.models.restricted import CONTEXT_SIZE
+from ..models import turntable
+from ..models.motion import AXIS_PLAN_SIZE
+from ..models.random_numbers import GENERATOR_SIZE
+from ..models.restricted import CONTEXT_SIZE
+from .component import GRAVITY, Component, Variable, identity_matrix, seed
 
 ARCSECOND = math.pi / 648000.0
 

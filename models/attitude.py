@@ -2,10 +2,10 @@
 
 import math
 
-from trihedron.models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, Algorithm
-from trihedron.models.attitude_algorithms.update import STEP_SIZE, prepare_update, update
-from trihedron.models.restricted import Vector
-from trihedron.models.rotation import multiply, normalise
+from .attitude_algorithms import ALGORITHMS, MAX_INCREMENT, Algorithm
+from .attitude_algorithms.update import STEP_SIZE, prepare_update, update
+from .restricted import Vector
+from .rotation import multiply, normalise
 
 __all__ = ["ALGORITHMS", "MAX_INCREMENT", "Algorithm", "initialise", "step"]
 

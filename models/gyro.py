@@ -9,8 +9,8 @@ section 4.4.
 
 import math
 
-from trihedron.models.random_numbers import seed_generator, symmetric
-from trihedron.models.restricted import (
+from .random_numbers import seed_generator, symmetric
+from .restricted import (
     GYRO_CONTEXT_SIZE,
     HOURS,
     INPUT,

@@ -9,8 +9,8 @@ Source: Chelnokov, Perelyaev, Chelnokova 2016, section 3; the order of the turns
 
 import math
 
-from trihedron.models.restricted import Vector
-from trihedron.models.rotation import set_quaternion, to_body, turn
+from .restricted import Vector
+from .rotation import set_quaternion, to_body, turn
 
 HARMONICS = 4
 """Harmonics of each angle."""

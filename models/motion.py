@@ -7,7 +7,7 @@ axis i is ``motion[2 * i]`` (angle [rad]) and ``motion[2 * i + 1]`` (rate [rad/s
 
 import math
 
-from trihedron.models.restricted import Vector
+from .restricted import Vector
 
 AXIS_PLAN_SIZE = 9
 

@@ -6,8 +6,8 @@ the dwell, rounded up to whole steps. A command holds over a whole slot.
 
 import math
 
-from trihedron.models.motion import plan_move
-from trihedron.models.restricted import Vector
+from .motion import plan_move
+from .restricted import Vector
 
 POSITIONS = 128
 """Most positions of a programme."""

@@ -6,7 +6,7 @@ Operations Research 47 (1999) 159-164. Every product stays below 2**53, so each 
 
 import math
 
-from trihedron.models.restricted import Vector
+from .restricted import Vector
 
 GENERATOR_SIZE = 6
 MODULUS_1 = 4294967087.0

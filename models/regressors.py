@@ -8,7 +8,7 @@ the formulas (1.10) and (2.7), which the published text lost, are reconstructed.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.models.bench import up
+from .bench import up
 
 ASYMMETRIC_SLOTS = ((3, 7, 11), (5, 8, 12), (6, 10, 13))
 """Places of X among the 18 (from 0) that carry Γ_pc n_c in accelerometer p's reading; on the diagonal the plus one."""

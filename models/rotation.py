@@ -2,7 +2,7 @@
 
 import math
 
-from trihedron.models.restricted import Vector
+from .restricted import Vector
 
 
 def set_quaternion(w: float, x: float, y: float, z: float, result: Vector) -> None:

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from trihedron.campaign.engines import Killed
+from trihedron.tools.campaign.engines import Killed
 
 CALIBRATION = """
 schema = "trihedron.campaign/1"

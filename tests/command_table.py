@@ -7,10 +7,10 @@ import numpy as np
 import polars as pl
 
 from strapdown_records import POSES, strapdown_record, true_motion
-from trihedron import cli
-from trihedron.hidden import write_hidden_record
-from trihedron.records import write_strapdown_record
-from trihedron.templates import new
+from trihedron.tools import cli
+from trihedron.tools.hidden import write_hidden_record
+from trihedron.tools.records import write_strapdown_record
+from trihedron.tools.templates import new
 
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]
@@ -93,8 +93,8 @@ QUICK = [command for command in COMMANDS if not command.slow]
 
 def make_inputs(folder: Path) -> None:
     """Write the files that the commands read."""
-    from trihedron.calibration import calibrate
-    from trihedron.records import read_position_record
+    from trihedron.tools.calibration import calibrate
+    from trihedron.tools.records import read_position_record
 
     (folder / "run.toml").write_text(SCENARIO, encoding="utf-8")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")

@@ -5,16 +5,16 @@ from functools import cache
 
 import numpy as np
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.calibration.result import component_parameters
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import rows_at
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name
+from trihedron.tools.calibration.linearisation import Linearisation, linearise
+from trihedron.tools.calibration.parametrisation import Positions, parametrise
+from trihedron.tools.calibration.result import component_parameters
+from trihedron.tools.diagnosis.circumstances import Circumstances
+from trihedron.tools.diagnosis.disturbance import rows_at
 
 G = 9.80665
 ROWS = 7

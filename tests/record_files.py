@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.errors import InputError
-from trihedron.records import read_record
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import read_record
 
 POSITION_HEADER = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"
 RAW_HEADER = "time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"

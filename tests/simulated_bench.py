@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration import Calibration
-from trihedron.calibration.result import Estimate
 from trihedron.models.bench import ELEMENTARY, elementary_reading
-from trihedron.records import PositionRecord
+from trihedron.tools.calibration import Calibration
+from trihedron.tools.calibration.result import Estimate
+from trihedron.tools.records import PositionRecord
 
 GRAVITY = 9.80665
 ALPHA, BETA = (np.radians(grid.ravel()) for grid in np.meshgrid(20 + 45 * np.arange(8), [25, 145, 265], indexing="ij"))

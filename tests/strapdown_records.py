@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from trihedron.records import StrapdownRecord
+from trihedron.tools.records import StrapdownRecord
 
 G = 9.80665
 PERIOD = 0.01

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.records import PositionRecord, RawRecord
-from trihedron.records.rests import average_rests, find_rests
+from trihedron.tools.records import PositionRecord, RawRecord
+from trihedron.tools.records.rests import average_rests, find_rests
 
 GRAVITY = 9.80665
 ARCSEC = np.deg2rad(1 / 3600)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.architecture import architecture, architecture_picture, direct, layers
+from trihedron.tools.architecture import architecture, architecture_picture, direct, layers
 
 ROOT = Path(__file__).resolve().parents[1]
 

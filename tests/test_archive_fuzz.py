@@ -12,10 +12,10 @@ import pytest
 from archive_mutations import OF_ANY, Members, Mutation, countless, packed
 from content_mutations import OF_FMUS, OF_SSPS
 from foreign_fmus import build_foreign
-from trihedron.bench_run import run_scenario
-from trihedron.errors import InputError
-from trihedron.scenario import Scenario
-from trihedron.ssp.exporting import export_ssp
+from trihedron.tools.bench_run import run_scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.scenario import Scenario
+from trihedron.tools.ssp.exporting import export_ssp
 
 DESCRIPTIONS = {"fmu": "modelDescription.xml", "ssp": "SystemStructure.ssd"}
 KINDS: list[tuple[str, Mutation]] = [

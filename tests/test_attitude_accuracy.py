@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude.angles import angle_errors
-from trihedron.attitude.compiled_runs import Samples, run_algorithm, sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.paper_motions import paper_motion
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.harmonic_motion import move_harmonically
+from trihedron.tools.attitude.angles import angle_errors
+from trihedron.tools.attitude.compiled_runs import Samples, run_algorithm, sample_motion
+from trihedron.tools.attitude.conditions import EXACT
+from trihedron.tools.attitude.paper_motions import paper_motion
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 SMOOTH = ("functional-iteration-4", "functional-iteration-6", "functional-iteration-8", "adaptive-degree")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trihedron.attitude.choosing import (
+from trihedron.tools.attitude.choosing import (
     COMPARED,
     PAGE,
     RATES,
@@ -19,8 +19,8 @@ from trihedron.attitude.choosing import (
     relative_coning_drift,
     situation_errors,
 )
-from trihedron.attitude.published import algorithm_named
-from trihedron.report.choosing_pictures import accuracy_against_cost, aliasing, coning_drift
+from trihedron.tools.attitude.published import algorithm_named
+from trihedron.tools.report.choosing_pictures import accuracy_against_cost, aliasing, coning_drift
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 

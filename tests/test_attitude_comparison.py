@@ -8,15 +8,15 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude import attitude_of_record
-from trihedron.attitude.comparison import compare_algorithms, comparison_text, write_comparison
-from trihedron.attitude.compiled_runs import sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.cli import main
-from trihedron.errors import InputError
 from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.records import StrapdownRecord
+from trihedron.tools.attitude import attitude_of_record
+from trihedron.tools.attitude.comparison import compare_algorithms, comparison_text, write_comparison
+from trihedron.tools.attitude.compiled_runs import sample_motion
+from trihedron.tools.attitude.conditions import EXACT
+from trihedron.tools.attitude.paper_motions import paper_motion
+from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import StrapdownRecord
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 CHOSEN = [BY_NAME[n] for n in ("mean-rate", "two-sample-rodrigues", "panov", "panov-cut-off", "adaptive-degree")]

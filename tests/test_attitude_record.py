@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude import WHERE_TO_GET, AttitudeRun, attitude_of_record, find_record, rate_at_rest
-from trihedron.attitude.run import attitude_error, heading_and_tilt
-from trihedron.errors import InputError
-from trihedron.records import StrapdownRecord, read_record
+from trihedron.tools.attitude import WHERE_TO_GET, AttitudeRun, attitude_of_record, find_record, rate_at_rest
+from trihedron.tools.attitude.run import attitude_error, heading_and_tilt
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import StrapdownRecord, read_record
 
 BROAD = find_record("broad-03.strapdown.csv")
 GRAVITY = 9.80665

@@ -1,7 +1,8 @@
 """The published errors of attitude algorithms come out under the paper's conditions, and only under those.
 
 Chelnokov, Perelyaev, Chelnokova 2016, Tables 1 to 3 and section 3.1.1. Of the 264 printed numbers 240 come out within
-5 % (99 of the 105 of Table 1 within 0.2 %); `trihedron.attitude.unexplained` says which do not, and what was tried.
+5 % (99 of the 105 of Table 1 within 0.2 %); `trihedron.tools.attitude.unexplained` says which do not, and what
+was tried.
 """
 
 import csv
@@ -12,22 +13,22 @@ import math
 import numpy as np
 import pytest
 
-from trihedron.attitude.angles import angle_errors
-from trihedron.attitude.compiled_runs import run_algorithm, sample_motion, step_kernel
-from trihedron.attitude.conditions import CAUSES, EXACT, PAPER, Conditions
-from trihedron.attitude.paper_motions import MOTIONS, paper_motion
-from trihedron.attitude.published import algorithm_named, published_rows
-from trihedron.attitude.reproduction import reproduce_attitude
-from trihedron.attitude.reproduction_output import (
+from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
+from trihedron.tools.attitude.angles import angle_errors
+from trihedron.tools.attitude.compiled_runs import run_algorithm, sample_motion, step_kernel
+from trihedron.tools.attitude.conditions import CAUSES, EXACT, PAPER, Conditions
+from trihedron.tools.attitude.paper_motions import MOTIONS, paper_motion
+from trihedron.tools.attitude.published import algorithm_named, published_rows
+from trihedron.tools.attitude.reproduction import reproduce_attitude
+from trihedron.tools.attitude.reproduction_output import (
     reproduction_csv,
     reproduction_json,
     reproduction_summary,
     write_reproduction,
 )
-from trihedron.attitude.unexplained import UNEXPLAINED, not_reproduced, sentence_for
-from trihedron.errors import InputError
-from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
+from trihedron.tools.attitude.unexplained import UNEXPLAINED, not_reproduced, sentence_for
+from trihedron.tools.errors import InputError
 
 QUICK = (8, 10, 12, 24, 32, 34, 39, 42, 56, 57)
 """Rows with steps of 10 ms and more: one algorithm of each family, and five of the nine causes."""

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude.angles import angle_between
-from trihedron.attitude.compiled_runs import run_algorithm
-from trihedron.attitude.published import algorithm_named
-from trihedron.attitude.single_precision import ARITHMETICS, run_single
-from trihedron.attitude.word_length import (
+from trihedron.tools.attitude.angles import angle_between
+from trihedron.tools.attitude.compiled_runs import run_algorithm
+from trihedron.tools.attitude.published import algorithm_named
+from trihedron.tools.attitude.single_precision import ARITHMETICS, run_single
+from trihedron.tools.attitude.word_length import (
     DOUBLE,
     INCOMMENSURATE,
     REPEATING,

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from simulated_bench import ALPHA, BETA, random_bench
-from trihedron.calibration.mountings import PRESETS
 from trihedron.models.bench import (
     ELEMENTARY,
     TARGETS,
@@ -23,6 +22,7 @@ from trihedron.models.bench import (
     up,
 )
 from trihedron.models.regressors import admissible, nominal_input, regressors, sign_margin
+from trihedron.tools.calibration.mountings import PRESETS
 
 MOUNTINGS = [
     np.eye(3),

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from simulated_bench import ALPHA, BETA, random_bench, record, simulated
-from trihedron import cli
-from trihedron.calibration import calibrate
-from trihedron.calibration.mountings import PRESETS
-from trihedron.errors import InputError
 from trihedron.models.bench import elementary_reading
-from trihedron.records import write_position_record
+from trihedron.tools import cli
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import write_position_record
 
 SIGMA = 1e-5
 READING = elementary_reading(random_bench(np.random.default_rng(1)), ALPHA, BETA, np.eye(3))

@@ -11,14 +11,14 @@ from fmpy.ssp.ssd import read_ssv
 
 from simulated_bench import random_bench, simulated
 from table_runs import ARCSEC, PROGRAMME, Bench
-from trihedron import cli
-from trihedron.calibration import calibrate
-from trihedron.orchestrator import simulate
-from trihedron.records import read_record, write_position_record, write_raw_record
-from trihedron.records.reading import read_table_run
-from trihedron.records.rests import find_rests
-from trihedron.report.calibration_page import calibration_page
-from trihedron.scenario import Scenario
+from trihedron.tools import cli
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.records import read_record, write_position_record, write_raw_record
+from trihedron.tools.records.reading import read_table_run
+from trihedron.tools.records.rests import find_rests
+from trihedron.tools.report.calibration_page import calibration_page
+from trihedron.tools.scenario import Scenario
 
 SIGMA = 1e-5
 

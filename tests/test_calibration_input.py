@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simulated_bench import record
-from trihedron.calibration.mountings import PRESETS, read_mounting
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights
-from trihedron.errors import InputError
+from trihedron.tools.calibration.mountings import PRESETS, read_mounting
+from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights
+from trihedron.tools.errors import InputError
 
 ONE = parametrise({"identity": np.eye(3)})
 TWO = parametrise({"a": np.eye(3), "a-b": PRESETS["cyclic"]})

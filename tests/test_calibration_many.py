@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from simulated_bench import misses, random_bench, simulated
-from trihedron.calibration import calibrate, programmes
-from trihedron.calibration.joint_set import joint_sets
-from trihedron.calibration.programmes import Polytope, chebyshev_radius
 from trihedron.models.bench import target_values
+from trihedron.tools.calibration import calibrate, programmes
+from trihedron.tools.calibration.joint_set import joint_sets
+from trihedron.tools.calibration.programmes import Polytope, chebyshev_radius
 
 SIGMA = 1e-5
 

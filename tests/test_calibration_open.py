@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from simulated_bench import ALPHA, BETA, guaranteed, misses, random_bench, simulated
-from trihedron.calibration import calibrate, fit_record
-from trihedron.calibration.parametrisation import Positions, predicted_input
 from trihedron.models.bench import ELEMENTARY, target_values
+from trihedron.tools.calibration import calibrate, fit_record
+from trihedron.tools.calibration.parametrisation import Positions, predicted_input
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from simulated_bench import interval, random_bench, record, simulated
-from trihedron.calibration import calibrate
-from trihedron.errors import InputError
 from trihedron.models.bench import TARGETS, elementary, target_values
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.errors import InputError
 
 SIGMA = 1e-5
 FEW = np.array([0, 3, 9, 14, 20])

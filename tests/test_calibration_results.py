@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from simulated_bench import ALPHA, BETA, interval, misses, random_bench, record, simulated
-from trihedron.calibration import bench_parameters, calibrate
-from trihedron.calibration.mountings import PRESETS
-from trihedron.errors import InputError
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
+from trihedron.tools.calibration import bench_parameters, calibrate
+from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.errors import InputError
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

@@ -15,12 +15,12 @@ import polars as pl
 import pytest
 
 from campaign_runs import CALIBRATION, ScriptedEngine, content, written
-from trihedron import cli
-from trihedron.campaign import campaign as campaigns
-from trihedron.campaign.campaign import run_campaign
-from trihedron.campaign.execution import Batches
-from trihedron.campaign.work import KILLED
-from trihedron.errors import InputError
+from trihedron.tools import cli
+from trihedron.tools.campaign import campaign as campaigns
+from trihedron.tools.campaign.campaign import run_campaign
+from trihedron.tools.campaign.execution import Batches
+from trihedron.tools.campaign.work import KILLED
+from trihedron.tools.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
         scripted.finish()
         return [future for future in futures if future.done()]
 
-    monkeypatch.setattr("trihedron.campaign.execution.first_done", done)
+    monkeypatch.setattr("trihedron.tools.campaign.execution.first_done", done)
     return scripted
 
 
@@ -171,13 +171,13 @@ def test_a_folder_with_results_is_not_written_over_or_mixed(tmp_path, engine, ca
 def test_results_of_other_code_are_not_mixed(tmp_path, engine, monkeypatch):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run_campaign(path, out)
-    monkeypatch.setattr("trihedron.campaign.order.code_hash", lambda: "other")
+    monkeypatch.setattr("trihedron.tools.campaign.order.code_hash", lambda: "other")
     with pytest.raises(InputError, match="is another version than when it was begun"):
         run_campaign(path, out, resume=True)
 
 
 def test_a_worker_with_other_code_is_refused(tmp_path, engine, monkeypatch):
-    monkeypatch.setattr("trihedron.campaign.work.code_hash", lambda: "other")
+    monkeypatch.setattr("trihedron.tools.campaign.work.code_hash", lambda: "other")
     with pytest.raises(InputError, match="a worker has another version of Trihedron"):
         run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
 
@@ -218,7 +218,7 @@ def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbro
 
 
 def test_failing_runs_are_recorded_with_their_message(tmp_path, engine, monkeypatch):
-    from trihedron.campaign.calibration_runs import CalibrationRuns
+    from trihedron.tools.campaign.calibration_runs import CalibrationRuns
 
     run = CalibrationRuns.run
 
@@ -281,7 +281,7 @@ def test_an_unknown_engine_is_refused(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path, unbroken):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
-    command = [sys.executable, "-m", "trihedron.cli", "campaign", str(path), "--out", str(out), "--jobs", "2"]
+    command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(path), "--out", str(out), "--jobs", "2"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as main:
         deadline = time.monotonic() + 60.0
         while not list(out.glob("runs/part-*.parquet")):

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from campaign_runs import CALIBRATION
-from trihedron.campaign.axes import Axis
-from trihedron.campaign.design import Design, short_seed
-from trihedron.campaign.file import Campaign, parse_campaign, read_campaign
-from trihedron.campaign.partitions import partition_count, partition_name, runs_of
-from trihedron.campaign.runners import columns_of, make_runner
-from trihedron.errors import InputError
+from trihedron.tools.campaign.axes import Axis
+from trihedron.tools.campaign.design import Design, short_seed
+from trihedron.tools.campaign.file import Campaign, parse_campaign, read_campaign
+from trihedron.tools.campaign.partitions import partition_count, partition_name, runs_of
+from trihedron.tools.campaign.runners import columns_of, make_runner
+from trihedron.tools.errors import InputError
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
 ATTITUDE = HEAD + "[attitude]\nduration_s = 0.1\n"

@@ -8,25 +8,25 @@ import polars as pl
 import pytest
 
 from foreign_fmus import build_foreign
-from trihedron.attitude.choosing import Situation, situation_errors
-from trihedron.attitude.published import algorithm_named
-from trihedron.campaign.attitude_runs import motion_samples, read_increments
-from trihedron.campaign.campaign import run_campaign
-from trihedron.campaign.design import Design
-from trihedron.campaign.file import Campaign, parse_campaign
-from trihedron.campaign.kinds import Result
-from trihedron.campaign.order import make_order
-from trihedron.campaign.runners import columns_of, make_runner
-from trihedron.campaign.simulation_runs import reduced
-from trihedron.errors import InputError
 from trihedron.fmus.gyro_block import GYRO_BLOCK
 from trihedron.fmus.in_process import instantiate, references
-from trihedron.hidden_suite.cases import SuiteOptions
-from trihedron.hidden_suite.suite import run_suite
 from trihedron.models.bench import TARGETS
-from trihedron.orchestrator import simulate
-from trihedron.orchestrator.repeated import RepeatedScenario
-from trihedron.scenario import checked_scenario, read_scenario
+from trihedron.tools.attitude.choosing import Situation, situation_errors
+from trihedron.tools.attitude.published import algorithm_named
+from trihedron.tools.campaign.attitude_runs import motion_samples, read_increments
+from trihedron.tools.campaign.campaign import run_campaign
+from trihedron.tools.campaign.design import Design
+from trihedron.tools.campaign.file import Campaign, parse_campaign
+from trihedron.tools.campaign.kinds import Result
+from trihedron.tools.campaign.order import make_order
+from trihedron.tools.campaign.runners import columns_of, make_runner
+from trihedron.tools.campaign.simulation_runs import reduced
+from trihedron.tools.errors import InputError
+from trihedron.tools.hidden_suite.cases import SuiteOptions
+from trihedron.tools.hidden_suite.suite import run_suite
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.repeated import RepeatedScenario
+from trihedron.tools.scenario import checked_scenario, read_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 HEAD = 'schema = "trihedron.campaign/1"\n'

@@ -8,19 +8,19 @@ import polars as pl
 import pytest
 
 from campaign_runs import content
-from trihedron import cli
-from trihedron.campaign.comparison import compare
-from trihedron.campaign.computing import Results, rate, summarise
-from trihedron.campaign.design import Design
-from trihedron.campaign.file import parse_campaign
-from trihedron.campaign.kinds import Columns, Output
-from trihedron.campaign.order import Order
-from trihedron.campaign.partitions import partition_count, runs_of, scalars_file
-from trihedron.campaign.store import Store, manifest_of
-from trihedron.campaign.texts import summary_text
-from trihedron.campaign.work import Computed
-from trihedron.errors import InputError
-from trihedron.report.campaign_page import campaign_page
+from trihedron.tools import cli
+from trihedron.tools.campaign.comparison import compare
+from trihedron.tools.campaign.computing import Results, rate, summarise
+from trihedron.tools.campaign.design import Design
+from trihedron.tools.campaign.file import parse_campaign
+from trihedron.tools.campaign.kinds import Columns, Output
+from trihedron.tools.campaign.order import Order
+from trihedron.tools.campaign.partitions import partition_count, runs_of, scalars_file
+from trihedron.tools.campaign.store import Store, manifest_of
+from trihedron.tools.campaign.texts import summary_text
+from trihedron.tools.campaign.work import Computed
+from trihedron.tools.errors import InputError
+from trihedron.tools.report.campaign_page import campaign_page
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
 OUTPUTS = {

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import trihedron
-from trihedron import cli
-from trihedron.hidden import write_hidden_record
+from trihedron.tools import cli
+from trihedron.tools.hidden import write_hidden_record
 
 COMMANDS = ("simulate", "calibrate", "diagnose", "hidden", "export", "attitude", "demo")
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
@@ -40,7 +40,7 @@ def test_every_command_has_help_with_an_example(command, capsys):
 def test_version(capsys):
     status, out, _ = run(capsys, "--version")
     assert status == 0
-    assert out.strip() == trihedron.__version__
+    assert out.strip() == trihedron.tools.__version__
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_export_writes_every_component(tmp_path, monkeypatch, capsys):
 
 def test_a_fault_of_the_program_is_one_line_and_status_one(capsys, monkeypatch):
     monkeypatch.delenv("TRIHEDRON_TRACEBACK", raising=False)
-    monkeypatch.setattr("trihedron.exporting.export_components", lambda *_: 1 / 0)
+    monkeypatch.setattr("trihedron.tools.exporting.export_components", lambda *_: 1 / 0)
     status, _, err = run(capsys, "export")
     assert status == 1
     assert err.count("\n") == 1
@@ -171,4 +171,4 @@ def test_the_program_is_found_under_its_name():
     said = subprocess.run(
         [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=60
     ).stdout
-    assert said.strip() == trihedron.__version__
+    assert said.strip() == trihedron.tools.__version__

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from trihedron import cli
 from trihedron.models.bench import elementary, elementary_reading
+from trihedron.tools import cli
 
-PROGRAM = [sys.executable, "-m", "trihedron.cli"]
+PROGRAM = [sys.executable, "-m", "trihedron.tools.cli"]
 
 
 @pytest.fixture

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from trihedron import cli
+from trihedron.tools import cli
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", "pythonfmu", "pydantic", "highspy",
-         "jinja2", "dask", "distributed", "trihedron.library", "trihedron.models", "trihedron.fmus")  # fmt: skip
+         "jinja2", "dask", "distributed", "trihedron.tools.library", "trihedron.models", "trihedron.fmus")  # fmt: skip
 """What takes its time to import; `--help` and a mistake need none of it."""
 
 
 def imported_by(*arguments: str) -> set[str]:
     """Modules that a command has imported when it ends."""
-    code = "import sys; from trihedron import cli; cli.main(sys.argv[1:]); print('\\n', *sorted(sys.modules))"
+    code = "import sys; from trihedron.tools import cli; cli.main(sys.argv[1:]); print('\\n', *sorted(sys.modules))"
     said = subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, timeout=120
     )
@@ -54,7 +54,7 @@ def test_plain_text_where_there_is_no_terminal():
         environment = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "CLICOLOR_FORCE")} | variables
         for arguments in commands:
             done = subprocess.run(
-                [sys.executable, "-m", "trihedron.cli", *arguments], capture_output=True, text=True, check=False,
+                [sys.executable, "-m", "trihedron.tools.cli", *arguments], capture_output=True, text=True, check=False,
                 env=environment, timeout=120,
             )  # fmt: skip
             assert "\x1b" not in done.stdout + done.stderr
@@ -156,7 +156,7 @@ def test_doctor_tries_a_run(capsys):
 
 
 def test_doctor_says_what_does_not_work(monkeypatch, capsys):
-    monkeypatch.setattr("trihedron.bench_run.run_once", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr("trihedron.tools.bench_run.run_once", lambda *_, **__: 1 / 0)
     assert cli.main(["doctor"]) == 1
     said = capsys.readouterr()
     assert "NO  a run" in said.out

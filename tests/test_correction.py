@@ -7,9 +7,12 @@ import pytest
 
 from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
 from table_runs import PROGRAMME, Bench
-from trihedron.applying import application_summary, apply_calibration, write_corrected
-from trihedron.calibration import calibrate
-from trihedron.calibration.correction import (
+from trihedron.fmus import components
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.models.bench import TARGETS, target_values
+from trihedron.tools.applying import application_summary, apply_calibration, write_corrected
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.correction import (
     corrected,
     correction_of,
     equation_lines,
@@ -18,13 +21,10 @@ from trihedron.calibration.correction import (
     levelling,
     remaining_error,
 )
-from trihedron.calibration.reading_errors import corners
-from trihedron.errors import InputError
-from trihedron.fmus import components
-from trihedron.fmus.in_process import instantiate, references
-from trihedron.models.bench import TARGETS, target_values
-from trihedron.records import read_record, write_position_record, write_raw_record, write_strapdown_record
-from trihedron.records.kinds import StrapdownRecord
+from trihedron.tools.calibration.reading_errors import corners
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import read_record, write_position_record, write_raw_record, write_strapdown_record
+from trihedron.tools.records.kinds import StrapdownRecord
 
 SIGMA = 1e-5
 
@@ -94,7 +94,7 @@ def test_the_correction_is_the_component():
     bench, result, correction = calibrated(4)
     component = components()["AccelerometerCompensation"]
     model, numbers = instantiate(component), references(component)
-    from trihedron.calibration import bench_parameters
+    from trihedron.tools.calibration import bench_parameters
 
     for name, value in bench_parameters(result.to_json())[component.name].items():
         for k, number in enumerate(value if isinstance(value, list) else [value], 1):

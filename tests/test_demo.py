@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.attitude import find_record
-from trihedron.demo import MEASURED_RECORD, run_demo
+from trihedron.tools.attitude import find_record
+from trihedron.tools.demo import MEASURED_RECORD, run_demo
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +41,8 @@ def test_the_page_is_whole_and_links_to_what_was_written(demo):
 
 
 def test_the_record_of_the_demo_says_where_to_get_what_is_missing(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("trihedron.demo.find_record", lambda _: None)
-    from trihedron.demo import attitude_of_measured_record
+    monkeypatch.setattr("trihedron.tools.demo.find_record", lambda _: None)
+    from trihedron.tools.demo import attitude_of_measured_record
 
     section = attitude_of_measured_record(tmp_path)
     assert "doi 10.3390/data6070072" in capsys.readouterr().out

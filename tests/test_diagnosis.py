@@ -7,17 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from trihedron.calibration import calibrate
-from trihedron.diagnosis import diagnose
-from trihedron.diagnosis.circumstances import circumstances_of
-from trihedron.diagnosis.classes import classes_of, residual_spaces, same_space
-from trihedron.diagnosis.disturbance import is_linear
-from trihedron.diagnosis.extension import export_extended
-from trihedron.diagnosis.search import catalogue_places
-from trihedron.hidden import measure
-from trihedron.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.records import read_position_record, write_position_record
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.circumstances import circumstances_of
+from trihedron.tools.diagnosis.classes import classes_of, residual_spaces, same_space
+from trihedron.tools.diagnosis.disturbance import is_linear
+from trihedron.tools.diagnosis.extension import export_extended
+from trihedron.tools.diagnosis.search import catalogue_places
+from trihedron.tools.hidden import measure
+from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth
+from trihedron.tools.records import read_position_record, write_position_record
 
 CONTRACT_KEYS = {
     "schema",

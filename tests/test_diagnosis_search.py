@@ -7,23 +7,23 @@ import pytest
 
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
-from trihedron.calibration import calibrate
-from trihedron.diagnosis import diagnose
-from trihedron.diagnosis.centre import anchors, centre_of, slack_at
-from trihedron.diagnosis.circumstances import circumstances_of
-from trihedron.diagnosis.disturbance import is_linear
-from trihedron.diagnosis.extended_fit import fit_extended
-from trihedron.diagnosis.possible import is_possible, within_possible
-from trihedron.diagnosis.search import catalogue_places
-from trihedron.diagnosis.sizes import SureSizes
-from trihedron.errors import InputError
-from trihedron.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
-from trihedron.hidden_suite.benches import Bench, draw_bench
-from trihedron.hidden_suite.cases import Hidden, SuiteCase
-from trihedron.hidden_suite.measurement import measure_case
-from trihedron.hidden_suite.suite import diagnosed
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.outlier import place_of
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.centre import anchors, centre_of, slack_at
+from trihedron.tools.diagnosis.circumstances import circumstances_of
+from trihedron.tools.diagnosis.disturbance import is_linear
+from trihedron.tools.diagnosis.extended_fit import fit_extended
+from trihedron.tools.diagnosis.possible import is_possible, within_possible
+from trihedron.tools.diagnosis.search import catalogue_places
+from trihedron.tools.diagnosis.sizes import SureSizes
+from trihedron.tools.errors import InputError
+from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
+from trihedron.tools.hidden_suite.benches import Bench, draw_bench
+from trihedron.tools.hidden_suite.cases import Hidden, SuiteCase
+from trihedron.tools.hidden_suite.measurement import measure_case
+from trihedron.tools.hidden_suite.suite import diagnosed
 
 Effects = dict[EffectPlace, tuple[float, ...]]
 CUBIC_1 = EffectPlace("cubic", "accelerometer-1")

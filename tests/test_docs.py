@@ -122,7 +122,7 @@ def test_pages_of_the_site_open_in_a_browser_from_the_disk(site):
 
 def test_commands_and_library_are_described_from_the_code(site):
     from trihedron import __all__
-    from trihedron.cli import app
+    from trihedron.tools.cli import app
 
     commands = (site / "commands.html").read_text(encoding="utf-8")
     missing = [name for name in app if not name.startswith("-") and f'<h2 id="{name}">' not in commands]

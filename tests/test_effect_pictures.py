@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS
-from trihedron.report.effect_pictures import change_along, effect_sheet, shown_place, sweep_of
+from trihedron.tools.report.effect_pictures import change_along, effect_sheet, shown_place, sweep_of
 
 
 @pytest.mark.parametrize("effect", POSITION_EFFECTS.values(), ids=lambda effect: effect.name)

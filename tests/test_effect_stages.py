@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
-from trihedron.calibration.parametrisation import Positions, parametrise, predicted_reading
-from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.diagnosis.disturbance import rows_at
-from trihedron.diagnosis.senses import input_senses
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
-from trihedron.records import PositionRecord
+from trihedron.tools.calibration.parametrisation import Positions, parametrise, predicted_reading
+from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
+from trihedron.tools.diagnosis.disturbance import rows_at
+from trihedron.tools.diagnosis.senses import input_senses
+from trihedron.tools.records import PositionRecord
 
 WOBBLES = {
     EffectPlace("axis-wobble", "outer-axis", 2): (3e-3, 0.4),

@@ -7,11 +7,6 @@ import numpy as np
 import pytest
 
 from effect_readings import ALPHA, BETA, ROWS, readings, true_bench
-from trihedron.calibration.linearisation import linearise
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
-from trihedron.diagnosis.intervals import effect_intervals
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.units import UNITS
@@ -19,6 +14,11 @@ from trihedron.models.bench import TARGETS, target_reading
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows, parameter_name, place_from_mapping
 from trihedron.models.effects.definition import turned
 from trihedron.models.effects.outlier import place_of
+from trihedron.tools.calibration.linearisation import linearise
+from trihedron.tools.calibration.parametrisation import Positions, parametrise
+from trihedron.tools.diagnosis.circumstances import Circumstances
+from trihedron.tools.diagnosis.disturbance import added_bound, rows_at, signature_columns
+from trihedron.tools.diagnosis.intervals import effect_intervals
 
 CONTRACT = {
     "scale-asymmetry": ["coefficient"],

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.attitude.angles import angle_errors
-from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.error_split import split_error
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.run import attitude_error
-from trihedron.errors import InputError
 from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.tools.attitude.angles import angle_errors
+from trihedron.tools.attitude.compiled_runs import run_algorithm, sample_motion
+from trihedron.tools.attitude.conditions import EXACT
+from trihedron.tools.attitude.error_split import split_error
+from trihedron.tools.attitude.paper_motions import paper_motion
+from trihedron.tools.attitude.run import attitude_error
+from trihedron.tools.errors import InputError
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 

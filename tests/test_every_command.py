@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 import pytest
 
 from command_table import COMMANDS, QUICK, Command, files
-from trihedron import cli
+from trihedron.tools import cli
 
 READING = [command for command in QUICK if command.inputs]
 WRONG_INPUTS = {

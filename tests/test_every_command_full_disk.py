@@ -50,7 +50,7 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
     arguments = [str(full / a) if a.startswith("out") else a for a in command.arguments]
     environment = {**os.environ, "TRIHEDRON_CACHE": os.environ.get("TRIHEDRON_CACHE", str(tmp_path / "cache"))}
     shell = ["unshare", "-rm", "sh", "-c", FULL, "sh"]
-    program = [sys.executable, "-m", "trihedron.cli"]
+    program = [sys.executable, "-m", "trihedron.tools.cli"]
     subprocess.run([*shell, str(full), str(result), *program, *arguments], check=True, env=environment, timeout=120)
     error = (result / "err").read_text(encoding="utf-8")
     assert (result / "status").read_text(encoding="utf-8").strip() == "2", error
@@ -65,7 +65,7 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
 def test_a_full_disk_behind_standard_output(command: Command, here: Path):
     with Path("/dev/full").open("w") as stream:
         done = subprocess.run(
-            [sys.executable, "-m", "trihedron.cli", *command.arguments],
+            [sys.executable, "-m", "trihedron.tools.cli", *command.arguments],
             stdout=stream, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
         )  # fmt: skip
     assert done.returncode == 2

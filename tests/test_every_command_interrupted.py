@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from command_table import QUICK, Command, files
-from trihedron import cli
+from trihedron.tools import cli
 
 
 def whole(folder: Path) -> bool:

@@ -8,11 +8,11 @@ from fmpy import extract, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
-from trihedron.errors import InputError
 from trihedron.fmus import build
 from trihedron.fmus.in_process import instantiate, references
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
 
 COMPONENTS = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
 DISCARD = 2

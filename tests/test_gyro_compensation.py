@@ -9,12 +9,12 @@ import pytest
 from fmpy import read_model_description
 
 from gyro_readings import PERIOD, gyro_readings, lively_motion
-from trihedron.errors import InputError
-from trihedron.exporting import export_components
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
+from trihedron.tools.errors import InputError
+from trihedron.tools.exporting import export_components
 
 ERRORS: dict[str, Any] = {
     "scale_misalignment": np.array([1e-2, 2e-2, -3e-2, 4e-2, -5e-2, 6e-3, 7e-3, -8e-2, 9e-2]),

@@ -8,16 +8,16 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from trihedron import cli
-from trihedron.errors import InputError
 from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.benches import draw_positions, expected, faultless_record
-from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
-from trihedron.hidden_suite.measurement import drawn_errors, measure_case
-from trihedron.hidden_suite.outcomes import Outcome
-from trihedron.hidden_suite.suite import diagnosed, named_suite, run_suite
 from trihedron.models.effects import CATALOGUE
+from trihedron.tools import cli
+from trihedron.tools.errors import InputError
+from trihedron.tools.hidden_cases import NOISE_BOUND
+from trihedron.tools.hidden_suite.benches import draw_positions, expected, faultless_record
+from trihedron.tools.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
+from trihedron.tools.hidden_suite.measurement import drawn_errors, measure_case
+from trihedron.tools.hidden_suite.outcomes import Outcome
+from trihedron.tools.hidden_suite.suite import diagnosed, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
 ARCSEC = np.pi / 180.0 / 3600.0
@@ -181,8 +181,8 @@ from pathlib import Path
 
 import polars
 
-from trihedron.hidden_suite.cases import SuiteOptions
-from trihedron.hidden_suite.suite import run_suite
+from trihedron.tools.hidden_suite.cases import SuiteOptions
+from trihedron.tools.hidden_suite.suite import run_suite
 
 polars.DataFrame({"x": [1.0, 2.0]}).select(polars.col("x").sum())
 for jobs in (1, 2):

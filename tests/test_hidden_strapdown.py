@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.errors import InputError
-from trihedron.hidden_strapdown.cases import draw_case, draw_clean, hideable, sure_size, system_of
-from trihedron.hidden_strapdown.measurement import Instruments, Secret, measure
-from trihedron.hidden_strapdown.motion import BEFORE_A_CAMERA, BETWEEN_RESTS, draw_motion, without_coning
-from trihedron.hidden_strapdown.noise import Noise, flicker_noise
-from trihedron.hidden_strapdown.one_record import write_hidden_strapdown
-from trihedron.hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
-from trihedron.hidden_strapdown.summary import suite_text, write_suite
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
-from trihedron.records import read_record
-from trihedron.records.allan import allan_deviation
+from trihedron.tools.errors import InputError
+from trihedron.tools.hidden_strapdown.cases import draw_case, draw_clean, hideable, sure_size, system_of
+from trihedron.tools.hidden_strapdown.measurement import Instruments, Secret, measure
+from trihedron.tools.hidden_strapdown.motion import BEFORE_A_CAMERA, BETWEEN_RESTS, draw_motion, without_coning
+from trihedron.tools.hidden_strapdown.noise import Noise, flicker_noise
+from trihedron.tools.hidden_strapdown.one_record import write_hidden_strapdown
+from trihedron.tools.hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
+from trihedron.tools.hidden_strapdown.summary import suite_text, write_suite
+from trihedron.tools.records import read_record
+from trihedron.tools.records.allan import allan_deviation
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)

@@ -10,8 +10,8 @@ import polars as pl
 import pytest
 
 import trihedron as th
-from trihedron import cli, library
-from trihedron.shown import Shown, table_html
+from trihedron.tools import cli, library
+from trihedron.tools.shown import Shown, table_html
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 

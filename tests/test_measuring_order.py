@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trihedron.planning.measuring_order import SAME_PLACE, apart
-from trihedron.planning.request import stored_counts, stored_positions
+from trihedron.tools.planning.measuring_order import SAME_PLACE, apart
+from trihedron.tools.planning.request import stored_counts, stored_positions
 
 
 def neighbours_alike(order: np.ndarray, commands: np.ndarray) -> int:

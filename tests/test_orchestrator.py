@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foreign_fmus import build_foreign, declaring, rewritten
-from trihedron.errors import InputError
-from trihedron.orchestrator import simulate
-from trihedron.orchestrator.connections import Wire, stepping_order
-from trihedron.orchestrator.interface import Variable
-from trihedron.scenario import Scenario, read_scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.connections import Wire, stepping_order
+from trihedron.tools.orchestrator.interface import Variable
+from trihedron.tools.scenario import Scenario, read_scenario
 
 SCRIPTS = ("foreign_clock", "foreign_gain", "foreign_accumulator")
 

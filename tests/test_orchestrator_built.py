@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.errors import InputError
 from trihedron.fmus.native.compiler import host_compiler
-from trihedron.orchestrator import built, machine_code, simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import built, machine_code, simulate
+from trihedron.tools.scenario import Scenario
 
 
 @pytest.fixture(autouse=True)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from foreign_fmus import build_foreign
-from trihedron.errors import InputError
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario, read_scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario, read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 EARTH_RATE = 7.292115e-5

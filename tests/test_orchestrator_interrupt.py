@@ -9,8 +9,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from trihedron.orchestrator import interrupts, simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.orchestrator import interrupts, simulate
+from trihedron.tools.scenario import Scenario
 
 RUN = {
     "run": {"stop_s": 1.0, "step_s": 0.1},
@@ -51,7 +51,7 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
 
 
 def test_ctrl_c_before_the_first_row_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trihedron.orchestrator import master
+    from trihedron.tools.orchestrator import master
 
     def struck(*_: object) -> None:
         raise KeyboardInterrupt

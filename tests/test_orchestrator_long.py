@@ -14,9 +14,9 @@ import pytest
 
 from foreign_fmus import build_foreign
 from foreign_fmus.foreign_failing import WAYS
-from trihedron.errors import InputError
-from trihedron.orchestrator import blocks, journal, simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import blocks, journal, simulate
+from trihedron.tools.scenario import Scenario
 
 TABLE = {
     "run": {"stop_s": 60.0, "step_s": 0.01},
@@ -74,8 +74,8 @@ def test_a_run_that_fails_late_leaves_nothing(tmp_path: Path, monkeypatch: pytes
 KILLED = """
 import sys
 from pathlib import Path
-from trihedron.orchestrator import blocks, simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.orchestrator import blocks, simulate
+from trihedron.tools.scenario import Scenario
 blocks.BLOCK_BYTES = 1_000_000
 data = {table}
 data["run"] = {{"stop_s": 1e6, "step_s": 0.01}}

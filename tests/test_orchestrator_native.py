@@ -8,9 +8,9 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from trihedron.errors import InputError
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
 
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Native" guid="native">

@@ -9,10 +9,10 @@ import polars as pl
 import pytest
 
 from foreign_fmus import build_foreign, declaring
-from trihedron.errors import InputError
-from trihedron.orchestrator import simulate
-from trihedron.orchestrator.loading import Sources
-from trihedron.scenario import Scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.loading import Sources
+from trihedron.tools.scenario import Scenario
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from foreign_fmus import build_foreign, declaring, rewritten
-from trihedron.errors import InputError
-from trihedron.orchestrator import simulate
-from trihedron.orchestrator.quantities import between, scale_of
-from trihedron.scenario import Scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.quantities import between, scale_of
+from trihedron.tools.scenario import Scenario
 
 
 @pytest.fixture(scope="module")

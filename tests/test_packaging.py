@@ -51,7 +51,7 @@ def test_every_file_that_is_read_is_declared():
 def test_one_version():
     """pyproject.toml has it; what else names it says the same."""
     version = PROJECT["project"]["version"]
-    assert trihedron.__version__ == version
+    assert trihedron.tools.__version__ == version
     assert re.search(rf"(?m)^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     first = re.search(r"(?m)^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
     assert first is not None
@@ -59,7 +59,7 @@ def test_one_version():
 
 
 def test_what_the_doctor_looks_for_is_what_is_installed():
-    from trihedron.installation import CORE, EXTRAS
+    from trihedron.tools.installation import CORE, EXTRAS
 
     assert set(CORE) == {Requirement(text).name for text in PROJECT["project"]["dependencies"]}
     extras = PROJECT["project"]["optional-dependencies"]

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planning_reference import random_mounting
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.planning.certificate import ROUNDING, ceiling
-from trihedron.planning.forms import Sheet, clearance, dual_forms, sheets, value
+from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.planning.certificate import ROUNDING, ceiling
+from trihedron.tools.planning.forms import Sheet, clearance, dual_forms, sheets, value
 
 
 def sampled_maximum(found: list[Sheet], dual: np.ndarray, seed: int) -> float:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.cli import main
 from trihedron.models.regressors import regressors
+from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.cli import main
 
 
 def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

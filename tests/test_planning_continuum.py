@@ -11,7 +11,7 @@ from planning_proof import ProofError, proven_gap
 from planning_reference import random_mounting
 from trihedron.models.bench import TARGETS
 from trihedron.models.regressors import admissible
-from trihedron.planning.plan import Plan, plan_targets
+from trihedron.tools.planning.plan import Plan, plan_targets
 
 GAP = 1e-9
 """What the proof may leave open, relative."""

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planning_reference import random_mounting
-from trihedron.calibration.parametrisation import Positions, parametrise, reading_jacobian
-from trihedron.errors import InputError
 from trihedron.models.regressors import admissible, nominal_input
-from trihedron.planning.forms import clearance, sheets, value
+from trihedron.tools.calibration.parametrisation import Positions, parametrise, reading_jacobian
+from trihedron.tools.errors import InputError
+from trihedron.tools.planning.forms import clearance, sheets, value
 
 
 @settings(max_examples=25, deadline=None)

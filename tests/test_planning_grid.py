@@ -8,14 +8,14 @@ from scipy.optimize import linprog
 
 from planning_proof import ProofError, proven_gap
 from planning_reference import COSTS, random_mounting
-from trihedron.calibration.mountings import PRESETS
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.errors import InputError
 from trihedron.models.bench import TARGETS
 from trihedron.models.regressors import admissible, regressors
-from trihedron.planning.forms import sheets
-from trihedron.planning.grids import Grid
-from trihedron.planning.plan import Plan, plan_targets
+from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.errors import InputError
+from trihedron.tools.planning.forms import sheets
+from trihedron.tools.planning.grids import Grid
+from trihedron.tools.planning.plan import Plan, plan_targets
 
 
 def costs(plans: list[Plan]) -> np.ndarray:

@@ -7,22 +7,22 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.calibration.targets import convention_targets
 from trihedron.models.bench import TARGETS
 from trihedron.models.regressors import admissible, regressors
-from trihedron.planning.forms import sheets, x_from_targets
-from trihedron.planning.improvement import improve
-from trihedron.planning.places import Places, Task, clearances, task_of
-from trihedron.planning.pool import Pool, pool_of
-from trihedron.planning.position_bound import HittingSet, bound_positions
-from trihedron.planning.position_costs import costs
-from trihedron.planning.position_search import drawn, search
-from trihedron.planning.request import stored_positions
-from trihedron.planning.ridges import arcs_at, stack
-from trihedron.planning.rounding import rounded
-from trihedron.planning.setting_check import check_settings
-from trihedron.planning.symmetry import symmetries
+from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.targets import convention_targets
+from trihedron.tools.planning.forms import sheets, x_from_targets
+from trihedron.tools.planning.improvement import improve
+from trihedron.tools.planning.places import Places, Task, clearances, task_of
+from trihedron.tools.planning.pool import Pool, pool_of
+from trihedron.tools.planning.position_bound import HittingSet, bound_positions
+from trihedron.tools.planning.position_costs import costs
+from trihedron.tools.planning.position_search import drawn, search
+from trihedron.tools.planning.request import stored_positions
+from trihedron.tools.planning.ridges import arcs_at, stack
+from trihedron.tools.planning.rounding import rounded
+from trihedron.tools.planning.setting_check import check_settings
+from trihedron.tools.planning.symmetry import symmetries
 
 SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
 OPTIMA = np.array([SINGLE, SINGLE, THIRD, *[SCALE] * 6, *[SUM] * 3, *[SINGLE] * 3, *[ZERO] * 3])
@@ -105,7 +105,7 @@ def test_an_interrupted_search_keeps_its_best(monkeypatch: pytest.MonkeyPatch) -
             raise KeyboardInterrupt
         return start
 
-    monkeypatch.setattr("trihedron.planning.position_search.improve", improved)
+    monkeypatch.setattr("trihedron.tools.planning.position_search.improve", improved)
     found = search(task, 12, starts=5, given=[stored(12)])
     assert found is not None
     assert (found.interrupted, found.starts) == (True, 2)
@@ -152,7 +152,7 @@ def small_pool(task: Task) -> Pool:
     rng = np.random.default_rng(0)
     places = Places(np.vstack([stored(7).angle, drawn(task, 4, rng).angle]), np.zeros(11, dtype=int))
     whole = pool_of(task)
-    from trihedron.planning.places import readings
+    from trihedron.tools.planning.places import readings
 
     given = readings(task, places)
     assert len(np.unique(given.position)) == 11

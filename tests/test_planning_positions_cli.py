@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trihedron.bench_run import run_scenario
-from trihedron.calibration import calibrate
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.calibration.targets import convention_targets
-from trihedron.cli import main
-from trihedron.demo import inside_intervals, true_targets
-from trihedron.errors import InputError
-from trihedron.planning.detection import detecting, distance, named_effects
-from trihedron.planning.measuring_order import move_times, repeated, shortest_tour, tour_duration, unwound
-from trihedron.planning.places import Task, allowed, freedom, task_of
-from trihedron.planning.request import parsed_keep_out, stored_positions
-from trihedron.records import read_position_record
-from trihedron.scenario import read_scenario
+from trihedron.tools.bench_run import run_scenario
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.targets import convention_targets
+from trihedron.tools.cli import main
+from trihedron.tools.demo import inside_intervals, true_targets
+from trihedron.tools.errors import InputError
+from trihedron.tools.planning.detection import detecting, distance, named_effects
+from trihedron.tools.planning.measuring_order import move_times, repeated, shortest_tour, tour_duration, unwound
+from trihedron.tools.planning.places import Task, allowed, freedom, task_of
+from trihedron.tools.planning.request import parsed_keep_out, stored_positions
+from trihedron.tools.records import read_position_record
+from trihedron.tools.scenario import read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from trihedron.planning.published import PublishedRow, check_published_calibration, published_calibration
+from trihedron.tools.planning.published import PublishedRow, check_published_calibration, published_calibration
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from trihedron.fmus import components
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.fmus.instance import Instance
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
 
 PROGRAMME = components()["PositionProgramme"]
 AT = references(PROGRAMME)

@@ -8,14 +8,14 @@ import polars as pl
 import pytest
 
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader
-from trihedron.records import (
+from trihedron.tools.records import (
     PositionRecord,
     RawRecord,
     StrapdownRecord,
     read_position_record,
     read_record,
 )
-from trihedron.records.csv_table import significant_digits, written_resolution
+from trihedron.tools.records.csv_table import significant_digits, written_resolution
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from record_files import POSITION_HEADER, RAW_HEADER, STRAPDOWN_HEADER
-from trihedron.errors import InputError
-from trihedron.records import (
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import (
     read_position_record,
     read_record,
 )

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from trihedron.records import PositionRecord
-from trihedron.records.noise import noise_bound_from, uniform_range_quantile
+from trihedron.tools.records import PositionRecord
+from trihedron.tools.records.noise import noise_bound_from, uniform_range_quantile
 
 GRAVITY = 9.80665
 SIGMA = 1e-5

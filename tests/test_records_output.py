@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trihedron.errors import InputError
-from trihedron.records import (
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import (
     PositionRecord,
     RawRecord,
     read_position_record,
@@ -16,7 +16,7 @@ from trihedron.records import (
     write_position_record,
     write_raw_record,
 )
-from trihedron.records.output import degrees_that_read_back
+from trihedron.tools.records.output import degrees_that_read_back
 
 
 def some_record(rng: np.random.Generator, count: int) -> PositionRecord:

@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader, refused, with_field
-from trihedron.errors import InputError
-from trihedron.records import (
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import (
     read_position_record,
     read_record,
 )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from trihedron.reference import reference_page
+from trihedron.tools.reference import reference_page
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -9,20 +9,20 @@ import pytest
 
 from browser import browser, browser_program
 from strapdown_records import strapdown_record
-from trihedron.calibration import calibrate
-from trihedron.cli import main
-from trihedron.diagnosis import diagnose
-from trihedron.errors import InputError
-from trihedron.hidden import measure
-from trihedron.hidden_cases import NOISE_BOUND, draw_case
-from trihedron.planning.plan import plan_targets
-from trihedron.printing import without_times, write_report
-from trihedron.records.reading import TableRun
-from trihedron.report.calibration_page import calibration_page
-from trihedron.report.diagnosis_sections import diagnosis_page
-from trihedron.report.plan_page import plan_page
-from trihedron.report.strapdown_page import strapdown_page
-from trihedron.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.errors import InputError
+from trihedron.tools.hidden import measure
+from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
+from trihedron.tools.planning.plan import plan_targets
+from trihedron.tools.printing import without_times, write_report
+from trihedron.tools.records.reading import TableRun
+from trihedron.tools.report.calibration_page import calibration_page
+from trihedron.tools.report.diagnosis_sections import diagnosis_page
+from trihedron.tools.report.plan_page import plan_page
+from trihedron.tools.report.strapdown_page import strapdown_page
+from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 
 PROGRAM = browser_program()
 needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the path")
@@ -117,7 +117,7 @@ def test_a_report_as_pdf_is_the_same_each_time(pages, tmp_path):
 
 
 def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("trihedron.printing.converter", lambda: None)
+    monkeypatch.setattr("trihedron.tools.printing.converter", lambda: None)
     assert main(["calibrate", "no-such-record.csv", "--report", str(tmp_path / "out.pdf")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "no program here makes PDF" in line
@@ -126,7 +126,7 @@ def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, 
 
 
 def test_a_converter_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("trihedron.printing.converter", lambda: shutil.which("false"))
+    monkeypatch.setattr("trihedron.tools.printing.converter", lambda: shutil.which("false"))
     with pytest.raises(InputError, match="false did not print it"):
         write_report(tmp_path / "out.pdf", "<!DOCTYPE html><title>t</title>")
     assert list(tmp_path.iterdir()) == []

@@ -10,24 +10,24 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from trihedron.calibration import calibrate
-from trihedron.diagnosis import diagnose
-from trihedron.diagnosis.circumstances import circumstances_of
-from trihedron.diagnosis.likeness import likeness
-from trihedron.hidden import measure
-from trihedron.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.models.effects import POSITION_EFFECTS, EffectPlace
-from trihedron.planning.plan import plan_targets
-from trihedron.records.reading import TableRun
-from trihedron.report.bars import Bar, bars
-from trihedron.report.calibration_page import calibration_page
-from trihedron.report.cells import Written, typeset
-from trihedron.report.diagnosis_sections import diagnosis_page
-from trihedron.report.equations import effect_formula, math
-from trihedron.report.next_sections import next_positions_csv
-from trihedron.report.plan_page import plan_page
-from trihedron.report.rounding import minus, outwards, significant, symbol_text, to_bound, upwards
-from trihedron.report.target_sections import target_section
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.circumstances import circumstances_of
+from trihedron.tools.diagnosis.likeness import likeness
+from trihedron.tools.hidden import measure
+from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
+from trihedron.tools.planning.plan import plan_targets
+from trihedron.tools.records.reading import TableRun
+from trihedron.tools.report.bars import Bar, bars
+from trihedron.tools.report.calibration_page import calibration_page
+from trihedron.tools.report.cells import Written, typeset
+from trihedron.tools.report.diagnosis_sections import diagnosis_page
+from trihedron.tools.report.equations import effect_formula, math
+from trihedron.tools.report.next_sections import next_positions_csv
+from trihedron.tools.report.plan_page import plan_page
+from trihedron.tools.report.rounding import minus, outwards, significant, symbol_text, to_bound, upwards
+from trihedron.tools.report.target_sections import target_section
 
 MATH = "{http://www.w3.org/1998/Math/MathML}"
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trihedron.calibration import calibrate
-from trihedron.diagnosis import diagnose
-from trihedron.hidden import measure
-from trihedron.hidden_cases import NOISE_BOUND, draw_case
-from trihedron.report.diagnosis_sections import diagnosis_page
-from trihedron.report.evidence_sections import refused_words
-from trihedron.report.judgement_sections import judgement_sections, shares, structure_sections, target_sections
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.hidden import measure
+from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
+from trihedron.tools.report.diagnosis_sections import diagnosis_page
+from trihedron.tools.report.evidence_sections import refused_words
+from trihedron.tools.report.judgement_sections import judgement_sections, shares, structure_sections, target_sections
 
 
 @pytest.fixture(scope="module")

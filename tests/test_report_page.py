@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.errors import InputError
-from trihedron.report import Section, Table, candidates, render_page, write_page
+from trihedron.tools.errors import InputError
+from trihedron.tools.report import Section, Table, candidates, render_page, write_page
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
 VOID = {"meta", "br", "hr", "img", "link"}

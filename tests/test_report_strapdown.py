@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from strapdown_records import POSES, strapdown_record, true_motion
-from trihedron.diagnosis.likeness import cosines
-from trihedron.diagnosis.result import Cause
-from trihedron.hidden_strapdown.cases import draw_case
 from trihedron.models.effects import STRAPDOWN_EFFECTS
-from trihedron.report.rounding import to_bound
-from trihedron.report.strapdown_excluded import in_words
-from trihedron.report.strapdown_model import effect_lines, own_words
-from trihedron.report.strapdown_page import strapdown_page, verdict_sentence
-from trihedron.report.strapdown_sections import parameter_section
-from trihedron.strapdown.diagnosis import diagnose_strapdown
-from trihedron.strapdown.separation import OF_ACCELEROMETERS, what_separates
+from trihedron.tools.diagnosis.likeness import cosines
+from trihedron.tools.diagnosis.result import Cause
+from trihedron.tools.hidden_strapdown.cases import draw_case
+from trihedron.tools.report.rounding import to_bound
+from trihedron.tools.report.strapdown_excluded import in_words
+from trihedron.tools.report.strapdown_model import effect_lines, own_words
+from trihedron.tools.report.strapdown_page import strapdown_page, verdict_sentence
+from trihedron.tools.report.strapdown_sections import parameter_section
+from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.strapdown.separation import OF_ACCELEROMETERS, what_separates
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from trihedron.attitude import reproduction
-from trihedron.cli import main
+from trihedron.tools.attitude import reproduction
+from trihedron.tools.cli import main
 
 
 @pytest.fixture

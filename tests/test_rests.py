@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
-from trihedron.errors import InputError
-from trihedron.records import RawRecord, read_position_record, write_raw_record
-from trihedron.records.rests import average_rests, find_rests
-from trihedron.records.stops import without_turns
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import RawRecord, read_position_record, write_raw_record
+from trihedron.tools.records.rests import average_rests, find_rests
+from trihedron.tools.records.stops import without_turns
 
 
 def test_a_run_without_errors_gives_its_positions_exactly():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from table_runs import ARCSEC, PROGRAMME, Bench, averaged, mean_errors
-from trihedron.errors import InputError
-from trihedron.records.rests import average_rests, find_rests
-from trihedron.records.settling import scatter_of_mean
+from trihedron.tools.errors import InputError
+from trihedron.tools.records.rests import average_rests, find_rests
+from trihedron.tools.records.settling import scatter_of_mean
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from trihedron.errors import InputError
-from trihedron.scenario import Scenario, read_scenario
+from trihedron.tools.errors import InputError
+from trihedron.tools.scenario import Scenario, read_scenario
 
 GOOD = """\
 schema = "trihedron.scenario/1"

@@ -8,12 +8,12 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.bench_run import run_scenario
-from trihedron.calibration import calibrate
-from trihedron.demo import inside_intervals, true_targets
-from trihedron.errors import InputError
-from trihedron.records import read_position_record
-from trihedron.scenario import read_scenario
+from trihedron.tools.bench_run import run_scenario
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.demo import inside_intervals, true_targets
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import read_position_record
+from trihedron.tools.scenario import read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 REFERENCE = json.loads((SCENARIOS / "reference-results.json").read_text(encoding="utf-8"))
@@ -64,7 +64,7 @@ def test_a_position_record_that_cannot_be_written_is_an_error(tmp_path, monkeypa
     def full(_record, path):
         raise InputError(f"{path}: cannot be written (No space left on device)")
 
-    monkeypatch.setattr("trihedron.bench_run.write_position_record", full)
+    monkeypatch.setattr("trihedron.tools.bench_run.write_position_record", full)
     with pytest.raises(InputError, match=r"positions\.csv: cannot be written"):
         run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
 

@@ -9,15 +9,15 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import find_components, read_ssd, read_ssm, read_ssv
 
-from trihedron import cli
-from trihedron.errors import InputError
 from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario, read_scenario
-from trihedron.ssp.document import children, parsed
-from trihedron.ssp.exporting import export_ssp
-from trihedron.ssp.importing import scenario_of_ssp
-from trihedron.ssp.self_contained import self_contained
+from trihedron.tools import cli
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario, read_scenario
+from trihedron.tools.ssp.document import children, parsed
+from trihedron.tools.ssp.exporting import export_ssp
+from trihedron.tools.ssp.importing import scenario_of_ssp
+from trihedron.tools.ssp.self_contained import self_contained
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
@@ -129,9 +129,9 @@ def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
 
 
 def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
-    from trihedron.bench_run import run_scenario
-    from trihedron.calibration import calibrate
-    from trihedron.records import read_position_record
+    from trihedron.tools.bench_run import run_scenario
+    from trihedron.tools.calibration import calibrate
+    from trihedron.tools.records import read_position_record
 
     files = run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
     result = calibrate(read_position_record(files[-1]), noise_bound=1e-5)

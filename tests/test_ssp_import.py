@@ -9,13 +9,13 @@ import pytest
 
 from foreign_fmus import build_foreign
 from ssp_files import HEAD, component, inline, packed, system, values, wire
-from trihedron import cli
-from trihedron.errors import InputError
 from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
-from trihedron.ssp.importing import scenario_of_ssp
+from trihedron.tools import cli
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
+from trihedron.tools.ssp.importing import scenario_of_ssp
 
 MEAN_RATE = next(a.number for a in ALGORITHMS if a.name == "mean-rate")
 STEP = (

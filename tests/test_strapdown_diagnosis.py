@@ -8,18 +8,18 @@ from scipy.spatial.transform import Rotation
 
 from strapdown_records import strapdown_record, true_motion
 from trihedron.fmus import build
-from trihedron.hidden_strapdown.cases import draw_case, draw_clean
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.orchestrator.built import usual_flavour
-from trihedron.strapdown import inspect_record
-from trihedron.strapdown.building import build_with_gravity, build_with_truth
-from trihedron.strapdown.carrying import GyroModel, carried_attitude
-from trihedron.strapdown.diagnosis import diagnose_strapdown
-from trihedron.strapdown.gravity_system import across, directions_of
-from trihedron.strapdown.judging import order_of_effects, witnesses
-from trihedron.strapdown.search import classes_of, fit_set, seen_places, smallest_sets
-from trihedron.strapdown.signatures import turned
-from trihedron.strapdown.system import weighted_step
+from trihedron.tools.hidden_strapdown.cases import draw_case, draw_clean
+from trihedron.tools.orchestrator.built import usual_flavour
+from trihedron.tools.strapdown import inspect_record
+from trihedron.tools.strapdown.building import build_with_gravity, build_with_truth
+from trihedron.tools.strapdown.carrying import GyroModel, carried_attitude
+from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.strapdown.gravity_system import across, directions_of
+from trihedron.tools.strapdown.judging import order_of_effects, witnesses
+from trihedron.tools.strapdown.search import classes_of, fit_set, seen_places, smallest_sets
+from trihedron.tools.strapdown.signatures import turned
+from trihedron.tools.strapdown.system import weighted_step
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")

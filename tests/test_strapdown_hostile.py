@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from strapdown_records import strapdown_record
-from trihedron.cli import main
-from trihedron.errors import InputError
-from trihedron.hidden_strapdown.cases import draw_clean
-from trihedron.records import StrapdownRecord
-from trihedron.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
+from trihedron.tools.hidden_strapdown.cases import draw_clean
+from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
-from trihedron.cli import main
-from trihedron.errors import InputError
-from trihedron.records import StrapdownRecord, write_strapdown_record
-from trihedron.report.allan_pictures import allan_curve, allan_picture
-from trihedron.strapdown import inspect_record
-from trihedron.strapdown.inspection_text import inspection_text
-from trihedron.strapdown.reading_steps import reading_steps
-from trihedron.strapdown.sampling import sampling_of
+from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import StrapdownRecord, write_strapdown_record
+from trihedron.tools.report.allan_pictures import allan_curve, allan_picture
+from trihedron.tools.strapdown import inspect_record
+from trihedron.tools.strapdown.inspection_text import inspection_text
+from trihedron.tools.strapdown.reading_steps import reading_steps
+from trihedron.tools.strapdown.sampling import sampling_of
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
 BIAS = np.array([0.01, -0.02, 0.03])

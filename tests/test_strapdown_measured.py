@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.records import StrapdownRecord, read_record
-from trihedron.strapdown import Inspection, inspect_record
+from trihedron.tools.records import StrapdownRecord, read_record
+from trihedron.tools.strapdown import Inspection, inspect_record
 
 
 def inspected(name: str) -> Inspection:

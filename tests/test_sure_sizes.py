@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from simulated_bench import random_bench, record
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.procedure import fit_record
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.diagnosis.disturbance import rows_at, signature_columns
-from trihedron.diagnosis.sizes import level_change, level_margins, spread_directions, sure_sizes
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
+from trihedron.tools.calibration.linearisation import Linearisation
+from trihedron.tools.calibration.procedure import fit_record
+from trihedron.tools.calibration.programmes import chebyshev_radius
+from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
+from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.tools.diagnosis.sizes import level_change, level_margins, spread_directions, sure_sizes
 
 SIGMA = 1e-5
 RNG = np.random.default_rng(11)

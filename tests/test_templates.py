@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import trihedron as th
-from trihedron import cli
-from trihedron.templates import TEMPLATES
+from trihedron.tools import cli
+from trihedron.tools.templates import TEMPLATES
 
 
 @pytest.fixture(autouse=True)

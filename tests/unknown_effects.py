@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.procedure import fit_record
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis import diagnose
-from trihedron.diagnosis.circumstances import circumstances_of
-from trihedron.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.benches import classes_with
-from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
-from trihedron.hidden_suite.measurement import measure_case
 from trihedron.models.effects import Rows
-from trihedron.records import PositionRecord
+from trihedron.tools.calibration.procedure import fit_record
+from trihedron.tools.calibration.programmes import chebyshev_radius
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.circumstances import circumstances_of
+from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.tools.hidden_cases import NOISE_BOUND
+from trihedron.tools.hidden_suite.benches import classes_with
+from trihedron.tools.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
+from trihedron.tools.hidden_suite.measurement import measure_case
+from trihedron.tools.records import PositionRecord
 
 LEAST_RADIUS = 1.5
 """What the catalogue's best set of three leaves, at least, in units of σ."""

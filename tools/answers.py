@@ -62,7 +62,7 @@ def answer(
     InputError
         when the file cannot be written
     """
-    from trihedron.writing import write_text
+    from .writing import write_text
 
     said = text if isinstance(text, str) else "\n".join(text)
     ended = {"complaint": complaint, "status": status if complaint else 0}

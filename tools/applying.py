@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trihedron.calibration.correction import (
+from .calibration.correction import (
     ARCSEC,
     Correction,
     Levelling,
@@ -17,8 +17,8 @@ from trihedron.calibration.correction import (
     levelling,
     read_correction,
 )
-from trihedron.errors import InputError
-from trihedron.records import (
+from .errors import InputError
+from .records import (
     PositionRecord,
     RawRecord,
     StrapdownRecord,
@@ -27,13 +27,13 @@ from trihedron.records import (
     write_raw_record,
     write_strapdown_record,
 )
-from trihedron.records.rests import average_rests, find_rests
-from trihedron.shown import Shown
+from .records.rests import average_rests, find_rests
+from .shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-    from trihedron.calibration import Calibration
+    from .calibration import Calibration
 
 SCHEMA = "trihedron.correction/1"
 LATITUDE_DEG = 55.75

@@ -6,7 +6,7 @@ from html import escape
 from itertools import pairwise
 from pathlib import Path
 
-from trihedron.report.theme import BAND, COLOURS, FIRST, FONTS, INK, MUTED, SECOND, THIRD
+from .report.theme import BAND, COLOURS, FIRST, FONTS, INK, MUTED, SECOND, THIRD
 
 Graph = Mapping[str, frozenset[str]]
 """Part -> the parts that it imports."""

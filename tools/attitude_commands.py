@@ -1,13 +1,13 @@
-"""The command that computes the attitude of a record; a thin layer over `trihedron.library.attitude_of_record`."""
+"""The command that computes the attitude of a record, a thin layer over `library.attitude_of_record`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile, OutFolder
-from trihedron.outputs import distinct_files
+from .answers import Answer, answer
+from .options import JsonFile, OutFolder
+from .outputs import distinct_files
 
 
 def attitude(
@@ -35,9 +35,9 @@ def attitude(
         Folder for the computed attitude, or for the comparison.
     """
     distinct_files({"the record": record, "--json": json})
-    from trihedron import library
-    from trihedron.attitude.comparison import compare_algorithms, comparison_json, comparison_text, write_comparison
-    from trihedron.record_sources import strapdown_record
+    from . import library
+    from .attitude.comparison import compare_algorithms, comparison_json, comparison_text, write_comparison
+    from .record_sources import strapdown_record
 
     measured = strapdown_record(record)
     if compare:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trihedron.errors import InputError, one_line
-from trihedron.orchestrator import Run, default_folder
-from trihedron.orchestrator import simulate as run_once
-from trihedron.records import PositionRecord, RawRecord, read_record, write_position_record
-from trihedron.records.reading import record_of
-from trihedron.records.rests import average_rests, find_rests
-from trihedron.scenario import Scenario, checked_scenario, read_scenario
-from trihedron.shown import Shown
+from .errors import InputError, one_line
+from .orchestrator import Run, default_folder
+from .orchestrator import simulate as run_once
+from .records import PositionRecord, RawRecord, read_record, write_position_record
+from .records.reading import record_of
+from .records.rests import average_rests, find_rests
+from .scenario import Scenario, checked_scenario, read_scenario
+from .shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame, Series
@@ -128,7 +128,7 @@ def simulate(
 
     Raises
     ------
-    trihedron.errors.InputError
+    trihedron.tools.errors.InputError
         whatever cannot be done, in one line
 
     Examples
@@ -147,7 +147,7 @@ def _opened(
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """The scenario, as long as its files are there; and what was ignored of it."""
     if isinstance(scenario, str | Path) and Path(scenario).suffix.lower() == ".ssp":
-        from trihedron.ssp.importing import scenario_of_ssp
+        from .ssp.importing import scenario_of_ssp
 
         with scenario_of_ssp(Path(scenario), step=step, coupling=coupling) as imported:
             yield imported.scenario, imported.ignored

@@ -1,12 +1,12 @@
-"""The commands that calibrate and correct; thin layers over `trihedron.library`."""
+"""The commands that calibrate and correct; thin layers over `trihedron.tools.library`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import (
+from .answers import Answer, answer
+from .options import (
     Baseline,
     Bounds,
     Gravity,
@@ -18,7 +18,7 @@ from trihedron.options import (
     ReportFile,
     SsvFile,
 )
-from trihedron.outputs import distinct_files, ordinary_file
+from .outputs import distinct_files, ordinary_file
 
 
 def calibrate(
@@ -45,8 +45,8 @@ def calibrate(
     Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
     """
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
-    from trihedron import library
-    from trihedron.record_sources import table_run
+    from . import library
+    from .record_sources import table_run
 
     run = table_run(record)
     result = library.calibrate(
@@ -62,12 +62,12 @@ def calibrate(
     )
     said = answer(result.lines(), json, result.json_text())
     if report is not None:
-        from trihedron.printing import write_report
-        from trihedron.report.calibration_page import calibration_page
+        from .printing import write_report
+        from .report.calibration_page import calibration_page
 
         write_report(report, calibration_page(result, run))
     if ssv is not None:
-        from trihedron.calibration.parameter_file import write_parameter_set
+        from .calibration.parameter_file import write_parameter_set
 
         write_parameter_set(result, ssv)
     return said
@@ -91,8 +91,8 @@ def apply(
     Example: trihedron apply calibration.json positions.csv --out corrected.csv
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
-    from trihedron import library
-    from trihedron.applying import application_summary, write_corrected
+    from . import library
+    from .applying import application_summary, write_corrected
 
     result = library.apply(calibration, record, noise_bound=noise_bound)
     text = application_summary(result, latitude_deg)

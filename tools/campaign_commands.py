@@ -1,14 +1,14 @@
-"""The commands that carry out campaigns of runs; thin layers over `trihedron.campaign`."""
+"""The commands that carry out campaigns of runs; thin layers over `trihedron.tools.campaign`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.errors import InputError
-from trihedron.options import JsonFile, ReportFile
-from trihedron.outputs import distinct_files, ordinary_folder
+from .answers import Answer, answer
+from .errors import InputError
+from .options import JsonFile, ReportFile
+from .outputs import distinct_files, ordinary_folder
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -48,7 +48,7 @@ def campaign(
         The campaign file (TOML).
     """
     distinct_files({"the campaign": campaign, "--json": json})
-    from trihedron import library
+    from . import library
 
     done = library.run_campaign(
         campaign, out, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=True
@@ -81,12 +81,12 @@ def campaign_report(
         File for the comparison, or without --against for the summary.
     """
     distinct_files({"--report": report, "--json": json})
-    from trihedron.campaign.comparison import compare
-    from trihedron.campaign.computing import summarise
-    from trihedron.campaign.store import open_result
-    from trihedron.campaign.texts import comparison_text, summary_text
-    from trihedron.printing import write_report
-    from trihedron.report.campaign_page import campaign_page
+    from .campaign.comparison import compare
+    from .campaign.computing import summarise
+    from .campaign.store import open_result
+    from .campaign.texts import comparison_text, summary_text
+    from .printing import write_report
+    from .report.campaign_page import campaign_page
 
     if gate and against is None:
         raise InputError("--gate: goes with --against, the campaign to compare with")

@@ -4,24 +4,24 @@ import sys
 
 from cyclopts import App, Parameter
 
-from trihedron import threads  # noqa: F401  (before anything that imports numpy)
-from trihedron.answers import say
-from trihedron.attitude_commands import attitude
-from trihedron.calibration_commands import apply, calibrate
-from trihedron.campaign_commands import campaign, campaign_report
-from trihedron.demo_commands import demo
-from trihedron.diagnosis_commands import diagnose
-from trihedron.exit_status import exit_status
-from trihedron.export_commands import export
-from trihedron.file_commands import check, new
-from trihedron.fmpy_commands import fmpy_input
-from trihedron.hidden_commands import hidden
-from trihedron.installation_commands import add_completion, doctor, installed_version
-from trihedron.planning_commands import plan
-from trihedron.reproduce_commands import reproduce
-from trihedron.simulation_commands import simulate
-from trihedron.ssp_commands import export_ssp
-from trihedron.strapdown_commands import inspect
+from . import threads  # noqa: F401  (before anything that imports numpy)
+from .answers import say
+from .attitude_commands import attitude
+from .calibration_commands import apply, calibrate
+from .campaign_commands import campaign, campaign_report
+from .demo_commands import demo
+from .diagnosis_commands import diagnose
+from .exit_status import exit_status
+from .export_commands import export
+from .file_commands import check, new
+from .fmpy_commands import fmpy_input
+from .hidden_commands import hidden
+from .installation_commands import add_completion, doctor, installed_version
+from .planning_commands import plan
+from .reproduce_commands import reproduce
+from .simulation_commands import simulate
+from .ssp_commands import export_ssp
+from .strapdown_commands import inspect
 
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""

@@ -13,24 +13,24 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from trihedron.attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_rest
-from trihedron.bench_run import run_scenario
-from trihedron.calibration import Calibration, calibrate
-from trihedron.diagnosis import Diagnosis, diagnose
-from trihedron.diagnosis.extension import export_extended
-from trihedron.errors import InputError
-from trihedron.fmus.in_process import parameter_starts
-from trihedron.hidden import write_hidden_record
-from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, target_values
-from trihedron.records import StrapdownRecord, read_position_record, read_record
-from trihedron.report.diagnosis_sections import diagnosis_sections
-from trihedron.report.page import Section, render_page
-from trihedron.report.run_sections import attitude_section, run_section
-from trihedron.report.target_sections import calibration_section
-from trihedron.scenario import Scenario, read_scenario
-from trihedron.summaries import calibration_summary, diagnosis_summary
-from trihedron.writing import write_text
+from ..fmus.in_process import parameter_starts
+from ..models.bench import ELEMENTARY, TARGETS, elementary, target_values
+from .attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_rest
+from .bench_run import run_scenario
+from .calibration import Calibration, calibrate
+from .diagnosis import Diagnosis, diagnose
+from .diagnosis.extension import export_extended
+from .errors import InputError
+from .hidden import write_hidden_record
+from .hidden_cases import NOISE_BOUND
+from .records import StrapdownRecord, read_position_record, read_record
+from .report.diagnosis_sections import diagnosis_sections
+from .report.page import Section, render_page
+from .report.run_sections import attitude_section, run_section
+from .report.target_sections import calibration_section
+from .scenario import Scenario, read_scenario
+from .summaries import calibration_summary, diagnosis_summary
+from .writing import write_text
 
 STATIC_CALIBRATION = "static-calibration.toml"
 MEASURED_RECORD = "broad-03.strapdown.csv"

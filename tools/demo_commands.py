@@ -8,8 +8,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from trihedron.answers import STANDARD_OUTPUT, Answer, answer
-from trihedron.options import JsonFile, OutFolder
+from .answers import STANDARD_OUTPUT, Answer, answer
+from .options import JsonFile, OutFolder
 
 
 def demo(
@@ -32,8 +32,8 @@ def demo(
     show
         Open the page in a browser where there is a screen.
     """
-    from trihedron.demo import run_demo
-    from trihedron.hidden import check_seed
+    from .demo import run_demo
+    from .hidden import check_seed
 
     check_seed(seed)
     with redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):

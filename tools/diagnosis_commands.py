@@ -1,19 +1,19 @@
-"""The command that diagnoses a record; a thin layer over `trihedron.library.diagnose`."""
+"""The command that diagnoses a record; a thin layer over `trihedron.tools.library.diagnose`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import Bounds, DiagnosisBaseline, Gravity, JsonFile, Mounting, NoiseBound, ReportFile
-from trihedron.outputs import distinct_files, ordinary_folder
+from .answers import Answer, answer
+from .options import Bounds, DiagnosisBaseline, Gravity, JsonFile, Mounting, NoiseBound, ReportFile
+from .outputs import distinct_files, ordinary_folder
 
 if TYPE_CHECKING:
-    from trihedron.diagnosis import Diagnosis
-    from trihedron.records import StrapdownRecord
-    from trihedron.records.reading import TableRun
-    from trihedron.strapdown.result import StrapdownDiagnosis
+    from .diagnosis import Diagnosis
+    from .records import StrapdownRecord
+    from .records.reading import TableRun
+    from .strapdown.result import StrapdownDiagnosis
 
 
 def diagnose(
@@ -39,9 +39,9 @@ def diagnose(
     Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
-    from trihedron import library
-    from trihedron.record_sources import measured_run
-    from trihedron.records import StrapdownRecord
+    from . import library
+    from .record_sources import measured_run
+    from .records import StrapdownRecord
 
     run = measured_run(record)
     result = library.diagnose(
@@ -56,12 +56,12 @@ def diagnose(
     )
     lines = list(result.lines())
     if report is not None:
-        from trihedron.printing import write_report
+        from .printing import write_report
 
         write_report(report, page_of(result, run))
     if export is not None and result.verdict == "explained":
-        from trihedron.diagnosis.extension import export_extended
-        from trihedron.strapdown.gain import export_gyros
+        from .diagnosis.extension import export_extended
+        from .strapdown.gain import export_gyros
 
         places = [cause.place for cause in result.causes]
         write = export_gyros if isinstance(run, StrapdownRecord) else export_extended
@@ -71,12 +71,12 @@ def diagnose(
 
 def page_of(result: "Diagnosis | StrapdownDiagnosis", run: "TableRun | StrapdownRecord") -> str:
     """The page of a diagnosis."""
-    from trihedron.records import StrapdownRecord
+    from .records import StrapdownRecord
 
     if isinstance(run, StrapdownRecord):
-        from trihedron.report.strapdown_page import strapdown_page
+        from .report.strapdown_page import strapdown_page
 
         return strapdown_page(cast("StrapdownDiagnosis", result))
-    from trihedron.report.diagnosis_sections import diagnosis_page
+    from .report.diagnosis_sections import diagnosis_page
 
     return diagnosis_page(cast("Diagnosis", result), run.record)

@@ -8,7 +8,7 @@ from io import TextIOWrapper
 
 from cyclopts import CycloptsError
 
-from trihedron.errors import InputError
+from .errors import InputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)

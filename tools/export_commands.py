@@ -1,12 +1,12 @@
-"""The command that writes FMUs; a thin layer over `trihedron.library.export`."""
+"""The command that writes FMUs; a thin layer over `trihedron.tools.library.export`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile, OutFolder
+from .answers import Answer, answer
+from .options import JsonFile, OutFolder
 
 
 def export(
@@ -35,7 +35,7 @@ def export(
     out
         Folder for the FMUs.
     """
-    from trihedron.exporting import export as write
+    from .exporting import export as write
 
     done = write(*components, out=out, flavour=flavour, fmi=int(fmi), platform=platform, effects=effect)
     return answer(done.lines(), json, done.to_json())

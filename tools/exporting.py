@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from trihedron.errors import InputError, nearest
-from trihedron.fmus import build, component_names, components
-from trihedron.fmus.native.compiler import BuildError, chosen_platforms
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.progress import tracked
-from trihedron.shown import Shown
-from trihedron.writing import whole_folder
+from ..fmus import build, component_names, components
+from ..fmus.native.compiler import BuildError, chosen_platforms
+from ..models.effects import CATALOGUE, EffectPlace
+from .errors import InputError, nearest
+from .progress import tracked
+from .shown import Shown
+from .writing import whole_folder
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -151,7 +151,7 @@ def export_components(
         a name that no component has, an effect of a component that is not exported, a platform that nothing here
         compiles for, or a folder that cannot be written
     """
-    from trihedron.fmus.composition import can_extend
+    from ..fmus.composition import can_extend
 
     known, table = component_names(), components()
     for name in names:
@@ -187,7 +187,7 @@ def export_components(
 
 def write_reference_results(name: str, effects: Sequence[EffectPlace], folder: Path, fmi: int) -> None:
     """Write the reference results of a component beside its FMU."""
-    from trihedron.fmus.composition import extend
-    from trihedron.fmus.reference_results import write_reference
+    from ..fmus.composition import extend
+    from ..fmus.reference_results import write_reference
 
     write_reference(extend(components()[name], effects), folder, fmi)

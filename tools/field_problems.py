@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from trihedron.errors import nearest
+from .errors import nearest
 
 Location = tuple[int | str, ...]
 """Keys and indices that lead to a field, indices from 0."""

@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
-from trihedron.outputs import distinct_files, ordinary_file
+from .answers import Answer, answer
+from .options import JsonFile
+from .outputs import distinct_files, ordinary_file
 
 
 def check(
@@ -23,7 +23,7 @@ def check(
     Example: trihedron check bench.toml
     """
     distinct_files({"the file": file, "--json": json})
-    from trihedron.checking import check as look
+    from .checking import check as look
 
     found = look(file)
     return answer(found.lines(), json, found.to_json(), complaint="" if found.good else found.verdict)
@@ -48,7 +48,7 @@ def new(
     Example: trihedron new record measured.csv --positions 24
     """
     distinct_files({"the file": file, "--json": json})
-    from trihedron.templates import new as write
+    from .templates import new as write
 
     files = [str(path) for path in write(kind, file, positions=positions)]
     return answer(files, json, {"schema": "trihedron.new/1", "kind": kind, "files": files})

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
-from trihedron.outputs import distinct_files, ordinary_file
+from .answers import Answer, answer
+from .options import JsonFile
+from .outputs import distinct_files, ordinary_file
 
 
 def fmpy_input(
@@ -25,7 +25,7 @@ def fmpy_input(
     Example: trihedron fmpy-input motion.csv --out input.csv
     """
     distinct_files({"the record": record, "--out": out, "--json": json})
-    from trihedron.fmpy_input import write_fmpy_input
+    from .fmpy_input import write_fmpy_input
 
     made = write_fmpy_input(record, out, rates=rates)
     return answer(made.command(out), json, made.to_json(out))

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from trihedron.attitude.measured import starting_attitude
-from trihedron.attitude.sampling import increments_from
-from trihedron.errors import InputError
-from trihedron.records import RawRecord, StrapdownRecord, read_record
-from trihedron.writing import whole_file
+from .attitude.measured import starting_attitude
+from .attitude.sampling import increments_from
+from .errors import InputError
+from .records import RawRecord, StrapdownRecord, read_record
+from .writing import whole_file
 
 UNIFORM = 1e-3
 """How far a row's time may be off a uniform one, in steps."""

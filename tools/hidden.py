@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.errors import InputError
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
-from trihedron.models.effects import CATALOGUE
-from trihedron.orchestrator import simulate
-from trihedron.records import PositionRecord, RawRecord, write_position_record
-from trihedron.records.rests import average_rests, find_rests
-from trihedron.scenario import Scenario
-from trihedron.shown import Shown
-from trihedron.writing import write_text
+from ..fmus.units import STANDARD_GRAVITY
+from ..models.effects import CATALOGUE
+from .errors import InputError
+from .hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
+from .orchestrator import simulate
+from .records import PositionRecord, RawRecord, write_position_record
+from .records.rests import average_rests, find_rests
+from .scenario import Scenario
+from .shown import Shown
+from .writing import write_text
 
 if TYPE_CHECKING:
     from polars import DataFrame

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import Circumstances, senses_of
-from trihedron.diagnosis.disturbance import coefficient_count, rows_at, signature_columns
-from trihedron.errors import InputError, nearest
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
-from trihedron.models.effects.outlier import place_of
+from ..models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
+from ..models.effects.outlier import place_of
+from .calibration.linearisation import Linearisation, linearise
+from .calibration.parametrisation import Positions, parametrise
+from .calibration.programmes import chebyshev_radius
+from .diagnosis.circumstances import Circumstances, senses_of
+from .diagnosis.disturbance import coefficient_count, rows_at, signature_columns
+from .errors import InputError, nearest
 
 NOISE_BOUND = 1e-5
 """σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""

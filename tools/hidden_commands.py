@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.errors import InputError
-from trihedron.options import Baseline, JsonFile, OutFolder
-from trihedron.outputs import distinct_files, ordinary_file
+from .answers import Answer, answer
+from .errors import InputError
+from .options import Baseline, JsonFile, OutFolder
+from .outputs import distinct_files, ordinary_file
 
 
 def hidden(
@@ -92,9 +92,9 @@ def hidden(
         return one_record(record, seed or 0, secret, effect, json, clean=clean, baseline=baseline or "asymmetric")
     only = {"the record": record, "--answer": secret, "--baseline": baseline}
     refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
-    from trihedron.hidden_suite.cases import SuiteOptions
-    from trihedron.hidden_suite.suite import NamedSuite, named_suite, run_suite
-    from trihedron.hidden_suite.summary import write_suite
+    from .hidden_suite.cases import SuiteOptions
+    from .hidden_suite.suite import NamedSuite, named_suite, run_suite
+    from .hidden_suite.summary import write_suite
 
     if suite is not None:
         refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
@@ -133,14 +133,14 @@ def of_strapdown_records(
         if record is None:
             raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
         distinct_files({"the record": record, "--answer": secret, "--json": json})
-        from trihedron.hidden_strapdown.one_record import write_hidden_strapdown
+        from .hidden_strapdown.one_record import write_hidden_strapdown
 
         write_hidden_strapdown(record, seed, secret, effects=effect, clean=clean)
         return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
     refuse({"the record": record, "--answer": secret}, "is of one record, --cases of many; give one of the two")
-    from trihedron.hidden_strapdown.cases import SIZES
-    from trihedron.hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
-    from trihedron.hidden_strapdown.summary import suite_json, suite_text, write_suite
+    from .hidden_strapdown.cases import SIZES
+    from .hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
+    from .hidden_strapdown.summary import suite_json, suite_text, write_suite
 
     options = StrapdownOptions(clean=clean, effects=effect, sizes=size or SIZES)
     done = run_strapdown_suite(options, cases, seed, records=records_folder(out), jobs=jobs, progress=True)
@@ -167,7 +167,7 @@ def one_record(
 ) -> Answer:
     """Write one record with a secret."""
     distinct_files({"the record": record, "--answer": secret, "--json": json})
-    from trihedron.hidden import write_hidden_record
+    from .hidden import write_hidden_record
 
     chosen = () if clean else effect or None
     write_hidden_record(record, seed, secret, effects=chosen, symmetric=baseline == "symmetric", progress=True)

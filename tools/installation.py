@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trihedron.shown import Shown
+from .shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -107,9 +107,9 @@ def _package(name: str) -> str | None:
 
 
 def _platforms() -> list[Finding]:
-    from trihedron.fmus.native.compiler import compiles, host_compiler, zig_version
-    from trihedron.fmus.native.platforms import PLATFORMS, host_name
-    from trihedron.fmus.native.prebuilt import has_prebuilt
+    from ..fmus.native.compiler import compiles, host_compiler, zig_version
+    from ..fmus.native.platforms import PLATFORMS, host_name
+    from ..fmus.native.prebuilt import has_prebuilt
 
     compiler, zig = host_compiler(), zig_version()
     said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
@@ -127,7 +127,7 @@ def _platforms() -> list[Finding]:
 
 
 def _cache() -> Finding:
-    from trihedron.fmus.native.compiler import cache_folder
+    from ..fmus.native.compiler import cache_folder
 
     folder = cache_folder()
     at = folder
@@ -142,7 +142,7 @@ def _cache() -> Finding:
 
 
 def _printing() -> Finding:
-    from trihedron.printing import converter
+    from .printing import converter
 
     program = converter()
     return Finding(
@@ -154,10 +154,10 @@ def _run() -> Finding:
     """A run of the whole chain, on a template's scenario."""
     from time import perf_counter
 
-    from trihedron.bench_run import simulate
-    from trihedron.calibration import calibrate
-    from trihedron.orchestrator.built import usual_flavour
-    from trihedron.templates import new
+    from .bench_run import simulate
+    from .calibration import calibrate
+    from .orchestrator.built import usual_flavour
+    from .templates import new
 
     subject = "a run"
     try:

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
+from .answers import Answer, answer
+from .options import JsonFile
 
 
 def installed_version() -> str:
@@ -20,7 +20,7 @@ def doctor(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron doctor
     """
-    from trihedron.installation import doctor as look
+    from .installation import doctor as look
 
     found = look()
     return answer(found.lines(), json, found.to_json(), complaint="" if found.works else found.lines()[0], status=1)

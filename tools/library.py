@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from trihedron.bench_run import Simulation, simulate
-from trihedron.checking import Check, check
-from trihedron.errors import InputError
-from trihedron.exporting import Exported, export
-from trihedron.installation import Installation, doctor
-from trihedron.record_sources import StrapdownSource, TableSource, measured_run, strapdown_record, table_run
-from trihedron.records import StrapdownRecord, read_record
-from trihedron.templates import new
+from .bench_run import Simulation, simulate
+from .checking import Check, check
+from .errors import InputError
+from .exporting import Exported, export
+from .installation import Installation, doctor
+from .record_sources import StrapdownSource, TableSource, measured_run, strapdown_record, table_run
+from .records import StrapdownRecord, read_record
+from .templates import new
 
 if TYPE_CHECKING:
-    from trihedron.applying import Application
-    from trihedron.attitude import AttitudeRun
-    from trihedron.calibration import Calibration
-    from trihedron.campaign.campaign import Done
-    from trihedron.diagnosis import Diagnosis
-    from trihedron.hidden import HiddenRecord
-    from trihedron.planning.common_plan import CommonPlan
-    from trihedron.planning.plan import Plans
-    from trihedron.strapdown.inspection import Inspection
-    from trihedron.strapdown.result import StrapdownDiagnosis
+    from .applying import Application
+    from .attitude import AttitudeRun
+    from .calibration import Calibration
+    from .campaign.campaign import Done
+    from .diagnosis import Diagnosis
+    from .hidden import HiddenRecord
+    from .planning.common_plan import CommonPlan
+    from .planning.plan import Plans
+    from .strapdown.inspection import Inspection
+    from .strapdown.result import StrapdownDiagnosis
 
 __all__ = [
     "Check",
@@ -78,7 +78,7 @@ def calibrate(
     gravity : float
         model value [m/s²]
     convention, baseline, bounds, mounting, targets, priors
-        as in `trihedron.calibration.calibrate`
+        as in `trihedron.tools.calibration.calibrate`
 
     Raises
     ------
@@ -92,7 +92,7 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
-    from trihedron.calibration import calibrate as solve
+    from .calibration import calibrate as solve
 
     return solve(
         table_run(record).record,
@@ -121,7 +121,7 @@ def diagnose(
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
 
     Parameters are those of `calibrate`; `progress` shows a bar on standard error, where that is a terminal. Of a
-    strapdown record `baseline` is "calibrated" or "nominal", as in `trihedron.strapdown.diagnosis.diagnose_strapdown`,
+    strapdown record `baseline` is "calibrated" or "nominal", as in `strapdown.diagnosis.diagnose_strapdown`,
     and `rates` says what a rate means; its bounds come from the record.
 
     Raises
@@ -136,12 +136,12 @@ def diagnose(
     """
     run = measured_run(record)
     if isinstance(run, StrapdownRecord):
-        from trihedron.strapdown.diagnosis import diagnose_strapdown
+        from .strapdown.diagnosis import diagnose_strapdown
 
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
         return diagnose_strapdown(run, gravity=gravity, baseline=baseline, rates=rates)
-    from trihedron.diagnosis import diagnose as judge
+    from .diagnosis import diagnose as judge
 
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
@@ -166,14 +166,14 @@ def plan(*targets: str, progress: bool = False, **options: Any) -> "Plans":
     progress : bool
         show a bar on a terminal
     options
-        grid, admissible, bounds, convention, baseline, mounting of `trihedron.planning.plan.plan_targets`
+        grid, admissible, bounds, convention, baseline, mounting of `trihedron.tools.planning.plan.plan_targets`
 
     Examples
     --------
     >>> import trihedron as th
     >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
     """
-    from trihedron.planning.plan import Plans, plan_targets
+    from .planning.plan import Plans, plan_targets
 
     return Plans(tuple(plan_targets(targets, progress=progress, **options)))
 
@@ -187,16 +187,16 @@ def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "Co
     progress : bool
         show bars on a terminal
     options
-        the fields of `trihedron.planning.request.Request`
+        the fields of `trihedron.tools.planning.request.Request`
 
     Raises
     ------
     InputError
         for options that cannot be used
     """
-    from trihedron.errors import nearest
-    from trihedron.planning.common_plan import plan_positions as search
-    from trihedron.planning.request import Request
+    from .errors import nearest
+    from .planning.common_plan import plan_positions as search
+    from .planning.request import Request
 
     known = list(Request.__dataclass_fields__)
     for name in options:
@@ -213,7 +213,7 @@ def inspect(record: StrapdownSource, *, gravity: float = 9.80665) -> "Inspection
     InputError
         for a record of a table, or gravity that is none
     """
-    from trihedron.strapdown.inspection import inspect_record
+    from .strapdown.inspection import inspect_record
 
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
@@ -223,10 +223,10 @@ def inspect(record: StrapdownSource, *, gravity: float = 9.80665) -> "Inspection
 def attitude_of_record(record: StrapdownSource, **options: Any) -> "AttitudeRun":
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
 
-    Options are those of `trihedron.attitude.attitude_of_record`: algorithm, rates, gyro_bias, rate_divisor, out,
+    Options are those of `trihedron.tools.attitude.attitude_of_record`: algorithm, rates, gyro_bias, rate_divisor, out,
     progress.
     """
-    from trihedron.attitude import attitude_of_record as run
+    from .attitude import attitude_of_record as run
 
     return run(strapdown_record(record), **options)
 
@@ -248,7 +248,7 @@ def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_
     InputError
         for a calibration that is not consistent, or a record that cannot be used
     """
-    from trihedron.applying import apply_calibration
+    from .applying import apply_calibration
 
     return apply_calibration(calibration, Path(record), noise_bound=noise_bound)
 
@@ -277,7 +277,7 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     >>> th.diagnose(hidden.record, noise_bound=1e-5).causes[0].place.effect
     'quadratic'
     """
-    from trihedron.hidden import hidden_record
+    from .hidden import hidden_record
 
     if baseline not in ("asymmetric", "symmetric"):
         raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
@@ -287,8 +287,8 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
 def run_campaign(path: str | Path, out: str | Path | None = None, **options: Any) -> "Done":
     """Carry out a campaign: thousands of runs from one file.
 
-    Options are those of `trihedron.campaign.campaign.run_campaign`: jobs, engine, scheduler, resume, progress.
+    Options are those of `trihedron.tools.campaign.campaign.run_campaign`: jobs, engine, scheduler, resume, progress.
     """
-    from trihedron.campaign.campaign import run_campaign as run
+    from .campaign.campaign import run_campaign as run
 
     return run(Path(path), None if out is None else Path(out), **options)

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.outputs import json_file, ordinary_file, ordinary_folder
-from trihedron.printing import report_file
+from .outputs import json_file, ordinary_file, ordinary_folder
+from .printing import report_file
 
 Baseline = Literal["asymmetric", "symmetric"]
 DiagnosisBaseline = Annotated[

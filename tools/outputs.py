@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from trihedron.errors import InputError
+from .errors import InputError
 
 
 def ordinary_file(_: object, path: Path | None) -> None:

@@ -1,15 +1,15 @@
-"""The commands that plan measurements; thin layers over `trihedron.planning`."""
+"""The commands that plan measurements; thin layers over `trihedron.tools.planning`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.errors import InputError
-from trihedron.options import Baseline, Bounds, JsonFile, Mounting, ReportFile
-from trihedron.outputs import distinct_files, ordinary_file
-from trihedron.position_commands import PositionOptions, plan_common
+from .answers import Answer, answer
+from .errors import InputError
+from .options import Baseline, Bounds, JsonFile, Mounting, ReportFile
+from .outputs import distinct_files, ordinary_file
+from .position_commands import PositionOptions, plan_common
 
 NO_POSITIONS = PositionOptions()
 
@@ -62,7 +62,7 @@ def plan(
         raise InputError("--grid and --continuum: give one of the two")
     if picture is not None and len(target) != 1:
         raise InputError("--picture: is of one target; give one --target")
-    from trihedron import library
+    from . import library
 
     plans = library.plan(
         *target,
@@ -75,9 +75,9 @@ def plan(
         progress=True,
     )
     if report is not None or picture is not None:
-        from trihedron.printing import write_report
-        from trihedron.report.plan_page import plan_page, plan_picture
-        from trihedron.writing import write_text
+        from .printing import write_report
+        from .report.plan_page import plan_page, plan_picture
+        from .writing import write_text
 
         if report is not None:
             write_report(report, plan_page(plans.plans))

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.errors import InputError
-from trihedron.outputs import ordinary_folder
+from .answers import Answer, answer
+from .errors import InputError
+from .outputs import ordinary_folder
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def _dashed(name: str) -> str:
 
 
 def _request(given: dict[str, Any], common: dict[str, Any]) -> Any:
-    from trihedron.planning.request import Request
+    from .planning.request import Request
 
     own = {IN_REQUEST.get(k, k): v for k, v in given.items() if IN_REQUEST.get(k, k) in Request.__dataclass_fields__}
     basis = {name: value for name, value in common.items() if name != "mounting"}
@@ -151,10 +151,10 @@ def _request(given: dict[str, Any], common: dict[str, Any]) -> Any:
 def _positions(
     options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None, report: Path | None
 ) -> Answer:
-    from trihedron.planning.common_plan import plan_positions
-    from trihedron.planning.position_files import DWELL_S, checked_dwell, write_plan
-    from trihedron.printing import write_report
-    from trihedron.report.position_page import operator_page
+    from .planning.common_plan import plan_positions
+    from .planning.position_files import DWELL_S, checked_dwell, write_plan
+    from .printing import write_report
+    from .report.position_page import operator_page
 
     assert options.positions is not None
     dwell = checked_dwell(DWELL_S if options.dwell is None else options.dwell)
@@ -166,7 +166,7 @@ def _positions(
 
 
 def _curve(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> Answer:
-    from trihedron.planning.position_curve import curve_summary, plan_curve, write_curve
+    from .planning.position_curve import curve_summary, plan_curve, write_curve
 
     assert options.curve is not None
     points = plan_curve(*options.curve, _request(given, common), progress=True)
@@ -176,9 +176,9 @@ def _curve(options: PositionOptions, given: dict[str, Any], common: dict[str, An
 
 
 def _check(options: PositionOptions, given: dict[str, Any], common: dict[str, Any], json: Path | None) -> Answer:
-    from trihedron.planning.position_files import read_angles
-    from trihedron.planning.request import requested_task
-    from trihedron.planning.setting_check import check_settings, check_summary
+    from .planning.position_files import read_angles
+    from .planning.request import requested_task
+    from .planning.setting_check import check_settings, check_summary
 
     assert options.check is not None
     planned, actual = read_angles(options.check)

@@ -7,9 +7,9 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from trihedron.errors import InputError
-from trihedron.outputs import ordinary_file
-from trihedron.writing import whole_file, write_text
+from .errors import InputError
+from .outputs import ordinary_file
+from .writing import whole_file, write_text
 
 CONVERTERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 """Programs that print a page to PDF, the first that is found."""

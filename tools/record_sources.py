@@ -5,10 +5,10 @@ from typing import Any, TypeAlias
 
 from polars import DataFrame
 
-from trihedron.bench_run import Simulation
-from trihedron.errors import InputError
-from trihedron.records import PositionRecord, RawRecord, StrapdownRecord, read_record
-from trihedron.records.reading import TableRun, measured_run_of, record_of, table_run_of
+from .bench_run import Simulation
+from .errors import InputError
+from .records import PositionRecord, RawRecord, StrapdownRecord, read_record
+from .records.reading import TableRun, measured_run_of, record_of, table_run_of
 
 TableSource: TypeAlias = str | Path | DataFrame | PositionRecord | RawRecord | TableRun | Simulation
 """What holds a position record, or a raw one."""

@@ -1,21 +1,21 @@
-"""Reference pages and the picture of the README, made from the source: `python -m trihedron.reference DOCS`."""
+"""Reference pages and the picture of the README, made from the source: `python -m trihedron.tools.reference DOCS`."""
 
 import math
 import sys
 from pathlib import Path
 
-from trihedron.architecture import architecture_picture
-from trihedron.diagnosis import diagnose
-from trihedron.fmus import components
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.units import UNITS
-from trihedron.hidden import measure
-from trihedron.hidden_cases import NOISE_BOUND, draw_case
-from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
-from trihedron.report.diagnosis_sections import residual_sections
-from trihedron.report.effect_pictures import effect_sheet
-from trihedron.report.explanation_pictures import interval_picture, strips_picture
-from trihedron.writing import write_text
+from ..fmus import components
+from ..fmus.component import Component, Variable
+from ..fmus.units import UNITS
+from ..models.effects import CATALOGUE, Effect, EffectParameter
+from .architecture import architecture_picture
+from .diagnosis import diagnose
+from .hidden import measure
+from .hidden_cases import NOISE_BOUND, draw_case
+from .report.diagnosis_sections import residual_sections
+from .report.effect_pictures import effect_sheet
+from .report.explanation_pictures import interval_picture, strips_picture
+from .writing import write_text
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""

@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
-from trihedron.outputs import distinct_files, ordinary_folder
+from .answers import Answer, answer
+from .options import JsonFile
+from .outputs import distinct_files, ordinary_folder
 
 reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
 
@@ -18,7 +18,7 @@ def calibration(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron reproduce calibration
     """
-    from trihedron.planning.published import check_published_calibration, published_summary
+    from .planning.published import check_published_calibration, published_summary
 
     rows = check_published_calibration()
     content = [{**vars(row), "remarks": list(row.remarks)} for row in rows]
@@ -39,8 +39,8 @@ def attitude(
     """
     written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
     distinct_files({**written, "--json": json})
-    from trihedron.attitude.reproduction import reproduce_attitude
-    from trihedron.attitude.reproduction_output import reproduction_json, reproduction_summary, write_reproduction
+    from .attitude.reproduction import reproduce_attitude
+    from .attitude.reproduction_output import reproduction_json, reproduction_summary, write_reproduction
 
     result = reproduce_attitude(progress=True)
     files = write_reproduction(result, out)
@@ -53,7 +53,7 @@ def word_length(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron reproduce word-length
     """
-    from trihedron.attitude.word_length import word_length_errors, word_length_summary
+    from .attitude.word_length import word_length_errors, word_length_summary
 
     errors = word_length_errors(progress=True)
     content = [{**vars(e), "error": float(e.error)} for e in errors]

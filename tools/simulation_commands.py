@@ -1,11 +1,11 @@
-"""The command that runs a scenario; a thin layer over `trihedron.bench_run`."""
+"""The command that runs a scenario; a thin layer over `trihedron.tools.bench_run`."""
 
 from pathlib import Path
 from typing import Literal
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile, OutFolder
-from trihedron.outputs import distinct_files
+from .answers import Answer, answer
+from .options import JsonFile, OutFolder
+from .outputs import distinct_files
 
 
 def simulate(
@@ -33,7 +33,7 @@ def simulate(
         How cycles of connections of an .ssp are taken; without it they are refused.
     """
     distinct_files({"the scenario": scenario, "--json": json})
-    from trihedron.bench_run import run_into_folder
+    from .bench_run import run_into_folder
 
     done = run_into_folder(scenario, out, progress=True, step=step, coupling=coupling)
     return answer((str(file) for file in done.files), json, done.to_json())

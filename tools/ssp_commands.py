@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import JsonFile
-from trihedron.outputs import distinct_files, ordinary_file
+from .answers import Answer, answer
+from .options import JsonFile
+from .outputs import distinct_files, ordinary_file
 
 
 def export_ssp(
@@ -37,8 +37,8 @@ def export_ssp(
     scenario
         The scenario file (TOML).
     """
-    from trihedron.scenario import read_scenario
-    from trihedron.ssp.exporting import export_ssp as export
+    from .scenario import read_scenario
+    from .ssp.exporting import export_ssp as export
 
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
     path = export(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)

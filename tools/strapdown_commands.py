@@ -1,13 +1,13 @@
-"""The commands for strapdown records; thin layers over `trihedron.strapdown`."""
+"""The commands for strapdown records; thin layers over `trihedron.tools.strapdown`."""
 
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from trihedron.answers import Answer, answer
-from trihedron.options import Gravity, JsonFile
-from trihedron.outputs import distinct_files, ordinary_file
+from .answers import Answer, answer
+from .options import Gravity, JsonFile
+from .outputs import distinct_files, ordinary_file
 
 
 def inspect(
@@ -26,12 +26,12 @@ def inspect(
     Example: trihedron inspect mpu9150-0.strapdown.csv --allan allan.svg
     """
     distinct_files({"the record": record, "--json": json, "--allan": allan})
-    from trihedron import library
+    from . import library
 
     found = library.inspect(record, gravity=gravity)
     if allan is not None:
-        from trihedron.report.allan_pictures import allan_picture
-        from trihedron.writing import write_text
+        from .report.allan_pictures import allan_picture
+        from .writing import write_text
 
         write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))
     return answer(found.lines(), json, found.json_text())

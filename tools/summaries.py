@@ -2,9 +2,9 @@
 
 import re
 
-from trihedron.calibration import Calibration
-from trihedron.diagnosis import Cause, Diagnosis
-from trihedron.models.effects import CATALOGUE
+from ..models.effects import CATALOGUE
+from .calibration import Calibration
+from .diagnosis import Cause, Diagnosis
 
 VERDICTS = {
     "consistent": "consistent: the model explains the record within the noise bound",
@@ -106,7 +106,7 @@ def is_corrected(result: Calibration) -> bool:
 
 def levelling_lines(result: Calibration) -> list[str]:
     """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
-    from trihedron.calibration.correction import ARCSEC, correction_of, face_readings, levelling
+    from .calibration.correction import ARCSEC, correction_of, face_readings, levelling
 
     if not is_corrected(result):
         return []

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from trihedron.errors import InputError, reason
+from .errors import InputError, reason
 
 
 @contextmanager

@@ -13,8 +13,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from trihedron.fmus.native.platforms import PLATFORMS, Platform, host_name
-from trihedron.fmus.native.prebuilt import has_prebuilt, prebuilt_library
+from .platforms import PLATFORMS, Platform, host_name
+from .prebuilt import has_prebuilt, prebuilt_library
 
 FLAGS = (
     "-std=c99",

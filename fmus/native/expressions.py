@@ -2,7 +2,7 @@
 
 import ast
 
-from trihedron.fmus.native.kinds import INT, Scope
+from .kinds import INT, Scope
 
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 OPERATORS = {ast.Add: ("+", 5), ast.Sub: ("-", 5), ast.Mult: ("*", 6), ast.Div: ("/", 6)}

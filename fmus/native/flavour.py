@@ -8,13 +8,13 @@ from xml.etree.ElementTree import Element, SubElement
 
 import fmpy
 
-from trihedron.fmus.archive import write_archive
-from trihedron.fmus.component import Component
-from trihedron.fmus.model_description import identity, model_description
-from trihedron.fmus.native.compiler import FLAGS, binary
-from trihedron.fmus.native.model_source import model_c, model_h
-from trihedron.fmus.native.platforms import Platform
-from trihedron.fmus.pages import accompanying_files
+from ..archive import write_archive
+from ..component import Component
+from ..model_description import identity, model_description
+from ..pages import accompanying_files
+from .compiler import FLAGS, binary
+from .model_source import model_c, model_h
+from .platforms import Platform
 
 COMPILED = {
     2: ("model.c", "component.c", "values.c", "state.c", "fmi2.c"),

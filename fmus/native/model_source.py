@@ -3,12 +3,12 @@
 import hashlib
 from dataclasses import dataclass
 
-from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.flat_source import flat_parts
-from trihedron.fmus.in_process import effect_count, limits
-from trihedron.fmus.native.expressions import kernel_name, number_text
-from trihedron.fmus.native.kinds import Signature
-from trihedron.fmus.native.translation import translate
+from ..component import Component, Variable
+from ..flat_source import flat_parts
+from ..in_process import effect_count, limits
+from .expressions import kernel_name, number_text
+from .kinds import Signature
+from .translation import translate
 
 MODEL_C = """/* {description}. Made by Trihedron from the component's kernels and table. */
 #include "component.h"

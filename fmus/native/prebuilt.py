@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from trihedron.fmus.native.platforms import PLATFORMS, Platform
+from .platforms import PLATFORMS, Platform
 
 MANIFEST = "made.json"
 VERSIONS = (2, 3)
@@ -68,8 +68,8 @@ def make_prebuilt(folder: Path) -> list[Path]:
     trihedron.fmus.native.compiler.BuildError
         ziglang is not installed, or fails
     """
-    from trihedron.fmus import build, component_names
-    from trihedron.fmus.native.compiler import all_flags, zig_version
+    from .. import build, component_names
+    from .compiler import all_flags, zig_version
 
     made = [
         build(name, folder / f"fmi{fmi}", flavour="native", fmi=fmi, platform="all")

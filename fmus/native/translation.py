@@ -4,9 +4,9 @@ import ast
 import textwrap
 from collections.abc import Sequence
 
-from trihedron.fmus.flat_source import Part
-from trihedron.fmus.native.expressions import condition, constant_name, expression, kernel_name, variable_name
-from trihedron.fmus.native.kinds import FLOAT, INT, NOTHING, VECTOR, WHOLE, Scope, Signature
+from ..flat_source import Part
+from .expressions import condition, constant_name, expression, kernel_name, variable_name
+from .kinds import FLOAT, INT, NOTHING, VECTOR, WHOLE, Scope, Signature
 
 TYPES = {FLOAT: "double", INT: "int64_t", WHOLE: "double", NOTHING: "void"}
 WIDTH = 110

@@ -8,27 +8,27 @@ vector φ e. The coefficients of the paper's algorithms are not printed in it; t
 Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """
 
-from trihedron.models.attitude_algorithms.adaptive_degree import ADAPTIVE_DEGREE
-from trihedron.models.attitude_algorithms.coning_optimised import (
+from .adaptive_degree import ADAPTIVE_DEGREE
+from .coning_optimised import (
     FIVE_SAMPLE_CONING,
     FOUR_SAMPLE_CONING,
     THREE_SAMPLE_CONING,
 )
-from trihedron.models.attitude_algorithms.definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
-from trihedron.models.attitude_algorithms.four_sample import (
+from .definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
+from .four_sample import (
     FOUR_SAMPLE_ROTATION_VECTOR,
     PANOV,
     PANOV_CUT_OFF,
     PANOV_SERIES,
 )
-from trihedron.models.attitude_algorithms.functional_iteration import FUNCTIONAL_ITERATIONS
-from trihedron.models.attitude_algorithms.one_sample import (
+from .functional_iteration import FUNCTIONAL_ITERATIONS
+from .one_sample import (
     MEAN_RATE,
     ONE_SAMPLE_QUATERNION,
     ONE_SAMPLE_RODRIGUES,
     ONE_SAMPLE_RODRIGUES_SYMMETRIC,
 )
-from trihedron.models.attitude_algorithms.two_sample import (
+from .two_sample import (
     TWO_SAMPLE_FIFTH_POWER,
     TWO_SAMPLE_QUATERNION,
     TWO_SAMPLE_RODRIGUES,

@@ -11,9 +11,11 @@ increments in the root mean square, a polynomial of higher degree is supported
 
 import math
 
-from trihedron.models.attitude_algorithms.definition import Algorithm
-from trihedron.models.attitude_algorithms.functional_iteration import functional_iteration
-from trihedron.models.attitude_algorithms.quaternion_forms import (
+from ..restricted import Vector
+from ..rotation import multiply, set_quaternion
+from .definition import Algorithm
+from .functional_iteration import functional_iteration
+from .quaternion_forms import (
     add_cross,
     add_increment,
     clear,
@@ -21,8 +23,6 @@ from trihedron.models.attitude_algorithms.quaternion_forms import (
     dot,
     scale_vector,
 )
-from trihedron.models.restricted import Vector
-from trihedron.models.rotation import multiply, set_quaternion
 
 WINDOW = 8
 """Increments of one update."""

@@ -7,9 +7,9 @@ two increments has a mean that depends on their distance alone. The k_p solve, o
 
 import math
 
-from trihedron.models.attitude_algorithms.definition import Algorithm
-from trihedron.models.attitude_algorithms.quaternion_forms import add_cross, complete_rotation_vector, sum_of_increments
-from trihedron.models.restricted import Vector
+from ..restricted import Vector
+from .definition import Algorithm
+from .quaternion_forms import add_cross, complete_rotation_vector, sum_of_increments
 
 THREE_SAMPLE_CONING = Algorithm(
     number=17,

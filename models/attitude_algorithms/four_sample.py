@@ -2,8 +2,9 @@
 
 import math
 
-from trihedron.models.attitude_algorithms.definition import Algorithm
-from trihedron.models.attitude_algorithms.quaternion_forms import (
+from ..restricted import Vector
+from .definition import Algorithm
+from .quaternion_forms import (
     add_cross,
     complete_rotation_vector,
     complete_rotation_vector_by_series,
@@ -11,7 +12,6 @@ from trihedron.models.attitude_algorithms.quaternion_forms import (
     square_of_vector,
     sum_of_increments,
 )
-from trihedron.models.restricted import Vector
 
 PANOV = Algorithm(
     number=13,

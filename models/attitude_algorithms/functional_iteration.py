@@ -8,9 +8,9 @@ the polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sa
 
 import math
 
-from trihedron.models.attitude_algorithms.definition import Algorithm
-from trihedron.models.attitude_algorithms.quaternion_forms import dot
-from trihedron.models.restricted import Vector
+from ..restricted import Vector
+from .definition import Algorithm
+from .quaternion_forms import dot
 
 EXTRA_NODES = 5
 """Nodes of the attitude beyond the degree of the angle; up to N = 6 the second power of the increments is exact."""

@@ -2,8 +2,9 @@
 
 import math
 
-from trihedron.models.attitude_algorithms.definition import Algorithm
-from trihedron.models.attitude_algorithms.quaternion_forms import (
+from ..restricted import Vector
+from .definition import Algorithm
+from .quaternion_forms import (
     add_cross,
     add_increment,
     clear,
@@ -12,7 +13,6 @@ from trihedron.models.attitude_algorithms.quaternion_forms import (
     dot,
     sum_of_increments,
 )
-from trihedron.models.restricted import Vector
 
 MEAN_RATE = Algorithm(
     number=2,

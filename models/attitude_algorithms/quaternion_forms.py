@@ -5,7 +5,7 @@ Increments lie in flat arrays, sample after sample: increment i of `g` is g[3 * 
 
 import math
 
-from trihedron.models.restricted import Vector
+from ..restricted import Vector
 
 
 def dot(a: Vector, i: int, b: Vector, j: int) -> float:

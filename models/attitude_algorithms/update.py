@@ -1,18 +1,19 @@
 """One update by whichever algorithm is chosen: the one entry that the attitude computer, tests and comparisons use."""
 
-from trihedron.models.attitude_algorithms.adaptive_degree import WINDOW, adaptive_degree
-from trihedron.models.attitude_algorithms.coning_optimised import (
+from ..restricted import Vector
+from .adaptive_degree import WINDOW, adaptive_degree
+from .coning_optimised import (
     five_sample_coning,
     four_sample_coning,
     three_sample_coning,
 )
-from trihedron.models.attitude_algorithms.four_sample import (
+from .four_sample import (
     four_sample_rotation_vector,
     panov,
     panov_cut_off,
     panov_series,
 )
-from trihedron.models.attitude_algorithms.functional_iteration import (
+from .functional_iteration import (
     EXTRA_NODES,
     FEWEST_INCREMENTS,
     LARGEST_TABLE,
@@ -20,13 +21,13 @@ from trihedron.models.attitude_algorithms.functional_iteration import (
     functional_iteration,
     prepare_functional_iteration,
 )
-from trihedron.models.attitude_algorithms.one_sample import (
+from .one_sample import (
     mean_rate,
     one_sample_quaternion,
     one_sample_rodrigues,
     one_sample_rodrigues_symmetric,
 )
-from trihedron.models.attitude_algorithms.two_sample import (
+from .two_sample import (
     two_sample_fifth_power,
     two_sample_quaternion,
     two_sample_rodrigues,
@@ -36,7 +37,6 @@ from trihedron.models.attitude_algorithms.two_sample import (
     two_sample_textbook,
     two_sample_textbook_as_run,
 )
-from trihedron.models.restricted import Vector
 
 STEP_SIZE = 3 * MOST_INCREMENTS
 """Length of the arrays with the increments of a step."""

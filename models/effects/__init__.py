@@ -5,9 +5,9 @@ import math
 import pkgutil
 from collections.abc import Mapping
 
-from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace
-from trihedron.models.effects.motion_rows import MotionRows
-from trihedron.models.effects.rows import Rows, Variant
+from .definition import Effect, EffectParameter, EffectPlace
+from .motion_rows import MotionRows
+from .rows import Rows, Variant
 
 __all__ = [
     "CATALOGUE",

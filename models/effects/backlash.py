@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import SENSE_ALPHA, Vector
+from .definition import (
     AXES,
     Effect,
     EffectParameter,
@@ -13,8 +14,7 @@ from trihedron.models.effects.definition import (
     only_coefficient,
     turned,
 )
-from trihedron.models.effects.rows import Rows
-from trihedron.models.restricted import SENSE_ALPHA, Vector
+from .rows import Rows
 
 
 def backlash(context: Vector, angles: Vector, axis: int, width: float, added: Vector) -> None:

@@ -5,15 +5,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import HOURS, Vector
+from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
     all_coefficients,
     turned,
 )
-from trihedron.models.effects.rows import Rows
-from trihedron.models.restricted import HOURS, Vector
+from .rows import Rows
 
 
 def base_drift(context: Vector, angles: Vector, kappa_rate: float, alpha_star_rate: float, turns: Vector) -> None:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     Effect,
     EffectParameter,
     accelerometer_column,
@@ -10,7 +11,6 @@ from trihedron.models.effects.definition import (
     on_accelerometers,
     only_coefficient,
 )
-from trihedron.models.restricted import Vector
 
 
 def bias_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:

@@ -1,6 +1,7 @@
 """Bias that grows with time."""
 
-from trihedron.models.effects.definition import (
+from ..restricted import HOURS, Vector
+from .definition import (
     Effect,
     EffectParameter,
     accelerometer_column,
@@ -8,7 +9,6 @@ from trihedron.models.effects.definition import (
     on_accelerometers,
     only_coefficient,
 )
-from trihedron.models.restricted import HOURS, Vector
 
 
 def bias_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) -> None:

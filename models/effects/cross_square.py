@@ -1,6 +1,7 @@
 """Cross coupling Kpp, Koo: an accelerometer responds to the square of another one's input."""
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     ACCELEROMETERS,
     Effect,
     EffectParameter,
@@ -8,7 +9,6 @@ from trihedron.models.effects.definition import (
     accelerometer_column,
     only_coefficient,
 )
-from trihedron.models.restricted import Vector
 
 
 def cross_square(context: Vector, n: Vector, p: int, j: int, coefficient: float, added: Vector) -> None:

@@ -1,6 +1,7 @@
 """Cubic term K3 of an accelerometer's response."""
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     Effect,
     EffectParameter,
     accelerometer_column,
@@ -8,7 +9,6 @@ from trihedron.models.effects.definition import (
     on_accelerometers,
     only_coefficient,
 )
-from trihedron.models.restricted import Vector
 
 
 def cubic(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import INPUT, Vector
+from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
@@ -14,8 +15,7 @@ from trihedron.models.effects.definition import (
     no_signature,
     on_accelerometers,
 )
-from trihedron.models.effects.rows import Rows, Variant, at_readings
-from trihedron.models.restricted import INPUT, Vector
+from .rows import Rows, Variant, at_readings
 
 LARGEST_WIDTH = 0.05
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from trihedron.models.effects.definition import Effect, all_coefficients
-from trihedron.models.effects.motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
-from trihedron.models.restricted import Vector
+from ..restricted import Vector
+from .definition import Effect, all_coefficients
+from .motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
 
 
 def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_3: float, added: Vector) -> None:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from trihedron.models.effects.definition import Effect, all_coefficients
-from trihedron.models.effects.motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
-from trihedron.models.restricted import HOURS, Vector
+from ..restricted import HOURS, Vector
+from .definition import Effect, all_coefficients
+from .motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
 
 
 def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float, rate_3: float, added: Vector) -> None:

@@ -1,8 +1,8 @@
 """Anisoelasticity of the gyros: a bias that depends on the product of two components of the specific force."""
 
-from trihedron.models.effects.definition import Effect, EffectParameter, all_coefficients
-from trihedron.models.effects.motion_rows import matrix_columns, matrix_formula, no_numbers, on_gyros, sentence_of
-from trihedron.models.restricted import INPUT, Vector
+from ..restricted import INPUT, Vector
+from .definition import Effect, EffectParameter, all_coefficients
+from .motion_rows import matrix_columns, matrix_formula, no_numbers, on_gyros, sentence_of
 
 PRODUCTS = ((1, 2), (1, 3), (2, 3))
 """The two axes of each product, in the order of the parameters."""

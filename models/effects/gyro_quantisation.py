@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, no_coefficients, no_signature
-from trihedron.models.effects.motion_rows import MotionRows, no_numbers, on_gyros
-from trihedron.models.effects.quantisation import LARGEST_STEP, common_step
-from trihedron.models.effects.rows import Rows, Variant
-from trihedron.models.restricted import Vector
+from ..restricted import Vector
+from .definition import Effect, EffectParameter, EffectPlace, no_coefficients, no_signature
+from .motion_rows import MotionRows, no_numbers, on_gyros
+from .quantisation import LARGEST_STEP, common_step
+from .rows import Rows, Variant
 
 LEAST_STEP = 1e-7
 FINEST = 1e-9

@@ -1,7 +1,8 @@
 """Scale factors and misalignment of the gyros."""
 
-from trihedron.models.effects.definition import Effect, all_coefficients
-from trihedron.models.effects.motion_rows import (
+from ..restricted import Vector
+from .definition import Effect, all_coefficients
+from .motion_rows import (
     matrix_columns,
     matrix_formula,
     no_numbers,
@@ -9,7 +10,6 @@ from trihedron.models.effects.motion_rows import (
     on_gyros,
     sentence_of,
 )
-from trihedron.models.restricted import Vector
 
 
 def gyro_scale_misalignment(

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import SENSE_INPUT, Vector
+from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
@@ -12,8 +13,7 @@ from trihedron.models.effects.definition import (
     on_accelerometers,
     only_coefficient,
 )
-from trihedron.models.effects.rows import Rows
-from trihedron.models.restricted import SENSE_INPUT, Vector
+from .rows import Rows
 
 
 def hysteresis(context: Vector, n: Vector, p: int, width: float, added: Vector) -> None:

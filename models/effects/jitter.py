@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, only_coefficient
-from trihedron.models.effects.motion_rows import MotionRows, no_numbers, on_gyros
-from trihedron.models.restricted import INTERVAL, STEP_LENGTH, Vector
+from ..restricted import INTERVAL, STEP_LENGTH, Vector
+from .definition import Effect, EffectParameter, EffectPlace, only_coefficient
+from .motion_rows import MotionRows, no_numbers, on_gyros
 
 
 def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:

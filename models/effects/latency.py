@@ -2,9 +2,9 @@
 
 import math
 
-from trihedron.models.effects.definition import Effect, EffectParameter, only_coefficient
-from trihedron.models.effects.motion_rows import no_numbers, on_gyros
-from trihedron.models.restricted import PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
+from ..restricted import PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
+from .definition import Effect, EffectParameter, only_coefficient
+from .motion_rows import no_numbers, on_gyros
 
 
 def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:

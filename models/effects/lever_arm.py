@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import ANGULAR_ACCELERATION, GRAVITY, RATE, Vector
+from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
@@ -11,8 +12,7 @@ from trihedron.models.effects.definition import (
     all_coefficients,
     on_accelerometers,
 )
-from trihedron.models.effects.motion_rows import MotionRows
-from trihedron.models.restricted import ANGULAR_ACCELERATION, GRAVITY, RATE, Vector
+from .motion_rows import MotionRows
 
 
 def lever_arm(context: Vector, n: Vector, p: int, r_1: float, r_2: float, r_3: float, added: Vector) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import EffectParameter, EffectPlace
+from .definition import EffectParameter, EffectPlace
 
 GYRO_BLOCK = "gyro-block"
 ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, only_coefficient
-from trihedron.models.effects.rows import Rows
+from .definition import Effect, EffectParameter, EffectPlace, only_coefficient
+from .rows import Rows
 
 
 def place_of(position: int, accelerometer: int) -> EffectPlace:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
@@ -15,8 +16,7 @@ from trihedron.models.effects.definition import (
     no_signature,
     on_accelerometers,
 )
-from trihedron.models.effects.rows import Rows, Variant, at_readings
-from trihedron.models.restricted import Vector
+from .rows import Rows, Variant, at_readings
 
 LEAST_STEP, LARGEST_STEP = 1e-7, 1e-2
 LEAST_PART = 0.2

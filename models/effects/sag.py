@@ -6,7 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     AXES,
     Effect,
     EffectParameter,
@@ -14,8 +15,7 @@ from trihedron.models.effects.definition import (
     polar_coefficients,
     turned,
 )
-from trihedron.models.effects.rows import Rows
-from trihedron.models.restricted import Vector
+from .rows import Rows
 
 
 def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: float, turns: Vector) -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
@@ -13,8 +14,7 @@ from trihedron.models.effects.definition import (
     no_signature,
     on_accelerometers,
 )
-from trihedron.models.effects.rows import Rows, Variant, at_readings
-from trihedron.models.restricted import Vector
+from .rows import Rows, Variant, at_readings
 
 LEAST_LEVEL, LARGEST_LEVEL = 0.5, 10.0
 

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from trihedron.models.effects.definition import (
+from ..restricted import Vector
+from .definition import (
     Effect,
     EffectParameter,
     accelerometer_column,
@@ -12,7 +13,6 @@ from trihedron.models.effects.definition import (
     on_accelerometers,
     only_coefficient,
 )
-from trihedron.models.restricted import Vector
 
 
 def scale_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:

@@ -1,6 +1,7 @@
 """Bias that depends on the temperature."""
 
-from trihedron.models.effects.definition import (
+from ..restricted import TEMPERATURE, Vector
+from .definition import (
     NOMINAL_TEMPERATURE,
     Effect,
     EffectParameter,
@@ -10,7 +11,6 @@ from trihedron.models.effects.definition import (
     on_accelerometers,
     only_coefficient,
 )
-from trihedron.models.restricted import TEMPERATURE, Vector
 
 
 def temperature_bias(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from trihedron.models.effects.definition import Effect, EffectParameter, EffectPlace, only_coefficient
-from trihedron.models.effects.motion_rows import no_numbers
-from trihedron.models.restricted import Vector
+from ..restricted import Vector
+from .definition import Effect, EffectParameter, EffectPlace, only_coefficient
+from .motion_rows import no_numbers
 
 
 def undersampling(before: Vector, increment: Vector, coefficient: float, added: Vector) -> None:

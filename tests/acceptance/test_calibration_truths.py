@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from simulated_bench import ALPHA, BETA, guaranteed, interval, random_bench, simulated
-from trihedron.calibration import calibrate, fit_record
-from trihedron.calibration.programmes import Polytope
 from trihedron.models.bench import target_values
+from trihedron.tools.calibration import calibrate, fit_record
+from trihedron.tools.calibration.programmes import Polytope
 
 SIGMA = 1e-5
 

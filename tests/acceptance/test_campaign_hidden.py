@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from trihedron import cli
-from trihedron.hidden_suite.suite import named_suite, run_suite
-from trihedron.hidden_suite.summary import detection, suite_json
+from trihedron.tools import cli
+from trihedron.tools.hidden_suite.suite import named_suite, run_suite
+from trihedron.tools.hidden_suite.summary import detection, suite_json
 
 pytestmark = pytest.mark.acceptance
 CASES = max(10, round(200 * float(os.environ.get("TRIHEDRON_SUITE_SHARE", "0.1"))))

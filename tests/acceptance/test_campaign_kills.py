@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from campaign_runs import CALIBRATION, content, written
-from trihedron.campaign.campaign import run_campaign
+from trihedron.tools.campaign.campaign import run_campaign
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
 LONGER = CALIBRATION.replace("points = 7", "points = 60")
@@ -32,7 +32,7 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def started(path: Path, out: Path, *words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "trihedron.cli", "campaign", str(path), "--out", str(out), *words]
+    command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(path), "--out", str(out), *words]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

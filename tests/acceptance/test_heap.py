@@ -15,8 +15,8 @@ RUN = """
 import sys
 from pathlib import Path
 from trihedron.fmus import build
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
 
 flavours = {"TurntableMotion": ("native", 3), "AccelerometerBlock": ("python", 2), "AttitudeComputer": ("native", 2)}
 for name, (flavour, fmi) in flavours.items():

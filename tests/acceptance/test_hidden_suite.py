@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trihedron.calibration.mountings import PRESETS
-from trihedron.hidden_cases import NOISE_BOUND, STAND_BOUND
-from trihedron.hidden_suite.benches import Bench
-from trihedron.hidden_suite.cases import SuiteCase, draw_case
-from trihedron.hidden_suite.measurement import measure_case
-from trihedron.hidden_suite.outcomes import Outcome, kind_of
-from trihedron.hidden_suite.suite import diagnosed, named_suite, run_suite
-from trihedron.hidden_suite.summary import detection, suite_text
+from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.hidden_cases import NOISE_BOUND, STAND_BOUND
+from trihedron.tools.hidden_suite.benches import Bench
+from trihedron.tools.hidden_suite.cases import SuiteCase, draw_case
+from trihedron.tools.hidden_suite.measurement import measure_case
+from trihedron.tools.hidden_suite.outcomes import Outcome, kind_of
+from trihedron.tools.hidden_suite.suite import diagnosed, named_suite, run_suite
+from trihedron.tools.hidden_suite.summary import detection, suite_text
 from unknown_effects import LEAST_RADIUS, draw_unknown
 
 pytestmark = pytest.mark.acceptance

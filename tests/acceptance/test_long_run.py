@@ -12,8 +12,8 @@ import resource
 import sys
 import time
 from pathlib import Path
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
 
 def run(steps, out):
     began = time.perf_counter()

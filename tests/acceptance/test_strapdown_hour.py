@@ -13,7 +13,7 @@ SECONDS, GIGABYTES = 120.0, 2.0
 TESTS = Path(__file__).parents[1]
 PROGRAM = """
 import json, resource, sys
-from trihedron.cli import main
+from trihedron.tools.cli import main
 status = main(["diagnose", sys.argv[1], "--json", sys.argv[2]])
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 seconds = sum(u.ru_utime + u.ru_stime for u in used)

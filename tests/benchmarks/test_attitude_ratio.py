@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude.angles import angle_between, attitudes_of_angles
-from trihedron.attitude.compiled_runs import Samples, run_algorithm, sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.published import algorithm_named
+from trihedron.tools.attitude.angles import angle_between, attitudes_of_angles
+from trihedron.tools.attitude.compiled_runs import Samples, run_algorithm, sample_motion
+from trihedron.tools.attitude.conditions import EXACT
+from trihedron.tools.attitude.paper_motions import paper_motion
+from trihedron.tools.attitude.published import algorithm_named
 
 RATE = 100.0
 COUNT = 160_000

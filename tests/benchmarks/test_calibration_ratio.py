@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simulated_bench import misses, random_bench, simulated
-from trihedron.calibration import calibrate
 from trihedron.models.bench import target_values
+from trihedron.tools.calibration import calibrate
 
 SIGMA = 1e-5
 

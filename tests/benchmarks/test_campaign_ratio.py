@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.campaign.engines import usable_cores
+from trihedron.tools.campaign.engines import usable_cores
 
 pytestmark = pytest.mark.benchmark_ratio
 FILES = 40
@@ -24,7 +24,7 @@ repeats = {5 * FILES}
 def test_two_workers_do_nearly_twice_the_work_of_one(tmp_path):
     """Static calibrations, from the first files of both to the end of the faster one; at least 0.85 of linear."""
     (tmp_path / "c.toml").write_text(CAMPAIGN, encoding="utf-8")
-    command = [sys.executable, "-m", "trihedron.cli", "campaign", str(tmp_path / "c.toml")]
+    command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(tmp_path / "c.toml")]
     alone, both = tmp_path / "alone", tmp_path / "both"
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     started = [

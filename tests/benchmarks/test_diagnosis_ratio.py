@@ -7,20 +7,20 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from trihedron.diagnosis import diagnose
-from trihedron.diagnosis.centre import centre_of, problem_at, slack_at
-from trihedron.diagnosis.circumstances import circumstances_of
-from trihedron.diagnosis.classes import classes_of
-from trihedron.diagnosis.disturbance import is_linear
-from trihedron.diagnosis.search import catalogue_places
-from trihedron.diagnosis.sets import EffectSet, linear_radius, sets_of_size
-from trihedron.diagnosis.sizes import SureSizes
-from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.benches import draw_bench
-from trihedron.hidden_suite.cases import Hidden, SuiteCase
-from trihedron.hidden_suite.measurement import measure_case
-from trihedron.hidden_suite.suite import diagnosed
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.centre import centre_of, problem_at, slack_at
+from trihedron.tools.diagnosis.circumstances import circumstances_of
+from trihedron.tools.diagnosis.classes import classes_of
+from trihedron.tools.diagnosis.disturbance import is_linear
+from trihedron.tools.diagnosis.search import catalogue_places
+from trihedron.tools.diagnosis.sets import EffectSet, linear_radius, sets_of_size
+from trihedron.tools.diagnosis.sizes import SureSizes
+from trihedron.tools.hidden_cases import NOISE_BOUND
+from trihedron.tools.hidden_suite.benches import draw_bench
+from trihedron.tools.hidden_suite.cases import Hidden, SuiteCase
+from trihedron.tools.hidden_suite.measurement import measure_case
+from trihedron.tools.hidden_suite.suite import diagnosed
 
 pytestmark = pytest.mark.benchmark_ratio
 EFFECTS = {

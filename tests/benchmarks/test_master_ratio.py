@@ -12,8 +12,8 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus.native.compiler import host_compiler
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.scenario import Scenario
 
 STEP, STEPS, PLAIN_STEPS = 0.01, 4_000_000, 30_000
 VARIABLES = "".join(

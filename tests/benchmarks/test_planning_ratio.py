@@ -9,7 +9,7 @@ import pytest
 from planning_reference import random_mounting
 from trihedron.models.bench import TARGETS
 from trihedron.models.regressors import admissible, regressors
-from trihedron.planning.plan import plan_targets
+from trihedron.tools.planning.plan import plan_targets
 
 
 def full_columns() -> np.ndarray:

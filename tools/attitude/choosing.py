@@ -1,7 +1,7 @@
 """Accuracy against cost of the attitude algorithms: the numbers and pictures of the page that helps to choose one.
 
-`python -m trihedron.attitude.choosing docs` makes the tables of docs/choose-an-attitude-algorithm.md and the pictures
-under docs/pictures again.
+`python -m trihedron.tools.attitude.choosing docs` makes the tables of docs/choose-an-attitude-algorithm.md and the
+pictures under docs/pictures again.
 """
 
 import math
@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.attitude.angles import angle_between, attitudes_of_angles
-from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.operations import operations_of_update
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.published import algorithm_named
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
-from trihedron.progress import progress_bar
-from trihedron.writing import write_text
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ..progress import progress_bar
+from ..writing import write_text
+from .angles import angle_between, attitudes_of_angles
+from .compiled_runs import run_algorithm, sample_motion
+from .conditions import EXACT
+from .operations import operations_of_update
+from .paper_motions import paper_motion
+from .published import algorithm_named
 
 PAGE = "choose-an-attitude-algorithm.md"
 
@@ -190,7 +190,7 @@ def aliasing_table(errors: Sequence[Sequence[float]], rates: Sequence[float]) ->
 
 def make_page(docs: Path, *, progress: bool = False) -> list[Path]:
     """Write the pictures, and the tables between the marks of the page; returns the files."""
-    from trihedron.report.choosing_pictures import accuracy_against_cost, aliasing, coning_drift
+    from ..report.choosing_pictures import accuracy_against_cost, aliasing, coning_drift
 
     compared = [algorithm_named(name) for name in COMPARED]
     shown = [algorithm_named(name) for name in ALIASING_SHOWN]

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from trihedron.attitude.measured import attitude_of_record
-from trihedron.attitude.run import AttitudeRun, attitude_error
-from trihedron.errors import InputError
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
-from trihedron.progress import progress_bar
-from trihedron.records import StrapdownRecord
-from trihedron.writing import write_text
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ..errors import InputError
+from ..progress import progress_bar
+from ..records import StrapdownRecord
+from ..writing import write_text
+from .measured import attitude_of_record
+from .run import AttitudeRun, attitude_error
 
 REFERENCE = "adaptive-degree"
 """The algorithm that the others are compared with, at the record's own rate."""

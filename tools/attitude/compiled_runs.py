@@ -10,9 +10,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from trihedron.compiled import compile_callee, compiled
-from trihedron.models import harmonic_motion, rotation
-from trihedron.models.attitude_algorithms import (
+from ...models import harmonic_motion, rotation
+from ...models.attitude_algorithms import (
     Algorithm,
     adaptive_degree,
     coning_optimised,
@@ -21,13 +20,14 @@ from trihedron.models.attitude_algorithms import (
     one_sample,
     two_sample,
 )
-from trihedron.models.attitude_algorithms.update import (
+from ...models.attitude_algorithms.update import (
     HALF_TABLE_SIZE,
     STEP_SIZE,
     TABLE_SIZE,
     WORK_SIZE,
     prepare_update,
 )
+from ..compiled import compile_callee, compiled
 
 FAMILIES: tuple[ModuleType, ...] = (
     one_sample,

@@ -6,8 +6,8 @@ With every switch on, the published errors come out; with every switch off, the 
 import math
 from dataclasses import dataclass, replace
 
-from trihedron.attitude.published import PublishedRow, algorithm_named
-from trihedron.models.attitude_algorithms import Algorithm
+from ...models.attitude_algorithms import Algorithm
+from .published import PublishedRow, algorithm_named
 
 PAPER_PI = 3.141592
 """π of the paper's program (fitted): 2.1e-7 too small."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from trihedron.errors import InputError
+from ..errors import InputError
 
 FEWEST_PERIODS = 4
 """A period that is looked for is at most this part of the run."""

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from trihedron.attitude.run import AttitudeRun, attitude_error, heading_and_tilt, rotation_of
-from trihedron.attitude.sampling import Increments, coarser, increments_from
-from trihedron.errors import InputError, nearest
-from trihedron.models.attitude import ALGORITHMS, Algorithm
-from trihedron.orchestrator import simulate
-from trihedron.records import StrapdownRecord
-from trihedron.records.columns import INCREMENT, QUATERNION
-from trihedron.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from ...models.attitude import ALGORITHMS, Algorithm
+from ..errors import InputError, nearest
+from ..orchestrator import simulate
+from ..records import StrapdownRecord
+from ..records.columns import INCREMENT, QUATERNION
+from ..scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from .run import AttitudeRun, attitude_error, heading_and_tilt, rotation_of
+from .sampling import Increments, coarser, increments_from
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.attitude.compiled_runs import step_kernel
-from trihedron.models.attitude_algorithms import Algorithm
-from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
-from trihedron.models.rotation import multiply
+from ...models.attitude_algorithms import Algorithm
+from ...models.attitude_algorithms.update import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
+from ...models.rotation import multiply
+from .compiled_runs import step_kernel
 
 COSTLY = 10
 """What a division, a root, a sine, a cosine or an arctangent counts as, in additions or multiplications."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from trihedron.attitude.conditions import Conditions
-from trihedron.errors import InputError, nearest
-from trihedron.models.harmonic_motion import HARMONICS, store_harmonics
+from ...models.harmonic_motion import HARMONICS, store_harmonics
+from ..errors import InputError, nearest
+from .conditions import Conditions
 
 SLOW_AMPLITUDES_DEG = {
     "1": (15.0, 5.0, 15.0),

@@ -6,7 +6,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 
 ALGORITHM_OF_PRINT = {
     "(7.18)": "mean-rate",
@@ -81,7 +81,7 @@ def published_rows() -> tuple[PublishedRow, ...]:
 
     Source: Chelnokov, Perelyaev, Chelnokova 2016, Tables 1 to 3, section 3.1.1.
     """
-    text = files("trihedron.attitude").joinpath("published_attitude.csv").read_text(encoding="utf-8")
+    text = files("trihedron.tools.attitude").joinpath("published_attitude.csv").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     return tuple(
         PublishedRow(

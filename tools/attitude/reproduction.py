@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.attitude.angles import angle_errors
-from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
-from trihedron.attitude.conditions import CAUSES, EXACT, PAPER, Cause, Conditions
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.published import PublishedRow, published_rows
-from trihedron.progress import progress_bar
+from ..progress import progress_bar
+from .angles import angle_errors
+from .compiled_runs import run_algorithm, sample_motion
+from .conditions import CAUSES, EXACT, PAPER, Cause, Conditions
+from .paper_motions import paper_motion
+from .published import PublishedRow, published_rows
 
 DURATION = 600.0
 """Length of every run [s]."""

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.attitude.published import TABLES
-from trihedron.attitude.reproduction import ReproducedRow, Reproduction
-from trihedron.attitude.unexplained import TOLERANCE, not_reproduced, sentence_for
-from trihedron.writing import whole_folder, write_text
+from ..writing import whole_folder, write_text
+from .published import TABLES
+from .reproduction import ReproducedRow, Reproduction
+from .unexplained import TOLERANCE, not_reproduced, sentence_for
 
 SCHEMA = "trihedron.attitude-reproduction/1"
 LETTERS = ("psi", "theta", "gamma")
@@ -123,7 +123,7 @@ def reproduction_csv(result: Reproduction) -> str:
 
 def write_reproduction(result: Reproduction, out: Path | None, json_file: Path | None = None) -> list[Path]:
     """Write attitude.csv and attitude.svg into a folder, and the JSON where it is asked for; returns the files."""
-    from trihedron.report.attitude_pictures import published_and_reproduced
+    from ..report.attitude_pictures import published_and_reproduced
 
     written = []
     if out is not None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude.error_split import split_error
-from trihedron.errors import InputError
-from trihedron.models.turntable import EARTH_RATE
-from trihedron.shown import Shown
+from ...models.turntable import EARTH_RATE
+from ..errors import InputError
+from ..shown import Shown
+from .error_split import split_error
 
 if TYPE_CHECKING:
     from polars import DataFrame

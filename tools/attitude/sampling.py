@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.errors import InputError, nearest
-from trihedron.models.attitude import MAX_INCREMENT
-from trihedron.records import StrapdownRecord
+from ...models.attitude import MAX_INCREMENT
+from ..errors import InputError, nearest
+from ..records import StrapdownRecord
 
 JITTER = 0.01
 """Largest deviation of a row's time from the uniform grid that is taken, in sampling periods."""

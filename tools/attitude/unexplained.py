@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from trihedron.attitude.published import ANGLES
-from trihedron.attitude.reproduction import ReproducedRow
+from .published import ANGLES
+from .reproduction import ReproducedRow
 
 TOLERANCE = 0.05
 """A number is reproduced when it comes out within this fraction of the printed one."""

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.attitude.angles import angle_between
-from trihedron.attitude.compiled_runs import run_algorithm, sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.published import algorithm_named
-from trihedron.attitude.single_precision import ARITHMETICS, round_with_feedback, run_single
-from trihedron.progress import progress_bar
+from ..progress import progress_bar
+from .angles import angle_between
+from .compiled_runs import run_algorithm, sample_motion
+from .conditions import EXACT
+from .paper_motions import paper_motion
+from .published import algorithm_named
+from .single_precision import ARITHMETICS, round_with_feedback, run_single
 
 ROUNDINGS = ("independently", "feedback", "pairs")
 """How increments become 32-bit numbers: each rounded by itself; the rounding error of one added to the next; as the sum

@@ -5,7 +5,7 @@
 'consistent'
 """
 
-from trihedron.calibration.procedure import calibrate, fit_record
-from trihedron.calibration.result import Calibration, bench_parameters
+from .procedure import calibrate, fit_record
+from .result import Calibration, bench_parameters
 
 __all__ = ["Calibration", "bench_parameters", "calibrate", "fit_record"]

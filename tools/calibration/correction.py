@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.reading_errors import corners
-from trihedron.calibration.values import calibrated_block, checked_calibration, number
-from trihedron.errors import InputError, unreadable
+from ..errors import InputError, unreadable
+from .reading_errors import corners
+from .values import calibrated_block, checked_calibration, number
 
 ARCSEC = math.radians(1 / 3600)
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
+from .linearisation import Linearisation
 
 
 def contradiction(here: Linearisation, number: NDArray, limit: float) -> str | None:

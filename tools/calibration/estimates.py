@@ -5,11 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import NOT_OUTSIDE, Linearisation
-from trihedron.calibration.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
-from trihedron.calibration.result import Estimate
-from trihedron.calibration.targets import Target
-from trihedron.progress import tracked
+from ..progress import tracked
+from .linearisation import NOT_OUTSIDE, Linearisation
+from .programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
+from .result import Estimate
+from .targets import Target
 
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds."""

@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, determined, linearise, nominal_jacobian
-from trihedron.calibration.open_parameters import open_moves, undetermined_remainder
-from trihedron.calibration.open_signs import widening
-from trihedron.calibration.parametrisation import (
+from ...models.regressors import admissible, nominal_input
+from ..errors import InputError
+from .linearisation import Linearisation, determined, linearise, nominal_jacobian
+from .open_parameters import open_moves, undetermined_remainder
+from .open_signs import widening
+from .parametrisation import (
     Parametrisation,
     Positions,
     predicted_input,
     predicted_reading,
     reading_jacobian,
 )
-from trihedron.errors import InputError
-from trihedron.models.regressors import admissible, nominal_input
 
 ITERATIONS_BEFORE_SIGNS_REST = 8
 """From then on the signs of the inputs are kept, so that one at zero cannot keep the fit from converging."""

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.estimates import feasible_set, is_determined, takes_long
-from trihedron.calibration.programmes import Polytope
-from trihedron.calibration.result import FeasibleSet
-from trihedron.calibration.targets import Target, convention_targets
-from trihedron.progress import tracked
+from ..progress import tracked
+from .estimates import feasible_set, is_determined, takes_long
+from .programmes import Polytope
+from .result import FeasibleSet
+from .targets import Target, convention_targets
 
 GROUPS = (
     ("accelerometer 1", ("X4", "X5", "X16")),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.parametrisation import (
+from .parametrisation import (
     Parametrisation,
     Positions,
     predicted_input,

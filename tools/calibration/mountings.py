@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.errors import InputError, nearest
-from trihedron.records import PositionRecord
+from ..errors import InputError, nearest
+from ..records import PositionRecord
 
 ORTHOGONALITY_TOLERANCE = 1e-9
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions, reading_jacobian
-from trihedron.models.regressors import admissible
+from ...models.regressors import admissible
+from .linearisation import Linearisation
+from .parametrisation import Positions, reading_jacobian
 
 GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0

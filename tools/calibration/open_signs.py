@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import NOT_OUTSIDE, Linearisation, determined
-from trihedron.calibration.parametrisation import direction_jacobian
-from trihedron.models.regressors import sign_margin
+from ...models.regressors import sign_margin
+from .linearisation import NOT_OUTSIDE, Linearisation, determined
+from .parametrisation import direction_jacobian
 
 MAX_ROUNDS = 30
 ENOUGH = 6000

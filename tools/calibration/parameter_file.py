@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from trihedron.calibration.result import Calibration
-from trihedron.calibration.values import calibrated_block
-from trihedron.errors import InputError
-from trihedron.fmus import components
-from trihedron.fmus.parameter_set import parameter_set
-from trihedron.writing import whole_file
+from ...fmus import components
+from ...fmus.parameter_set import parameter_set
+from ..errors import InputError
+from ..writing import whole_file
+from .result import Calibration
+from .values import calibrated_block
 
 
 def write_parameter_set(result: Calibration, path: Path) -> None:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS, input_direction, input_jacobian, target_jacobian
-from trihedron.models.bench import target_reading as reading_of_targets
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS, input_direction, input_jacobian, target_jacobian
+from ...models.bench import target_reading as reading_of_targets
 
 MOUNTING_TARGETS = ("X8", "-X12", "X13")
 """Targets that differ by mounting."""

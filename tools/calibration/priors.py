@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, determined
-from trihedron.calibration.parametrisation import Parametrisation
-from trihedron.calibration.targets import expression_weights
-from trihedron.errors import InputError
+from ..errors import InputError
+from .linearisation import Linearisation, determined
+from .parametrisation import Parametrisation
+from .targets import expression_weights
 
 LEAST_LIMIT = 1e-12
 """The tightest prior, as the least noise bound: below is rounding."""

@@ -6,22 +6,22 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.duplicates import contradiction
-from trihedron.calibration.estimates import chebyshev_centre, estimate_targets, exact_intervals
-from trihedron.calibration.fit import fit
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.mountings import mounting_names, mountings_of, read_mounting, select
-from trihedron.calibration.next_positions import next_positions, repeats
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.calibration.priors import asked_priors, parameter_limits, with_priors
-from trihedron.calibration.programmes import RELATIVE_TOLERANCE, SolverError
-from trihedron.calibration.reading_errors import error_weights, reading_errors
-from trihedron.calibration.result import Calibration, Estimate, FeasibleSet, Provenance
-from trihedron.calibration.targets import asked_targets, convention_targets
-from trihedron.calibration.values import GRAVITIES
-from trihedron.errors import InputError, said_of
-from trihedron.records import PositionRecord
-from trihedron.records.noise import NoiseBound, noise_bound_from
+from ..errors import InputError, said_of
+from ..records import PositionRecord
+from ..records.noise import NoiseBound, noise_bound_from
+from .duplicates import contradiction
+from .estimates import chebyshev_centre, estimate_targets, exact_intervals
+from .fit import fit
+from .linearisation import Linearisation
+from .mountings import mounting_names, mountings_of, read_mounting, select
+from .next_positions import next_positions, repeats
+from .parametrisation import Positions, parametrise
+from .priors import asked_priors, parameter_limits, with_priors
+from .programmes import RELATIVE_TOLERANCE, SolverError
+from .reading_errors import error_weights, reading_errors
+from .result import Calibration, Estimate, FeasibleSet, Provenance
+from .targets import asked_targets, convention_targets
+from .values import GRAVITIES
 
 STANDARD_BOUNDS = (3e-3, 1e-2)
 SCALE_FACTORS = (0.5, 1.5)

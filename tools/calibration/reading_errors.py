@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.parametrisation import Parametrisation
-from trihedron.models.bench import TARGETS
+from ...models.bench import TARGETS
+from .parametrisation import Parametrisation
 
 SCALE_TARGETS = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
 MISALIGNMENT_TARGETS = ((), ("X6+X8",), ("X7+X12", "X11+X13"))

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.mountings import checked_rotation
-from trihedron.calibration.reading_errors import ReadingError
-from trihedron.calibration.values import (
+from ...fmus import version
+from ..errors import InputError
+from ..shown import Shown
+from .linearisation import Linearisation
+from .mountings import checked_rotation
+from .reading_errors import ReadingError
+from .values import (
     SCHEMA,
     block_parameters,
     calibrated_gravity,
     checked_calibration,
     target_estimates,
 )
-from trihedron.errors import InputError
-from trihedron.fmus import version
-from trihedron.shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -71,7 +71,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class FeasibleSet:
-    """What `trihedron.calibration.estimates.feasible_set` needs: everything that the readings leave possible."""
+    """What `trihedron.tools.calibration.estimates.feasible_set` needs: everything that the readings leave possible."""
 
     linearised: Linearisation
     centre: NDArray
@@ -178,7 +178,7 @@ class Calibration(Shown):
 
     def lines(self) -> list[str]:
         """Verdict, table of targets, what it is worth."""
-        from trihedron.summaries import calibration_summary
+        from ..summaries import calibration_summary
 
         shown: Any = self
         return calibration_summary(shown).split("\n")

@@ -8,9 +8,9 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.parametrisation import MOUNTING_TARGETS, Parametrisation
-from trihedron.errors import InputError, nearest
-from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ..errors import InputError, nearest
+from .parametrisation import MOUNTING_TARGETS, Parametrisation
 
 NAMES = {
     "X1": ("outer-axis-tilt", "rad"),

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from trihedron.errors import InputError
-from trihedron.models.bench import SYMMETRIC_PAIRS
+from ...models.bench import SYMMETRIC_PAIRS
+from ..errors import InputError
 
 SCHEMA = "trihedron.calibration/1"
 GRAVITIES = (4.9, 14.7)

@@ -9,21 +9,21 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from trihedron.attitude.angles import angle_between, attitudes_of_angles
-from trihedron.attitude.compiled_runs import Samples, run_algorithm, sample_motion
-from trihedron.attitude.conditions import EXACT
-from trihedron.attitude.paper_motions import paper_motion
-from trihedron.attitude.published import algorithm_named
-from trihedron.campaign.design import Value, short_seed
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Output, Result
-from trihedron.campaign.settings import AttitudeSetting
-from trihedron.compiled import compiled
-from trihedron.errors import InputError, nearest
-from trihedron.fmus.gyro_block import GYRO_BLOCK
-from trihedron.fmus.in_process import instantiate
-from trihedron.models import gyro
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...fmus.gyro_block import GYRO_BLOCK
+from ...fmus.in_process import instantiate
+from ...models import gyro
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ..attitude.angles import angle_between, attitudes_of_angles
+from ..attitude.compiled_runs import Samples, run_algorithm, sample_motion
+from ..attitude.conditions import EXACT
+from ..attitude.paper_motions import paper_motion
+from ..attitude.published import algorithm_named
+from ..compiled import compiled
+from ..errors import InputError, nearest
+from .design import Value, short_seed
+from .file import Campaign
+from .kinds import Output, Result
+from .settings import AttitudeSetting
 
 ERRORS = (
     *(f"bias_{p}_radps" for p in (1, 2, 3)),

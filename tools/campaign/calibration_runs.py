@@ -9,16 +9,16 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from trihedron.calibration import calibrate
-from trihedron.campaign.design import Value
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Output, Result
-from trihedron.campaign.settings import CalibrationSetting
-from trihedron.errors import InputError, nearest
-from trihedron.hidden_cases import draw_truth
-from trihedron.hidden_suite.benches import true_elementary
-from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
-from trihedron.records import PositionRecord
+from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
+from ..calibration import calibrate
+from ..errors import InputError, nearest
+from ..hidden_cases import draw_truth
+from ..hidden_suite.benches import true_elementary
+from ..records import PositionRecord
+from .design import Value
+from .file import Campaign
+from .kinds import Output, Result
+from .settings import CalibrationSetting
 
 SETTINGS = ("noise_part", "noise_bound", "gravity", "baseline", "convention")
 """What can be swept beside the elementary parameters of the bench."""
@@ -100,7 +100,7 @@ class CalibrationRuns:
         scalars |= {"misses": misses, "worst_error_ratio": ratio}
         diagnosis = None
         if self.diagnose:
-            from trihedron.diagnosis import diagnose
+            from ..diagnosis import diagnose
 
             found = diagnose(record, **options, bounds=chosen.bounds, rerun=False)
             diagnosis = json.dumps(found.to_json(), ensure_ascii=False, allow_nan=False)

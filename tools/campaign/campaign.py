@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trihedron.campaign.computing import summarise
-from trihedron.campaign.engines import LostCluster, engine_of
-from trihedron.campaign.execution import Clock, Tally, execute
-from trihedron.campaign.order import make_order
-from trihedron.campaign.runners import columns_of, make_runner
-from trihedron.campaign.store import RUNS, Store, opened, read_manifest
-from trihedron.campaign.texts import summary_text
-from trihedron.campaign.work import Computed
-from trihedron.errors import InputError
-from trihedron.shown import Shown
-from trihedron.writing import write_text
+from ..errors import InputError
+from ..shown import Shown
+from ..writing import write_text
+from .computing import summarise
+from .engines import LostCluster, engine_of
+from .execution import Clock, Tally, execute
+from .order import make_order
+from .runners import columns_of, make_runner
+from .store import RUNS, Store, opened, read_manifest
+from .texts import summary_text
+from .work import Computed
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -121,7 +121,7 @@ def run_campaign(
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
-    from trihedron.report.campaign_page import campaign_page
+    from ..report.campaign_page import campaign_page
 
     clock = Clock()
     order, campaign = make_order(path)

@@ -17,9 +17,9 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import stats
 
-from trihedron.campaign.computing import Results
-from trihedron.campaign.store import open_result
-from trihedron.errors import InputError
+from ..errors import InputError
+from .computing import Results
+from .store import open_result
 
 SCHEMA = "trihedron.campaign-comparison/1"
 CHANCE = 0.01

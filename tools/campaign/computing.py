@@ -11,11 +11,11 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import stats
 
-from trihedron.campaign.computations import Computation
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.partitions import partition_count
-from trihedron.campaign.store import Store
-from trihedron.errors import InputError
+from ..errors import InputError
+from .computations import Computation
+from .file import Campaign
+from .partitions import partition_count
+from .store import Store
 
 SCHEMA = "trihedron.campaign-summary/1"
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)

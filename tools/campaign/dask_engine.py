@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from typing import Any
 
-from trihedron.campaign.engines import MOST_JOBS, Killed, LostCluster
-from trihedron.errors import InputError
+from ..errors import InputError
+from .engines import MOST_JOBS, Killed, LostCluster
 
 _AHEAD = 2
 """Batches for each worker of a cluster that are under way at once: the next one waits where it will be done."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from trihedron.campaign.file import Campaign
+from .file import Campaign
 
 _SAMPLES_STREAM, _ERRORS_STREAM = 0, 1
 _CHUNK = 256

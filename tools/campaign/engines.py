@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol
 
-from trihedron.errors import InputError, nearest
+from ..errors import InputError, nearest
 
 MOST_JOBS = 1024
 _START_SECONDS = 60.0
@@ -106,7 +106,7 @@ class LocalEngine:
         self._stillborn = 0
 
     def _started(self) -> ProcessPoolExecutor:
-        from trihedron.campaign.work import alive
+        from .work import alive
 
         # A new interpreter: a copy of this one would have copies of locks that nobody opens.
         context = multiprocessing.get_context("spawn")
@@ -205,7 +205,7 @@ def engine_of(name: str, jobs: int | None, scheduler: str | None) -> Iterator[En
         return
     if scheduler is not None and jobs is not None:
         raise InputError("--jobs: a cluster has its own workers; give --scheduler or --jobs, one of the two")
-    from trihedron.campaign.dask_engine import dask_engine
+    from .dask_engine import dask_engine
 
     with dask_engine(usable_cores() if jobs is None else jobs, scheduler) as dask:
         yield dask

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from trihedron.campaign.engines import Engine, Killed, first_done
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.order import Order
-from trihedron.campaign.partitions import runs_of
-from trihedron.campaign.work import Computed, compute, try_run
+from .engines import Engine, Killed, first_done
+from .file import Campaign
+from .order import Order
+from .partitions import runs_of
+from .work import Computed, compute, try_run
 
 BATCH_SECONDS = 2.0
 """A batch is to take about so long: long against handing it over, short against what a killed worker loses."""

@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from trihedron.campaign.axes import Axis
-from trihedron.campaign.computations import Computation
-from trihedron.campaign.settings import AttitudeSetting, CalibrationSetting, HiddenSetting, SimulationSetting
-from trihedron.errors import InputError
-from trihedron.field_problems import FieldProblem, field_problems
+from ..errors import InputError
+from ..field_problems import FieldProblem, field_problems
+from .axes import Axis
+from .computations import Computation
+from .settings import AttitudeSetting, CalibrationSetting, HiddenSetting, SimulationSetting
 
 SCHEMA = "trihedron.campaign/1"
 KINDS = ("calibration", "attitude", "simulation", "hidden")

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from trihedron.campaign.calibration_runs import record_table
-from trihedron.campaign.design import Value
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Output, Result
-from trihedron.campaign.settings import HiddenSetting
-from trihedron.errors import InputError
-from trihedron.hidden_suite.cases import SuiteOptions, draw_case
-from trihedron.hidden_suite.measurement import measure_case
-from trihedron.hidden_suite.outcomes import outcome_of
-from trihedron.hidden_suite.suite import diagnosed, named_suite
-from trihedron.hidden_suite.summary import hidden_name, named_name
+from ..errors import InputError
+from ..hidden_suite.cases import SuiteOptions, draw_case
+from ..hidden_suite.measurement import measure_case
+from ..hidden_suite.outcomes import outcome_of
+from ..hidden_suite.suite import diagnosed, named_suite
+from ..hidden_suite.summary import hidden_name, named_name
+from .calibration_runs import record_table
+from .design import Value
+from .file import Campaign
+from .kinds import Output, Result
+from .settings import HiddenSetting
 
 
 class HiddenRuns:

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 import polars as pl
 
-from trihedron.campaign.design import Value
+from .design import Value
 
 Better = Literal["lower", "higher"]
 

@@ -9,10 +9,9 @@ from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path, PurePosixPath
 
-import trihedron.fmus
-import trihedron.models
-from trihedron.campaign.file import Campaign, parse_campaign, read_campaign
-from trihedron.errors import InputError
+from ... import fmus, models
+from ..errors import InputError
+from .file import Campaign, parse_campaign, read_campaign
 
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
 _CODE = ("campaign", "attitude", "calibration", "diagnosis", "hidden_suite", "orchestrator", "records")
@@ -100,7 +99,7 @@ def _inputs(campaign: Campaign) -> list[str]:
 
 
 def _inputs_of_scenario(file: Path) -> Iterable[str]:
-    from trihedron.scenario import read_scenario
+    from ..scenario import read_scenario
 
     if file.suffix.lower() != ".toml":
         raise InputError(f"{file}: simulation.scenario must be a scenario file (TOML)")
@@ -118,7 +117,7 @@ def code_hash() -> str:
     for package in _PACKAGES:
         digest.update(f"\0{package} {metadata.version(package)}".encode())
     tools = Path(__file__).parents[1]
-    folders = [Path(str(package.__file__)).parent for package in (trihedron.models, trihedron.fmus)]
+    folders = [Path(str(package.__file__)).parent for package in (models, fmus)]
     folders += [tools / name for name in _CODE]
     for folder in folders:
         for path in sorted(folder.rglob("*.py")):

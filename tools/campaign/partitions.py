@@ -6,8 +6,8 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Columns
+from .file import Campaign
+from .kinds import Columns
 
 COMPRESSION_LEVEL = 3
 

@@ -2,27 +2,27 @@
 
 import polars as pl
 
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Columns, Runner
-from trihedron.errors import InputError, nearest
+from ..errors import InputError, nearest
+from .file import Campaign
+from .kinds import Columns, Runner
 
 
 def make_runner(campaign: Campaign) -> Runner:
     """The runner of a campaign; InputError where what the file asks for cannot be done."""
     # Each kind is loaded only where it is run.
     if campaign.calibration is not None:
-        from trihedron.campaign.calibration_runs import CalibrationRuns
+        from .calibration_runs import CalibrationRuns
 
         return CalibrationRuns(campaign, campaign.calibration)
     if campaign.attitude is not None:
-        from trihedron.campaign.attitude_runs import AttitudeRuns
+        from .attitude_runs import AttitudeRuns
 
         return AttitudeRuns(campaign, campaign.attitude)
     if campaign.simulation is not None:
-        from trihedron.campaign.simulation_runs import SimulationRuns
+        from .simulation_runs import SimulationRuns
 
         return SimulationRuns(campaign, campaign.simulation)
-    from trihedron.campaign.hidden_runs import HiddenRuns
+    from .hidden_runs import HiddenRuns
 
     assert campaign.hidden is not None
     return HiddenRuns(campaign, campaign.hidden)

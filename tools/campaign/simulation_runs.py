@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from trihedron.calibration import calibrate
-from trihedron.campaign.calibration_runs import record_table
-from trihedron.campaign.design import Value, short_seed
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Output, Result
-from trihedron.campaign.settings import Reduction, SimulationSetting
-from trihedron.errors import InputError, nearest
-from trihedron.models.bench import TARGETS
-from trihedron.orchestrator.parameters import SETTABLE
-from trihedron.orchestrator.repeated import RepeatedScenario
-from trihedron.records import PositionRecord, RawRecord
-from trihedron.records.rests import average_rests, find_rests
-from trihedron.scenario import read_scenario
+from ...models.bench import TARGETS
+from ..calibration import calibrate
+from ..errors import InputError, nearest
+from ..orchestrator.parameters import SETTABLE
+from ..orchestrator.repeated import RepeatedScenario
+from ..records import PositionRecord, RawRecord
+from ..records.rests import average_rests, find_rests
+from ..scenario import read_scenario
+from .calibration_runs import record_table
+from .design import Value, short_seed
+from .file import Campaign
+from .kinds import Output, Result
+from .settings import Reduction, SimulationSetting
 
 RAW_COLUMNS = ("alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2")
 
@@ -92,7 +92,7 @@ class SimulationRuns:
                     scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
                     scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
             if self.keep.diagnosis:
-                from trihedron.diagnosis import diagnose
+                from ..diagnosis import diagnose
 
                 diagnosis = diagnose(record, noise_bound=sigma, rerun=False).to_json()
                 told = json.dumps(diagnosis, ensure_ascii=False, allow_nan=False)

@@ -11,13 +11,13 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.campaign.file import Campaign, parse_campaign
-from trihedron.campaign.kinds import Columns
-from trihedron.campaign.order import Order, versions
-from trihedron.campaign.partitions import partition_count, partition_name, runs_of
-from trihedron.campaign.work import Computed
-from trihedron.errors import InputError
-from trihedron.writing import whole_file, write_text
+from ..errors import InputError
+from ..writing import whole_file, write_text
+from .file import Campaign, parse_campaign
+from .kinds import Columns
+from .order import Order, versions
+from .partitions import partition_count, partition_name, runs_of
+from .work import Computed
 
 SCHEMA = "trihedron.campaign-result/1"
 MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", ".lock"

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from trihedron.campaign.comparison import Comparison
+from .comparison import Comparison
 
 MOST_ROWS = 24
 """Lines of one table on a terminal; the page has all."""

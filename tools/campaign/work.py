@@ -12,13 +12,13 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.campaign.design import Design
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.kinds import Columns, Runner
-from trihedron.campaign.order import Order, code_hash
-from trihedron.campaign.partitions import records_file, runs_of, scalars_file
-from trihedron.campaign.runners import columns_of, make_runner
-from trihedron.errors import InputError
+from ..errors import InputError
+from .design import Design
+from .file import Campaign
+from .kinds import Columns, Runner
+from .order import Order, code_hash
+from .partitions import records_file, runs_of, scalars_file
+from .runners import columns_of, make_runner
 
 KILLED = "the run ended its worker process each time it was tried"
 """The message of a run that no process survives."""

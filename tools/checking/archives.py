@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from trihedron.checking.result import Check, Problem
-from trihedron.errors import InputError
+from ..errors import InputError
+from .result import Check, Problem
 
 
 def check_fmu(path: Path) -> Check:
@@ -12,8 +12,8 @@ def check_fmu(path: Path) -> Check:
 
     from fmpy.validation import validate_fmu
 
-    from trihedron.orchestrator.archive import unpack
-    from trihedron.orchestrator.interface import interface_of
+    from ..orchestrator.archive import unpack
+    from ..orchestrator.interface import interface_of
 
     with tempfile.TemporaryDirectory(prefix="trihedron-check-") as folder:
         try:
@@ -34,7 +34,7 @@ def check_fmu(path: Path) -> Check:
 
 def check_ssp(path: Path) -> Check:
     """Whether an .ssp can be read as a scenario; nothing of it is run."""
-    from trihedron.ssp.importing import scenario_of_ssp
+    from ..ssp.importing import scenario_of_ssp
 
     try:
         with scenario_of_ssp(path) as imported:

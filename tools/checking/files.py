@@ -6,14 +6,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from trihedron.checking.archives import check_fmu, check_ssp
-from trihedron.checking.findings import Findings
-from trihedron.checking.record_file import check_record
-from trihedron.checking.result import Check, Problem
-from trihedron.checking.result_file import check_results
-from trihedron.checking.scenario_file import check_scenario
-from trihedron.checking.source_lines import toml_lines
-from trihedron.errors import InputError, nearest, nearest_file
+from ..errors import InputError, nearest, nearest_file
+from .archives import check_fmu, check_ssp
+from .findings import Findings
+from .record_file import check_record
+from .result import Check, Problem
+from .result_file import check_results
+from .scenario_file import check_scenario
+from .source_lines import toml_lines
 
 SCENARIO = "trihedron.scenario/1"
 CAMPAIGN = "trihedron.campaign/1"
@@ -108,7 +108,7 @@ def _scenario(path: Path, text: str, data: dict[str, Any]) -> Check:
 
 
 def _check_campaign(path: Path, text: str, data: dict[str, Any]) -> Check:
-    from trihedron.campaign.file import Campaign, campaign_problems
+    from ..campaign.file import Campaign, campaign_problems
 
     findings = Findings(toml_lines(text))
     try:
@@ -120,7 +120,7 @@ def _check_campaign(path: Path, text: str, data: dict[str, Any]) -> Check:
 
 
 def _check_mountings(path: Path, text: str, data: dict[str, Any]) -> Check:
-    from trihedron.calibration.mountings import checked_rotation
+    from ..calibration.mountings import checked_rotation
 
     findings = Findings(toml_lines(text))
     for name, table in data.items():

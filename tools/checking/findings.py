@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from trihedron.checking.result import Problem
-from trihedron.checking.source_lines import line_of
-from trihedron.errors import InputError
-from trihedron.field_problems import Location
+from ..errors import InputError
+from ..field_problems import Location
+from .result import Problem
+from .source_lines import line_of
 
 _PART = re.compile(r"\.?([A-Za-z_][\w-]*)|\[(\d+)\]")
 _NUMBERED = re.compile(r"^(connections|stimuli)\[\d+\]")

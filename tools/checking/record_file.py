@@ -4,16 +4,16 @@ import csv
 from collections.abc import Iterator
 from pathlib import Path
 
-from trihedron.checking.result import Check, Problem
-from trihedron.errors import InputError
-from trihedron.orchestrator.tables import read_table
-from trihedron.records.checks import faults, warnings
-from trihedron.records.columns import ANGLES, FORCE, KINDS, RAW, Columns, RecordError, extra_warning, recognise
-from trihedron.records.csv_table import read_faulty_csv
-from trihedron.records.kinds import RawRecord
-from trihedron.records.parquet_table import MAGIC, read_parquet
-from trihedron.records.reading import read_record
-from trihedron.records.rests import average_rests, find_rests
+from ..errors import InputError
+from ..orchestrator.tables import read_table
+from ..records.checks import faults, warnings
+from ..records.columns import ANGLES, FORCE, KINDS, RAW, Columns, RecordError, extra_warning, recognise
+from ..records.csv_table import read_faulty_csv
+from ..records.kinds import RawRecord
+from ..records.parquet_table import MAGIC, read_parquet
+from ..records.reading import read_record
+from ..records.rests import average_rests, find_rests
+from .result import Check, Problem
 
 MOST = 200
 """So many problems of a file are listed."""
@@ -88,7 +88,7 @@ def _check_commands(path: Path, names: list[str]) -> Check:
     try:
         if any(name.startswith("planned_") for name in names):
             kind = "angles of a plan"
-            from trihedron.planning.position_files import read_angles
+            from ..planning.position_files import read_angles
 
             planned, _ = read_angles(path)
             return Check(path, kind, summary=(f"{len(planned)} positions",))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trihedron.shown import Shown
+from ..shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame

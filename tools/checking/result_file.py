@@ -8,18 +8,18 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from trihedron.checking.findings import Findings
-from trihedron.checking.published import (
+from ..errors import InputError, nearest
+from ..field_problems import field_problems
+from .findings import Findings
+from .published import (
     CalibrationFile,
     DiagnosisFile,
     PositionPlanFile,
     TargetPlanFile,
     TargetPlansFile,
 )
-from trihedron.checking.result import Check, Problem
-from trihedron.checking.source_lines import json_lines
-from trihedron.errors import InputError, nearest
-from trihedron.field_problems import field_problems
+from .result import Check, Problem
+from .source_lines import json_lines
 
 SCHEMAS = {
     "trihedron.calibration/1": "calibration",
@@ -89,8 +89,8 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
 
 def _check_calibration(content: dict[str, Any], findings: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
-    from trihedron.calibration.correction import correction_of
-    from trihedron.calibration.values import target_estimates
+    from ..calibration.correction import correction_of
+    from ..calibration.values import target_estimates
 
     try:
         if content["verdict"] == "consistent" and "reading_errors" in content:

@@ -7,19 +7,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from trihedron.checking.findings import Findings
-from trihedron.checking.result import Check
-from trihedron.checking.source_lines import toml_lines
-from trihedron.errors import InputError
-from trihedron.field_problems import Location
-from trihedron.orchestrator.connections import Wire, check_single_sources, resolve_connections
-from trihedron.orchestrator.coupling import stepping_groups
-from trihedron.orchestrator.interface import Interface
-from trihedron.orchestrator.loading import Loaded, Sources, check_states, check_steps, load
-from trihedron.orchestrator.parameters import resolve_parameters
-from trihedron.orchestrator.recording import resolve_columns
-from trihedron.orchestrator.simulation import coupling_of, resolve_stimuli, temporary_folder
-from trihedron.scenario import FmuSetting, RunSetting, Scenario, Stimulus, scenario_problems
+from ..errors import InputError
+from ..field_problems import Location
+from ..orchestrator.connections import Wire, check_single_sources, resolve_connections
+from ..orchestrator.coupling import stepping_groups
+from ..orchestrator.interface import Interface
+from ..orchestrator.loading import Loaded, Sources, check_states, check_steps, load
+from ..orchestrator.parameters import resolve_parameters
+from ..orchestrator.recording import resolve_columns
+from ..orchestrator.simulation import coupling_of, resolve_stimuli, temporary_folder
+from ..scenario import FmuSetting, RunSetting, Scenario, Stimulus, scenario_problems
+from .findings import Findings
+from .result import Check
+from .source_lines import toml_lines
 
 LISTS = ("connections", "stimuli")
 

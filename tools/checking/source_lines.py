@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from trihedron.field_problems import Location
+from ..field_problems import Location
 
 PATIENT = 64
 """A TOML statement of more lines is looked for at lines that can end one only."""

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import rows_at
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.models.effects import CATALOGUE
+from ...models.effects import CATALOGUE
+from ..calibration.linearisation import Linearisation
+from .circumstances import Circumstances
+from .disturbance import rows_at
+from .extended_fit import ExtendedFit
 
 
 def left_open(fit: ExtendedFit, here: Linearisation, circumstances: Circumstances) -> float:

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.open_signs import widening
-from trihedron.calibration.parametrisation import predicted_input
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import coefficient_count, disturbed, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import ASTRAY, least_squares_step
-from trihedron.diagnosis.extended_model import coefficient_blocks, extended_model
-from trihedron.diagnosis.lawson import Problem
-from trihedron.models.effects import EffectPlace
-from trihedron.models.regressors import admissible, nominal_input
+from ...models.effects import EffectPlace
+from ...models.regressors import admissible, nominal_input
+from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.open_signs import widening
+from ..calibration.parametrisation import predicted_input
+from .circumstances import Circumstances
+from .disturbance import coefficient_count, disturbed, rows_at, signature_columns
+from .extended_fit import ASTRAY, least_squares_step
+from .extended_model import coefficient_blocks, extended_model
+from .lawson import Problem
 
 USUAL = 0.9
 """The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.records import PositionRecord
+from ..records import PositionRecord
 
 
 @dataclass(frozen=True)

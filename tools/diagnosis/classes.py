@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions, reading_jacobian
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import rows_at, signature_columns
-from trihedron.models.effects import EffectPlace
+from ...models.effects import EffectPlace
+from ..calibration.linearisation import Linearisation
+from ..calibration.parametrisation import Positions, reading_jacobian
+from .circumstances import Circumstances
+from .disturbance import rows_at, signature_columns
 
 GRID_STEP_DEG = 15.0
 SAME_SPACE = 1e-7

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions, predicted_input, predicted_reading
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.senses import input_senses
-from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ..calibration.linearisation import Linearisation
+from ..calibration.parametrisation import Positions, predicted_input, predicted_reading
+from .circumstances import Circumstances
+from .senses import input_senses
 
 
 def acts_on_table(place: EffectPlace) -> bool:

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import is_linear, rows_at
-from trihedron.diagnosis.extended_model import acting, coefficient_blocks, model_at
-from trihedron.diagnosis.variants import variants_seen
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
-from trihedron.models.effects.rows import Variant
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects.rows import Variant
+from ..calibration.linearisation import Linearisation
+from ..calibration.programmes import chebyshev_radius
+from .circumstances import Circumstances
+from .disturbance import is_linear, rows_at
+from .extended_model import acting, coefficient_blocks, model_at
+from .variants import variants_seen
 
 MAX_ITERATIONS = 12
 MAX_MOVES = 8

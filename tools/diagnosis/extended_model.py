@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import predicted_reading, reading_jacobian
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import acts_on_table, added_bound, disturbed, rows_at, signature_columns
-from trihedron.diagnosis.variants import bench_slopes, variants_seen
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
-from trihedron.models.effects.rows import Variant
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects.rows import Variant
+from ..calibration.linearisation import Linearisation
+from ..calibration.parametrisation import predicted_reading, reading_jacobian
+from .circumstances import Circumstances
+from .disturbance import acts_on_table, added_bound, disturbed, rows_at, signature_columns
+from .variants import bench_slopes, variants_seen
 
 
 @dataclass(frozen=True)

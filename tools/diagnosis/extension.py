@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.result import component_parameters
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import true_angles
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.senses import moved_axes
-from trihedron.fmus import build
-from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.orchestrator import simulate
-from trihedron.scenario import Scenario
+from ...fmus import build
+from ...models.bench import TARGETS
+from ...models.effects import CATALOGUE, EffectPlace
+from ..calibration.linearisation import Linearisation
+from ..calibration.result import component_parameters
+from ..orchestrator import simulate
+from ..scenario import Scenario
+from .circumstances import Circumstances
+from .disturbance import true_angles
+from .extended_fit import ExtendedFit
+from .senses import moved_axes
 
 FAST = 1e3
 """Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""

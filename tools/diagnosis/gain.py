@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.parametrisation import Positions
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import added_bound, disturbed, rows_at
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_nearest
-from trihedron.diagnosis.extension import STEPS_PER_GAP, simulate_rows, smallest_gap
+from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.parametrisation import Positions
+from .circumstances import Circumstances
+from .disturbance import added_bound, disturbed, rows_at
+from .extended_fit import ExtendedFit, fit_nearest
+from .extension import STEPS_PER_GAP, simulate_rows, smallest_gap
 
 HELD_OUT_EVERY = 4
 """One position in so many is held out."""

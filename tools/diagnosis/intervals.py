@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import Polytope, SolverError
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.models.effects import CATALOGUE, EffectParameter, EffectPlace
-from trihedron.models.effects.rows import Variant
+from ...models.effects import CATALOGUE, EffectParameter, EffectPlace
+from ...models.effects.rows import Variant
+from ..calibration.programmes import Polytope, SolverError
+from .extended_fit import ExtendedFit
 
 DIRECTIONS = 72
 """Directions in which a set of two coefficients is enclosed."""

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.diagnosis.extended_fit import ExtendedFit, least_squares_step
-from trihedron.diagnosis.gain import MAX_LEVERAGE
+from ..calibration.linearisation import Linearisation
+from .extended_fit import ExtendedFit, least_squares_step
+from .gain import MAX_LEVERAGE
 
 FOLDS = 5
 BLOCKS = 4

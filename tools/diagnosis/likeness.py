@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.classes import column_space
-from trihedron.diagnosis.disturbance import rows_at, signature_columns
-from trihedron.models.effects import EffectPlace
+from ...models.effects import EffectPlace
+from ..calibration.linearisation import Linearisation
+from .circumstances import Circumstances
+from .classes import column_space
+from .disturbance import rows_at, signature_columns
 
 NOTHING = 1e-9
 """Columns of which so little is left, relatively, are imitated."""

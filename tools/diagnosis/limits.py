@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.programmes import Polytope, SolverError
-from trihedron.calibration.result import Calibration
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import added_bound, disturbed, is_linear, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.intervals import feasible_set, scaled_by_gravity
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from ...models.effects import CATALOGUE, EffectPlace
+from ..calibration.linearisation import Linearisation
+from ..calibration.programmes import Polytope, SolverError
+from ..calibration.result import Calibration
+from .circumstances import Circumstances
+from .disturbance import added_bound, disturbed, is_linear, rows_at, signature_columns
+from .extended_fit import ExtendedFit
+from .intervals import feasible_set, scaled_by_gravity
 
 DIRECTIONS = 16
 """Directions in which the amplitude of an effect is bounded."""

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.models.effects import CATALOGUE
+from ...models.effects import CATALOGUE
+from ..calibration.programmes import chebyshev_radius
+from .extended_fit import ExtendedFit
 
 LARGEST_OF_BENCH = 0.5
 """No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed

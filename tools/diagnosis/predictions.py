@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.parametrisation import Positions
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import is_linear, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.extended_model import extended_model
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
-from trihedron.models.restricted import CONTEXT_SIZE, INPUT
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.restricted import CONTEXT_SIZE, INPUT
+from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.parametrisation import Positions
+from .circumstances import Circumstances
+from .disturbance import is_linear, rows_at, signature_columns
+from .extended_fit import ExtendedFit
+from .extended_model import extended_model
 
 
 @dataclass(frozen=True)

@@ -7,31 +7,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.next_positions import repeats
-from trihedron.calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
-from trihedron.calibration.programmes import SolverError
-from trihedron.calibration.result import Calibration
-from trihedron.diagnosis.arguments import left_open
-from trihedron.diagnosis.centre import with_usual_signs
-from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.diagnosis.classes import Classes, classes_of, same_space
-from trihedron.diagnosis.disturbance import is_linear
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_extended
-from trihedron.diagnosis.gain import Gain, measure_gain
-from trihedron.diagnosis.intervals import parameter_intervals
-from trihedron.diagnosis.judgement import judge
-from trihedron.diagnosis.limits import excluded_sizes, target_shifts
-from trihedron.diagnosis.predictions import lasting_part
-from trihedron.diagnosis.residual_structure import residual_structure
-from trihedron.diagnosis.result import Cause, Diagnosis, Finding
-from trihedron.diagnosis.search import catalogue_places, single_radii, smallest_explanations, title_of
-from trihedron.diagnosis.second_mounting import SecondMounting, second_mounting
-from trihedron.diagnosis.separation import MOST_CANDIDATES, separating_positions
-from trihedron.errors import InputError
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.models.effects.outlier import place_of
-from trihedron.records import PositionRecord
+from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects.outlier import place_of
+from ..calibration.linearisation import Linearisation
+from ..calibration.next_positions import repeats
+from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
+from ..calibration.programmes import SolverError
+from ..calibration.result import Calibration
+from ..errors import InputError
+from ..records import PositionRecord
+from .arguments import left_open
+from .centre import with_usual_signs
+from .circumstances import Circumstances, circumstances_of
+from .classes import Classes, classes_of, same_space
+from .disturbance import is_linear
+from .extended_fit import ExtendedFit, fit_extended
+from .gain import Gain, measure_gain
+from .intervals import parameter_intervals
+from .judgement import judge
+from .limits import excluded_sizes, target_shifts
+from .predictions import lasting_part
+from .residual_structure import residual_structure
+from .result import Cause, Diagnosis, Finding
+from .search import catalogue_places, single_radii, smallest_explanations, title_of
+from .second_mounting import SecondMounting, second_mounting
+from .separation import MOST_CANDIDATES, separating_positions
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
@@ -53,7 +53,7 @@ def diagnose(
     Parameters
     ----------
     record, noise_bound, gravity, baseline, bounds, mounting
-        as for `trihedron.calibration.calibrate`
+        as for `trihedron.tools.calibration.calibrate`
     rerun : bool
         simulate held-out positions again, without and with the effect that was named
     progress : bool
@@ -66,7 +66,7 @@ def diagnose(
     Raises
     ------
     InputError
-        as for `trihedron.calibration.calibrate`
+        as for `trihedron.tools.calibration.calibrate`
     """
     nominal = calibrate(
         record, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting

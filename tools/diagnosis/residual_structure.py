@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import predicted_input
-from trihedron.diagnosis.circumstances import Circumstances
+from ..calibration.linearisation import Linearisation
+from ..calibration.parametrisation import predicted_input
+from .circumstances import Circumstances
 
 LENGTHS = (0.15, 0.35, 0.8, 2.0)
 """Lengths over which the functions that are tried vary: of the spread of a quantity, radians of an angle."""

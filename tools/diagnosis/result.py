@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from trihedron.calibration.result import Calibration
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.gain import Gain
-from trihedron.diagnosis.judgement import Judgement
-from trihedron.diagnosis.second_mounting import SecondMounting
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.shown import Shown
+from ...models.effects import CATALOGUE, EffectPlace
+from ..calibration.result import Calibration
+from ..shown import Shown
+from .extended_fit import ExtendedFit
+from .gain import Gain
+from .judgement import Judgement
+from .second_mounting import SecondMounting
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -209,7 +209,7 @@ class Diagnosis(Shown):
 
     def lines(self) -> list[str]:
         """Verdict, evidence, cause and gain."""
-        from trihedron.summaries import diagnosis_summary
+        from ..summaries import diagnosis_summary
 
         shown: Any = self
         return diagnosis_summary(shown).split("\n")

@@ -7,22 +7,22 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.arguments import left_open
-from trihedron.diagnosis.centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.classes import Classes
-from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
-from trihedron.diagnosis.extended_fit import ExtendedFit, fit_ways
-from trihedron.diagnosis.intervals import parameter_intervals
-from trihedron.diagnosis.lawson import Problem
-from trihedron.diagnosis.possible import LARGEST_OF_BENCH, within_possible
-from trihedron.diagnosis.sets import MAX_SET, sets_of_size
-from trihedron.diagnosis.variants import Relaxation, relaxations
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
-from trihedron.models.effects.outlier import place_of
-from trihedron.progress import tracked
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
+from ...models.effects.outlier import place_of
+from ..calibration.linearisation import Linearisation
+from ..calibration.programmes import chebyshev_radius
+from ..progress import tracked
+from .arguments import left_open
+from .centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at
+from .circumstances import Circumstances
+from .classes import Classes
+from .disturbance import added_bound, rows_at, signature_columns
+from .extended_fit import ExtendedFit, fit_ways
+from .intervals import parameter_intervals
+from .lawson import Problem
+from .possible import LARGEST_OF_BENCH, within_possible
+from .sets import MAX_SET, sets_of_size
+from .variants import Relaxation, relaxations
 
 MOST_FOUND = 60
 """So many sets of one size are enough to say that the positions cannot decide."""

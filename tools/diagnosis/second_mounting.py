@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.mountings import PRESETS
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.diagnosis.classes import column_space, residual_spaces
-from trihedron.models.effects import EffectPlace
+from ...models.effects import EffectPlace
+from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.mountings import PRESETS
+from ..calibration.parametrisation import Positions, parametrise
+from .classes import column_space, residual_spaces
 
 WORTH_IT = 0.6
 """A mounting is proposed when it makes the correlation of two causes at most so many times what it was."""

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.parametrisation import Parametrisation, Positions, predicted_input
-from trihedron.diagnosis.circumstances import Circumstances
+from ..calibration.parametrisation import Parametrisation, Positions, predicted_input
+from .circumstances import Circumstances
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""

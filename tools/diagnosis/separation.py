@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions
-from trihedron.calibration.programmes import least_largest
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import added_bound, rows_at
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.intervals import feasible_rows
-from trihedron.diagnosis.predictions import Visits, depends_on_senses, lasting_part, predictions, seen_at_last
-from trihedron.diagnosis.search import title_of
-from trihedron.models.regressors import admissible
+from ...models.regressors import admissible
+from ..calibration.linearisation import Linearisation
+from ..calibration.parametrisation import Positions
+from ..calibration.programmes import least_largest
+from .circumstances import Circumstances
+from .disturbance import added_bound, rows_at
+from .extended_fit import ExtendedFit
+from .intervals import feasible_rows
+from .predictions import Visits, depends_on_senses, lasting_part, predictions, seen_at_last
+from .search import title_of
 
 GRID_STEP_DEG = 5.0
 MOST_CANDIDATES = 10

@@ -7,7 +7,7 @@ the others' weights then sum to 1 - w_a; two readings have a formula of order tw
 
 import numpy as np
 
-from trihedron.compiled import compiled_and_kept
+from ..compiled import compiled_and_kept
 
 WIDTH = 5
 MOST_COLUMNS = 16

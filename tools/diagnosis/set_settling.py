@@ -5,7 +5,7 @@ The file takes nothing from others but the compiler: what is kept on disk is com
 
 import numpy as np
 
-from trihedron.compiled import compiled_and_kept
+from ..compiled import compiled_and_kept
 
 REFUSED, ACCEPTED, UNDECIDED = 0, 1, 2
 ROUNDS = 30

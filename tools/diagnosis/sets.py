@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.lawson import Problem, Projection, project, sharp_weights
-from trihedron.diagnosis.set_bounds import bounds_of, surviving_sets
-from trihedron.diagnosis.set_settling import ACCEPTED, REFUSED, settle
+from ..calibration.programmes import chebyshev_radius
+from .lawson import Problem, Projection, project, sharp_weights
+from .set_bounds import bounds_of, surviving_sets
+from .set_settling import ACCEPTED, REFUSED, settle
 
 MAX_SET = 3
 MOST_OUTLIERS = 2

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.disturbance import added_bound, rows_at, signature_columns
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
-from trihedron.models.effects.outlier import place_of
-from trihedron.models.restricted import CONTEXT_SIZE, INPUT
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects.outlier import place_of
+from ...models.restricted import CONTEXT_SIZE, INPUT
+from ..calibration.linearisation import Linearisation
+from ..calibration.programmes import chebyshev_radius
+from .circumstances import Circumstances
+from .disturbance import added_bound, rows_at, signature_columns
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""

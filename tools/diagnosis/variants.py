@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.calibration.parametrisation import Positions, direction_jacobian, predicted_input
-from trihedron.diagnosis.disturbance import added_bound, is_linear, signature_columns
-from trihedron.models.bench import SYMMETRIC_PAIRS, TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
-from trihedron.models.effects.rows import Variant
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects.rows import Variant
+from ..calibration.linearisation import Linearisation
+from ..calibration.parametrisation import Positions, direction_jacobian, predicted_input
+from .disturbance import added_bound, is_linear, signature_columns
 
 
 @dataclass(frozen=True)

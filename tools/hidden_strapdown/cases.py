@@ -7,17 +7,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.errors import InputError, nearest
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden_strapdown.measurement import FURTHEST_STAMP, Instruments, Secret, measure
-from trihedron.hidden_strapdown.motion import BEFORE_A_CAMERA, BETWEEN_RESTS, TrueMotion, draw_motion, without_coning
-from trihedron.hidden_strapdown.noise import Noise
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from trihedron.records import StrapdownRecord
-from trihedron.strapdown import inspect_record
-from trihedron.strapdown.building import build_with_gravity, build_with_truth
-from trihedron.strapdown.system import System
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ..calibration.programmes import chebyshev_radius
+from ..errors import InputError, nearest
+from ..records import StrapdownRecord
+from ..strapdown import inspect_record
+from ..strapdown.building import build_with_gravity, build_with_truth
+from ..strapdown.system import System
+from .measurement import FURTHEST_STAMP, Instruments, Secret, measure
+from .motion import BEFORE_A_CAMERA, BETWEEN_RESTS, TrueMotion, draw_motion, without_coning
+from .noise import Noise
 
 Reference = Literal["gravity", "truth"]
 BASELINE = {"gravity": "calibrated", "truth": "nominal"}

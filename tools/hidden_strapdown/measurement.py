@@ -8,13 +8,13 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden_strapdown.motion import TrueMotion
-from trihedron.hidden_strapdown.noise import Noise, flicker_noise
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.orchestrator import simulate
-from trihedron.records import StrapdownRecord
-from trihedron.scenario import Scenario
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.effects import CATALOGUE, EffectPlace
+from ..orchestrator import simulate
+from ..records import StrapdownRecord
+from ..scenario import Scenario
+from .motion import TrueMotion
+from .noise import Noise, flicker_noise
 
 HELD_RATES, INCREMENTS = 2, 1
 """Kinds of input of the gyro block."""

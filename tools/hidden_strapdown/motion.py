@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from trihedron.attitude.compiled_runs import sample_motion
-from trihedron.models.harmonic_motion import HARMONICS
+from ...models.harmonic_motion import HARMONICS
+from ..attitude.compiled_runs import sample_motion
 
 UP = np.array([0.0, 0.0, 1.0])
 LARGEST_SWING = 1.2

@@ -4,10 +4,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from trihedron.errors import InputError
-from trihedron.hidden_strapdown.cases import draw_case, draw_clean
-from trihedron.records import write_strapdown_record
-from trihedron.writing import write_text
+from ..errors import InputError
+from ..records import write_strapdown_record
+from ..writing import write_text
+from .cases import draw_case, draw_clean
 
 RECORD_DECIMALS = 9
 """Decimals of a record's numbers."""

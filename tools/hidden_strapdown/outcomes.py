@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trihedron.diagnosis import Cause
-from trihedron.diagnosis.result import place_json
-from trihedron.hidden_strapdown.cases import StrapdownCase
-from trihedron.models.effects import EffectPlace
-from trihedron.strapdown.result import StrapdownDiagnosis
+from ...models.effects import EffectPlace
+from ..diagnosis import Cause
+from ..diagnosis.result import place_json
+from ..strapdown.result import StrapdownDiagnosis
+from .cases import StrapdownCase
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class StrapdownOutcome:
     case : StrapdownCase
     verdict : str
     kind : str
-        one of `trihedron.hidden_suite.outcomes.KINDS`
+        one of `trihedron.tools.hidden_suite.outcomes.KINDS`
     named : tuple of EffectPlace
         the set that was named, or the best of those that remain
     inside : bool or None
@@ -74,7 +74,7 @@ def outcome_of(case: StrapdownCase, result: StrapdownDiagnosis) -> StrapdownOutc
 
 
 def kind_of(case: StrapdownCase, verdict: str, sets: Sequence[Sequence[Cause]]) -> str:
-    """One of `trihedron.hidden_suite.outcomes.KINDS`."""
+    """One of `trihedron.tools.hidden_suite.outcomes.KINDS`."""
     if verdict in ("consistent", "insufficient", "unexplained"):
         return "right" if not case.places and verdict != "unexplained" else verdict
     alike = [[{cause.place, *cause.equivalents} for cause in causes] for causes in sets]

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from trihedron.errors import InputError
-from trihedron.hidden_strapdown.cases import SIZES, draw_case, draw_clean
-from trihedron.hidden_strapdown.outcomes import StrapdownOutcome, outcome_of
-from trihedron.hidden_suite.running import run_cases
-from trihedron.records import write_strapdown_record
-from trihedron.strapdown.diagnosis import diagnose_strapdown
+from ..errors import InputError
+from ..hidden_suite.running import run_cases
+from ..records import write_strapdown_record
+from ..strapdown.diagnosis import diagnose_strapdown
+from .cases import SIZES, draw_case, draw_clean
+from .outcomes import StrapdownOutcome, outcome_of
 
 
 @dataclass(frozen=True)

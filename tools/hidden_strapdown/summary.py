@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.hidden_strapdown.outcomes import StrapdownOutcome
-from trihedron.hidden_strapdown.suite import StrapdownSuite
-from trihedron.hidden_suite.summary import MOST_LISTED, NOTHING, confusion, kinds
-from trihedron.writing import write_text
+from ..hidden_suite.summary import MOST_LISTED, NOTHING, confusion, kinds
+from ..writing import write_text
+from .outcomes import StrapdownOutcome
+from .suite import StrapdownSuite
 
 SCHEMA = "trihedron.hidden-strapdown-suite/1"
 
@@ -132,9 +132,9 @@ def write_suite(suite: StrapdownSuite, folder: Path) -> list[Path]:
 
 def suite_page(suite: StrapdownSuite) -> str:
     """The page: what was hidden, the table of confusion, every case that was not named rightly."""
-    from trihedron import __version__
-    from trihedron.report.page import Section, Table, render_page
-    from trihedron.report.suite_pictures import confusion_picture
+    from ...fmus import version
+    from ..report.page import Section, Table, render_page
+    from ..report.suite_pictures import confusion_picture
 
     counts = kinds(suite.outcomes)
     told = ", ".join(f"{number} {kind}" for kind, number in counts.items())
@@ -165,7 +165,7 @@ def suite_page(suite: StrapdownSuite) -> str:
         f"Of {len(suite.outcomes)} records {told}.",
         sections,
         tone="good" if "wrong" not in counts else "attention",
-        provenance={"trihedron": __version__, "seed": suite.seed},
+        provenance={"trihedron": version(), "seed": suite.seed},
     )
 
 

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation, linearise
-from trihedron.calibration.mountings import PRESETS
-from trihedron.calibration.parametrisation import Positions, parametrise
-from trihedron.calibration.procedure import fit_record
-from trihedron.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.diagnosis.classes import Classes, classes_of
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden import START_APART
-from trihedron.hidden_cases import DWELL_S, NOISE_BOUND, STAND_BOUND, draw_truth, temperature_at
-from trihedron.models.bench import ELEMENTARY, elementary, elementary_reading
-from trihedron.models.effects import POSITION_EFFECTS
-from trihedron.records import PositionRecord
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.bench import ELEMENTARY, elementary, elementary_reading
+from ...models.effects import POSITION_EFFECTS
+from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.mountings import PRESETS
+from ..calibration.parametrisation import Positions, parametrise
+from ..calibration.procedure import fit_record
+from ..diagnosis.circumstances import Circumstances, circumstances_of
+from ..diagnosis.classes import Classes, classes_of
+from ..hidden import START_APART
+from ..hidden_cases import DWELL_S, NOISE_BOUND, STAND_BOUND, draw_truth, temperature_at
+from ..records import PositionRecord
 
 SYMMETRIC_SHARE = 0.25
 """Part of the benches whose scale factors do not depend on the sign, and are diagnosed so."""

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.diagnosis.circumstances import Circumstances
-from trihedron.diagnosis.classes import Classes
-from trihedron.diagnosis.disturbance import coefficient_count
-from trihedron.diagnosis.sizes import SureSizes, level_margins, sure_sizes
-from trihedron.errors import InputError, nearest
-from trihedron.hidden_suite.benches import Bench, classes_with, draw_bench, expected
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
-from trihedron.models.effects.outlier import place_of
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
+from ...models.effects.outlier import place_of
+from ..calibration.linearisation import Linearisation
+from ..diagnosis.circumstances import Circumstances
+from ..diagnosis.classes import Classes
+from ..diagnosis.disturbance import coefficient_count
+from ..diagnosis.sizes import SureSizes, level_margins, sure_sizes
+from ..errors import InputError, nearest
+from .benches import Bench, classes_with, draw_bench, expected
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.mountings import PRESETS
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.hidden import BLOCK_NOISE, ENCODER_FLUCTUATION, RECORD_DECIMALS, STEP_S, bench_scenario, record_of
-from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.benches import Bench
-from trihedron.hidden_suite.cases import SuiteCase
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.records import PositionRecord
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.effects import CATALOGUE, EffectPlace
+from ..calibration.mountings import PRESETS
+from ..hidden import BLOCK_NOISE, ENCODER_FLUCTUATION, RECORD_DECIMALS, STEP_S, bench_scenario, record_of
+from ..hidden_cases import NOISE_BOUND
+from ..records import PositionRecord
+from .benches import Bench
+from .cases import SuiteCase
 
 HELD = 0.9
 """What remains of an error that wanders, from one position to the next."""

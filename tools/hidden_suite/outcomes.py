@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Any, Protocol
 
-from trihedron.diagnosis import Cause, Diagnosis
-from trihedron.diagnosis.result import Finding, place_json
-from trihedron.hidden_suite.cases import Hidden, SuiteCase
-from trihedron.models.effects import CATALOGUE, EffectPlace
+from ...models.effects import CATALOGUE, EffectPlace
+from ..diagnosis import Cause, Diagnosis
+from ..diagnosis.result import Finding, place_json
+from .cases import Hidden, SuiteCase
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
 """What can come of a case.

@@ -7,8 +7,8 @@ from contextlib import ExitStack
 from multiprocessing import get_context
 from typing import TypeVar
 
-from trihedron.errors import InputError
-from trihedron.progress import tracked
+from ..errors import InputError
+from ..progress import tracked
 
 MOST_CASES = 100_000
 Outcome = TypeVar("Outcome")

@@ -7,15 +7,15 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trihedron.diagnosis import Diagnosis, diagnose
-from trihedron.errors import InputError, nearest
-from trihedron.hidden_cases import NOISE_BOUND
-from trihedron.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
-from trihedron.hidden_suite.measurement import measure_case
-from trihedron.hidden_suite.outcomes import Outcome, outcome_of
-from trihedron.hidden_suite.running import run_cases
-from trihedron.records import PositionRecord, write_position_record
-from trihedron.shown import Shown
+from ..diagnosis import Diagnosis, diagnose
+from ..errors import InputError, nearest
+from ..hidden_cases import NOISE_BOUND
+from ..records import PositionRecord, write_position_record
+from ..shown import Shown
+from .cases import SuiteCase, SuiteOptions, draw_case
+from .measurement import measure_case
+from .outcomes import Outcome, outcome_of
+from .running import run_cases
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -39,14 +39,14 @@ class Suite(Shown):
 
     def lines(self) -> list[str]:
         """Counts, confusion, detection, errors of the sizes."""
-        from trihedron.hidden_suite.summary import suite_text
+        from .summary import suite_text
 
         shown: Any = self
         return suite_text(shown).split("\n")
 
     def to_json(self) -> dict[str, Any]:
         """The object of schema trihedron.hidden-suite/1."""
-        from trihedron.hidden_suite.summary import suite_json
+        from .summary import suite_json
 
         shown: Any = self
         return suite_json(shown)
@@ -57,7 +57,7 @@ class Suite(Shown):
 
         import polars as pl
 
-        from trihedron.hidden_suite.summary import cases_csv
+        from .summary import cases_csv
 
         shown: Any = self
         return pl.read_csv(io.StringIO(cases_csv(shown)))

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.hidden_suite.outcomes import KINDS, Counted, Outcome
-from trihedron.hidden_suite.suite import Suite
-from trihedron.writing import write_text
+from ..writing import write_text
+from .outcomes import KINDS, Counted, Outcome
+from .suite import Suite
 
 SCHEMA = "trihedron.hidden-suite/1"
 BINS = (0.0, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.7, 8.0, 16.0, math.inf)
@@ -207,7 +207,7 @@ def cases_csv(suite: Suite) -> str:
 
 def write_suite(suite: Suite, folder: Path) -> list[Path]:
     """Write suite.json, cases.csv and the page index.html into a folder; returns the files."""
-    from trihedron.report.suite_page import suite_page
+    from ..report.suite_page import suite_page
 
     files = [folder / "suite.json", folder / "cases.csv", folder / "index.html"]
     write_text(files[0], json.dumps(suite_json(suite), indent=1, ensure_ascii=False, allow_nan=False) + "\n")

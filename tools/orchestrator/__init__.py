@@ -1,5 +1,5 @@
 """The orchestrator: couples FMUs as a scenario says, runs them, and writes the run with its provenance."""
 
-from trihedron.orchestrator.simulation import Run, default_folder, simulate
+from .simulation import Run, default_folder, simulate
 
 __all__ = ["Run", "default_folder", "simulate"]

@@ -14,8 +14,8 @@ from xml.parsers import expat
 import fmpy
 from fmpy.model_description import ModelDescription
 
-from trihedron.errors import InputError, nearest_file
-from trihedron.orchestrator.shared_library import refuse_damaged
+from ..errors import InputError, nearest_file
+from .shared_library import refuse_damaged
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30

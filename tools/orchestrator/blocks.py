@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.orchestrator.bus import FmuBus
-from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.value_types import VALUE_TYPES
+from .bus import FmuBus
+from .grid import Grid
+from .value_types import VALUE_TYPES
 
 BLOCK_BYTES = 16 << 20
 Values = Mapping[tuple[str, str], Any]

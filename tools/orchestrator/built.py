@@ -13,14 +13,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
-import trihedron.fmus
-import trihedron.models
-from trihedron.fmus import build
-from trihedron.fmus.native.compiler import BuildError, cache_folder, compiles, host_compiler, zig_version
-from trihedron.fmus.native.platforms import PLATFORMS, host_name
-from trihedron.fmus.native.prebuilt import has_prebuilt
-from trihedron.models.effects import EffectPlace
-from trihedron.orchestrator.machine_code import keep
+from ... import fmus, models
+from ...fmus import build
+from ...fmus.native.compiler import BuildError, cache_folder, compiles, host_compiler, zig_version
+from ...fmus.native.platforms import PLATFORMS, host_name
+from ...fmus.native.prebuilt import has_prebuilt
+from ...models.effects import EffectPlace
+from .machine_code import keep
 
 Flavour = Literal["native", "python"]
 
@@ -38,7 +37,7 @@ def _sources() -> str:
     digest = hashlib.sha256(f"{platform.python_version()} {host_name()}".encode())
     for package in ("trihedron", "fmpy", "pythonfmu"):
         digest.update(f"\0{package} {metadata.version(package)}".encode())
-    for package in (trihedron.models, trihedron.fmus):
+    for package in (models, fmus):
         folder = Path(str(package.__file__)).parent
         for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix not in (".pyc", ".fmu")):
             content = path.read_bytes()

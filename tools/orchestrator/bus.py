@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trihedron.orchestrator.connections import Wire
-from trihedron.orchestrator.interface import Interface, Value, Variable
-from trihedron.orchestrator.stimuli import Drive
-from trihedron.orchestrator.value_types import VALUE_TYPES
+from .connections import Wire
+from .interface import Interface, Value, Variable
+from .stimuli import Drive
+from .value_types import VALUE_TYPES
 
 StartValue = Callable[[str, Variable], Value | None]
 """(FMU, variable) -> what it starts with."""

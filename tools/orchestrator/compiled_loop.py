@@ -1,7 +1,7 @@
 """The loop over the steps for numba: it calls the FMUs' C functions by their addresses.
 
 Everything is an address or a number that is known only when it runs, so one compilation serves all FMUs and wirings.
-`trihedron.orchestrator.plain_loop` does the same in plain Python.
+`trihedron.tools.orchestrator.plain_loop` does the same in plain Python.
 """
 
 import math
@@ -10,7 +10,7 @@ from typing import Any
 import numba
 from numba import types
 
-from trihedron.orchestrator.machine_access import (
+from .machine_access import (
     LOADERS,
     STORERS,
     call2,
@@ -20,7 +20,7 @@ from trihedron.orchestrator.machine_access import (
     call_step3,
     copy_bytes,
 )
-from trihedron.orchestrator.operations import (
+from .operations import (
     AT,
     BEGIN,
     CALL4,
@@ -151,7 +151,7 @@ def march(operations, numbers, records, state, clock):
         what is recorded: (target of row 0, source, bytes) each
     state : pointer to int64
     clock : pointer to float64
-        as `trihedron.orchestrator.operations` lays them out
+        as `trihedron.tools.orchestrator.operations` lays them out
 
     Returns
     -------

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from trihedron.errors import InputError, nearest
-from trihedron.orchestrator.interface import Interface, Variable, refer
-from trihedron.orchestrator.quantities import between
-from trihedron.orchestrator.stimuli import Drive, input_variables
-from trihedron.scenario import Connection
+from ..errors import InputError, nearest
+from ..scenario import Connection
+from .interface import Interface, Variable, refer
+from .quantities import between
+from .stimuli import Drive, input_variables
 
 
 @dataclass(frozen=True)

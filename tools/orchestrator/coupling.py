@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from typing import Literal
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.connections import Wire, stepping_order
-from trihedron.orchestrator.interface import Variable
+from ..errors import InputError
+from .connections import Wire, stepping_order
+from .interface import Variable
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from trihedron.orchestrator.archive import UnpackedFmu
-from trihedron.orchestrator.bus import FmuBus
-from trihedron.orchestrator.coupling import Coupling, Group
-from trihedron.orchestrator.interface import Interface, Value, Variable
+from .archive import UnpackedFmu
+from .bus import FmuBus
+from .coupling import Coupling, Group
+from .interface import Interface, Value, Variable
 
 
 @dataclass(frozen=True)

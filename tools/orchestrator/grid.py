@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from trihedron.errors import InputError
-from trihedron.scenario import RunSetting
+from ..errors import InputError
+from ..scenario import RunSetting
 
 MOST_STEPS = 10**9
 

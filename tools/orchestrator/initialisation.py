@@ -5,14 +5,14 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.orchestrator import operations as op
-from trihedron.orchestrator.coupling import Coupling, Group
-from trihedron.orchestrator.ensemble import Ensemble
-from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.plain_loop import actions, run_once
-from trihedron.orchestrator.program import Program, add_comparisons
-from trihedron.orchestrator.slave import Slave
+from ..errors import InputError
+from . import operations as op
+from .coupling import Coupling, Group
+from .ensemble import Ensemble
+from .grid import Grid
+from .plain_loop import actions, run_once
+from .program import Program, add_comparisons
+from .slave import Slave
 
 
 def initialise(slaves: Mapping[str, Slave], ensemble: Ensemble, grid: Grid) -> None:

@@ -7,9 +7,9 @@ from functools import cached_property
 
 from fmpy.model_description import ModelDescription, ModelVariable, SimpleType
 
-from trihedron.errors import InputError, nearest
-from trihedron.orchestrator.quantities import Scale, scale_of
-from trihedron.orchestrator.value_types import VALUE_TYPES, ValueType
+from ..errors import InputError, nearest
+from .quantities import Scale, scale_of
+from .value_types import VALUE_TYPES, ValueType
 
 Value = bool | int | float | str
 MOST_ELEMENTS = 1_000_000

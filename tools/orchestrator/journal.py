@@ -14,8 +14,8 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.errors import InputError, reason
-from trihedron.writing import whole_folder
+from ..errors import InputError, reason
+from ..writing import whole_folder
 
 INCOMPLETE = "run.incomplete"
 FLUSH_SECONDS = 5.0

@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from trihedron.errors import InputError, nearest
-from trihedron.fmus import component_names
-from trihedron.fmus.native.compiler import BuildError
-from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
-from trihedron.orchestrator.archive import UnpackedFmu, unpack
-from trihedron.orchestrator.built import component_fmu
-from trihedron.orchestrator.coupling import Coupling, Group
-from trihedron.orchestrator.interface import Interface, Value, Variable, interface_of
-from trihedron.orchestrator.parameters import calibrated_parameters, resolve_parameters
-from trihedron.scenario import FmuSetting, Scenario
+from ...fmus import component_names
+from ...fmus.native.compiler import BuildError
+from ...models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
+from ..errors import InputError, nearest
+from ..scenario import FmuSetting, Scenario
+from .archive import UnpackedFmu, unpack
+from .built import component_fmu
+from .coupling import Coupling, Group
+from .interface import Interface, Value, Variable, interface_of
+from .parameters import calibrated_parameters, resolve_parameters
 
 
 @dataclass

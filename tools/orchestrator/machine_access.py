@@ -103,4 +103,4 @@ def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
 _KINDS = ("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 LOADERS = tuple(_loader(getattr(types, kind)) for kind in _KINDS)
 STORERS = tuple(_storer(getattr(types, kind)) for kind in _KINDS)
-"""By the codes of `trihedron.orchestrator.value_types`."""
+"""By the codes of `trihedron.tools.orchestrator.value_types`."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from trihedron.fmus.native.compiler import cache_folder
+from ...fmus.native.compiler import cache_folder
 
 _NAME = "trihedron_march"
 _SOURCES = ("compiled_loop.py", "machine_access.py", "operations.py", "machine_code.py")
@@ -38,7 +38,7 @@ def _object_code(machine: Any) -> bytes:
     """Compile the loop; everything that belongs to Python is taken out of it."""
     import numba
 
-    from trihedron.orchestrator.compiled_loop import SIGNATURE, march
+    from .compiled_loop import SIGNATURE, march
 
     options: dict[str, Any] = {"nopython": True, "error_model": "numpy"}
     made: Any = numba.cfunc(SIGNATURE, **options)(march)
@@ -89,7 +89,7 @@ def compiled_march() -> March:
     Returns
     -------
     callable
-        takes the addresses that `trihedron.orchestrator.compiled_loop.march` takes
+        takes the addresses that `trihedron.tools.orchestrator.compiled_loop.march` takes
     """
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

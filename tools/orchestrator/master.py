@@ -12,17 +12,17 @@ from typing import NoReturn
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.orchestrator import operations as op
-from trihedron.orchestrator.blocks import Blocks, Keep
-from trihedron.orchestrator.ensemble import Ensemble
-from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.initialisation import initialise
-from trihedron.orchestrator.interrupts import Interrupt, held_interrupt
-from trihedron.orchestrator.plain_loop import plain_march
-from trihedron.orchestrator.program import Program, step_program
-from trihedron.orchestrator.slave import Slave
-from trihedron.orchestrator.slave_3 import Slave3
+from ..errors import InputError
+from . import operations as op
+from .blocks import Blocks, Keep
+from .ensemble import Ensemble
+from .grid import Grid
+from .initialisation import initialise
+from .interrupts import Interrupt, held_interrupt
+from .plain_loop import plain_march
+from .program import Program, step_program
+from .slave import Slave
+from .slave_3 import Slave3
 
 Progress = Callable[[int], None]
 """Told how many steps are made."""
@@ -105,7 +105,7 @@ class _Loop:
                 self._march = self._compiled()
 
     def _compiled(self) -> Callable[[], int]:
-        from trihedron.orchestrator.machine_code import compiled_march
+        from .machine_code import compiled_march
 
         march = compiled_march()
         tables = (self.operations, self.numbers, self.blocks.records, self.state, self.clock)

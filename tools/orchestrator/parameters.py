@@ -4,8 +4,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from trihedron.errors import InputError, nearest, said_of
-from trihedron.orchestrator.interface import Interface, Value, Variable, spread
+from ..errors import InputError, nearest, said_of
+from .interface import Interface, Value, Variable, spread
 
 SETTABLE = ("parameter", "input")
 
@@ -79,7 +79,7 @@ def calibrated_parameters(content: bytes, label: str, component: str) -> Mapping
         not such a file, a calibration that has no estimate, or nothing about this component
     """
     # Only a scenario that asks for it pays for loading the calibration.
-    from trihedron.calibration.result import bench_parameters
+    from ..calibration.result import bench_parameters
 
     try:
         data = json.loads(content.decode("utf-8"))

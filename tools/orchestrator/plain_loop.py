@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.orchestrator import operations as op
-from trihedron.orchestrator.program import Program
-from trihedron.orchestrator.value_types import VALUE_TYPES
+from . import operations as op
+from .program import Program
+from .value_types import VALUE_TYPES
 
 Action = Callable[[int, float], int]
 """(step, its time) -> status."""
@@ -183,7 +183,7 @@ def plain_march(
     texts : callable
         keeps the recorded strings
     state, clock : array
-        as `trihedron.orchestrator.operations` lays them out
+        as `trihedron.tools.orchestrator.operations` lays them out
     """
     todo = actions(program, state, clock)
     start, length, every = float(clock[op.START]), float(clock[op.LENGTH]), int(state[op.EVERY])

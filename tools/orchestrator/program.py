@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.orchestrator import operations as op
-from trihedron.orchestrator.bus import FmuBus, Port
-from trihedron.orchestrator.coupling import Coupling, Group
-from trihedron.orchestrator.interface import Variable
-from trihedron.orchestrator.slave import Slave
-from trihedron.orchestrator.value_types import VALUE_TYPES
+from . import operations as op
+from .bus import FmuBus, Port
+from .coupling import Coupling, Group
+from .interface import Variable
+from .slave import Slave
+from .value_types import VALUE_TYPES
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Program:
     Attributes
     ----------
     rows, numbers : list
-        of `trihedron.orchestrator.operations`
+        of `trihedron.tools.orchestrator.operations`
     places : list of Place
     kept : list
         memory that addresses point to

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.errors import InputError, nearest
-from trihedron.models.motion import move_duration
-from trihedron.models.position_programme import TICK_TOLERANCE
-from trihedron.orchestrator.grid import MOST_STEPS, Grid
-from trihedron.orchestrator.interface import Interface, Value, Variable
-from trihedron.orchestrator.stimuli import Drive, in_limits, input_variables
-from trihedron.orchestrator.tables import NumberTable
-from trihedron.scenario import RunSetting, Stimulus
+from ...models.motion import move_duration
+from ...models.position_programme import TICK_TOLERANCE
+from ..errors import InputError, nearest
+from ..scenario import RunSetting, Stimulus
+from .grid import MOST_STEPS, Grid
+from .interface import Interface, Value, Variable
+from .stimuli import Drive, in_limits, input_variables
+from .tables import NumberTable
 
 ParameterValue = Callable[[str, Variable], Value | None]
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from trihedron.errors import InputError
-from trihedron.fmus.units import UNITS, column_units
+from ...fmus.units import UNITS, column_units
+from ..errors import InputError
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.blocks import Values
-from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.interface import Interface, Variable, refer
-from trihedron.orchestrator.quantities import conversion, suffix_for
-from trihedron.orchestrator.value_types import VALUE_TYPES
+from ..errors import InputError
+from .blocks import Values
+from .grid import Grid
+from .interface import Interface, Variable, refer
+from .quantities import conversion, suffix_for
+from .value_types import VALUE_TYPES
 
 
 @dataclass(frozen=True)

@@ -8,25 +8,25 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.orchestrator.blocks import Values
-from trihedron.orchestrator.bus import make_buses
-from trihedron.orchestrator.connections import check_single_sources, resolve_connections
-from trihedron.orchestrator.coupling import stepping_groups
-from trihedron.orchestrator.ensemble import Ensemble
-from trihedron.orchestrator.interface import Interface, Value, Variable
-from trihedron.orchestrator.loading import Loaded, Sources, check_states, check_steps, load
-from trihedron.orchestrator.master import run_fmus
-from trihedron.orchestrator.parameters import resolve_parameters, value_at_start
-from trihedron.orchestrator.recording import block_table, recorded_variables, resolve_columns
-from trihedron.orchestrator.simulation import coupling_of, resolve_stimuli, temporary_folder
-from trihedron.scenario import Scenario
+from ..scenario import Scenario
+from .blocks import Values
+from .bus import make_buses
+from .connections import check_single_sources, resolve_connections
+from .coupling import stepping_groups
+from .ensemble import Ensemble
+from .interface import Interface, Value, Variable
+from .loading import Loaded, Sources, check_states, check_steps, load
+from .master import run_fmus
+from .parameters import resolve_parameters, value_at_start
+from .recording import block_table, recorded_variables, resolve_columns
+from .simulation import coupling_of, resolve_stimuli, temporary_folder
 
 
 class RepeatedScenario:
     """A scenario, ready to be run again and again.
 
     Each run has new instances of the FMUs, so no run knows of another one, and gives the bits that
-    `trihedron.orchestrator.simulate` gives. The libraries stay loaded in between.
+    `trihedron.tools.orchestrator.simulate` gives. The libraries stay loaded in between.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class RepeatedScenario:
         Returns
         -------
         DataFrame
-            as `trihedron.orchestrator.simulate` gives it
+            as `trihedron.tools.orchestrator.simulate` gives it
         """
         loaded = {name: self._changed(name, entry, parameters.get(name, {})) for name, entry in self._loaded.items()}
         grid, drives = resolve_stimuli(self.scenario, self._sources, loaded)

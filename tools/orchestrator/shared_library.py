@@ -2,7 +2,7 @@
 
 import struct
 
-from trihedron.errors import InputError
+from ..errors import InputError
 
 _LOADED = 1
 """Type of a segment that is mapped into memory (PT_LOAD)."""

@@ -13,23 +13,23 @@ from typing import Any
 
 import polars as pl
 
-from trihedron.errors import InputError, one_line, said_of
-from trihedron.orchestrator.blocks import Values
-from trihedron.orchestrator.bus import make_buses
-from trihedron.orchestrator.connections import check_single_sources, resolve_connections
-from trihedron.orchestrator.coupling import Coupling, stepping_groups
-from trihedron.orchestrator.ensemble import Ensemble
-from trihedron.orchestrator.grid import Grid, make_grid
-from trihedron.orchestrator.interface import Value, Variable
-from trihedron.orchestrator.journal import Journal
-from trihedron.orchestrator.loading import Loaded, Sources, check_states, check_steps, load
-from trihedron.orchestrator.master import Progress, run_fmus
-from trihedron.orchestrator.parameters import value_at_start
-from trihedron.orchestrator.programme import Programme, drive_of_programme, resolve_programme
-from trihedron.orchestrator.recording import block_table, recorded_variables, resolve_columns
-from trihedron.orchestrator.stimuli import Drive, resolve_constant, resolve_rows
-from trihedron.orchestrator.tables import NumberTable, read_table, table_from
-from trihedron.scenario import Scenario, Stimulus
+from ..errors import InputError, one_line, said_of
+from ..scenario import Scenario, Stimulus
+from .blocks import Values
+from .bus import make_buses
+from .connections import check_single_sources, resolve_connections
+from .coupling import Coupling, stepping_groups
+from .ensemble import Ensemble
+from .grid import Grid, make_grid
+from .interface import Value, Variable
+from .journal import Journal
+from .loading import Loaded, Sources, check_states, check_steps, load
+from .master import Progress, run_fmus
+from .parameters import value_at_start
+from .programme import Programme, drive_of_programme, resolve_programme
+from .recording import block_table, recorded_variables, resolve_columns
+from .stimuli import Drive, resolve_constant, resolve_rows
+from .tables import NumberTable, read_table, table_from
 
 SCHEMA = "trihedron.run/1"
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")

@@ -15,9 +15,9 @@ import fmpy
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.archive import UnpackedFmu
-from trihedron.orchestrator.interface import Interface, Value, Variable
+from ..errors import InputError
+from .archive import UnpackedFmu
+from .interface import Interface, Value, Variable
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 DISCARD = 2

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from fmpy import fmi3
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.archive import UnpackedFmu
-from trihedron.orchestrator.interface import Interface, Value, Variable
-from trihedron.orchestrator.slave import LISTENING, Slave
+from ..errors import InputError
+from .archive import UnpackedFmu
+from .interface import Interface, Value, Variable
+from .slave import LISTENING, Slave
 
 
 def _listen(environment: int | None, status: int, _category: bytes, text: bytes | None) -> None:

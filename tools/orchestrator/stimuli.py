@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.errors import InputError, nearest
-from trihedron.orchestrator.grid import Grid
-from trihedron.orchestrator.interface import Interface, Value, Variable, checked, refer, spread
-from trihedron.orchestrator.quantities import conversion, is_angle
-from trihedron.orchestrator.tables import NumberTable
-from trihedron.scenario import Stimulus
+from ..errors import InputError, nearest
+from ..scenario import Stimulus
+from .grid import Grid
+from .interface import Interface, Value, Variable, checked, refer, spread
+from .quantities import conversion, is_angle
+from .tables import NumberTable
 
 ROW_TOLERANCE = 1e-3
 """How far (in steps) a row's time may be off a tick that it is meant for: digits that a file leaves off."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from trihedron.errors import InputError, nearest
+from ..errors import InputError, nearest
 
 
 @dataclass(frozen=True)

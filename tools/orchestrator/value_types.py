@@ -18,7 +18,7 @@ class ValueType:
     dtype : type
         of an array of such values; a String is the address of its bytes
     code : int
-        how `trihedron.orchestrator.operations` names it
+        how `trihedron.tools.orchestrator.operations` names it
     c_type : type
         ctypes' name of it
     """

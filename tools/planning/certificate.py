@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.forms import MOST_TERMS, Sheet, dual_forms
+from .forms import MOST_TERMS, Sheet, dual_forms
 
 FIRST_BOXES = 16
 MAX_BOXES = 400_000

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.errors import InputError
-from trihedron.planning.detection import Detection, detecting, named_effects
-from trihedron.planning.measuring_order import apart, move_times, repeated, shortest_tour, tour_duration, unwound
-from trihedron.planning.places import Places, Task, allowed
-from trihedron.planning.plan import SCHEMA
-from trihedron.planning.pool import pool_of
-from trihedron.planning.position_bound import Bound, HittingSet, bound_positions
-from trihedron.planning.position_costs import Costs, costs
-from trihedron.planning.position_search import search
-from trihedron.planning.request import Request, requested_task, stored_positions
-from trihedron.planning.rounding import rounded
-from trihedron.progress import shown_status
-from trihedron.shown import Shown
+from ..errors import InputError
+from ..progress import shown_status
+from ..shown import Shown
+from .detection import Detection, detecting, named_effects
+from .measuring_order import apart, move_times, repeated, shortest_tour, tour_duration, unwound
+from .places import Places, Task, allowed
+from .plan import SCHEMA
+from .pool import pool_of
+from .position_bound import Bound, HittingSet, bound_positions
+from .position_costs import Costs, costs
+from .position_search import search
+from .request import Request, requested_task, stored_positions
+from .rounding import rounded
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -132,7 +132,7 @@ class CommonPlan(Shown):
 
     def lines(self) -> list[str]:
         """Positions in the order of measurement, costs, what is proven."""
-        from trihedron.planning.common_summary import plan_summary
+        from .common_summary import plan_summary
 
         shown: Any = self
         return plan_summary(shown).split("\n")

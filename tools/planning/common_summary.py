@@ -1,6 +1,6 @@
 """What a person reads of a common plan."""
 
-from trihedron.planning.common_plan import CommonPlan
+from .common_plan import CommonPlan
 
 
 def plan_summary(plan: CommonPlan) -> str:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.certificate import ceiling
-from trihedron.planning.duals import quietest
-from trihedron.planning.forms import Sheet, clearance, dual_forms, value
-from trihedron.planning.grids import Lines
-from trihedron.planning.master import Master
-from trihedron.planning.optimum import Optimum, UndeterminedError, settled
-from trihedron.planning.ridges import INSIDE, arcs_at, climb, heights, local_maxima, stack
-from trihedron.planning.support import Support, kind_of_place, polish, touching
+from .certificate import ceiling
+from .duals import quietest
+from .forms import Sheet, clearance, dual_forms, value
+from .grids import Lines
+from .master import Master
+from .optimum import Optimum, UndeterminedError, settled
+from .ridges import INSIDE, arcs_at, climb, heights, local_maxima, stack
+from .support import Support, kind_of_place, polish, touching
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0

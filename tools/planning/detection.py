@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.errors import InputError, nearest
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
-from trihedron.models.regressors import nominal_input, stand_regressors
-from trihedron.planning.places import Places, Readings, Task, allowed, readings
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
+from ...models.regressors import nominal_input, stand_regressors
+from ..calibration.programmes import chebyshev_radius
+from ..errors import InputError, nearest
+from .places import Places, Readings, Task, allowed, readings
 
 LATTICE_DEG = 15.0
 PHASES = 8

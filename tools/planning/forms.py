@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.parametrisation import Parametrisation
-from trihedron.calibration.targets import IN_TARGETS
-from trihedron.errors import InputError
-from trihedron.models.bench import TARGETS
-from trihedron.models.regressors import ASYMMETRIC_SLOTS
+from ...models.bench import TARGETS
+from ...models.regressors import ASYMMETRIC_SLOTS
+from ..calibration.parametrisation import Parametrisation
+from ..calibration.targets import IN_TARGETS
+from ..errors import InputError
 
 DEFAULT_BOUNDS = (3e-3, 1e-2)
 """u^max [rad] and v^0max of section 3 of the paper."""

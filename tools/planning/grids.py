@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.errors import InputError
-from trihedron.planning.certificate import ROUNDING
-from trihedron.planning.forms import Sheet, basis, clearance, dual_forms, value
-from trihedron.planning.master import Master
-from trihedron.planning.optimum import Optimum, UndeterminedError, settled
-from trihedron.planning.ridges import OUTSIDE, arcs_at, heights, stack
+from ..errors import InputError
+from .certificate import ROUNDING
+from .forms import Sheet, basis, clearance, dual_forms, value
+from .master import Master
+from .optimum import Optimum, UndeterminedError, settled
+from .ridges import OUTSIDE, arcs_at, heights, stack
 
 TOLERANCE = 1e-10
 """|F'y| may exceed one by this on the grid: the cost is then optimal to this."""

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from trihedron.planning.forms import basis
-from trihedron.planning.optimum import NO_WEIGHT
-from trihedron.planning.places import Task, allowed, freedom, slopes
-from trihedron.planning.position_costs import Costs, costs
+from .forms import basis
+from .optimum import NO_WEIGHT
+from .places import Task, allowed, freedom, slopes
+from .position_costs import Costs, costs
 
 LITTLE = 1e-3
 """Weight of the mean ratio beside the worst: ties are broken by it."""

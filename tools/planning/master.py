@@ -4,7 +4,7 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import PRIMAL_SIMPLEX, SolverError
+from ..calibration.programmes import PRIMAL_SIMPLEX, SolverError
 
 TOLERANCE = 1e-10
 ARTIFICIAL_COST = 1e4

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.motion import move_duration
+from ...models.motion import move_duration
 
 EXACT = 10
 """Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""

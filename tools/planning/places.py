@@ -11,10 +11,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.parametrisation import Parametrisation
-from trihedron.calibration.targets import Target
-from trihedron.planning.continuum import Continuum
-from trihedron.planning.forms import basis, sheets_of_mountings
+from ..calibration.parametrisation import Parametrisation
+from ..calibration.targets import Target
+from .continuum import Continuum
+from .forms import basis, sheets_of_mountings
 
 CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
 

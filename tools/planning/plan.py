@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.mountings import mountings_of
-from trihedron.calibration.parametrisation import Parametrisation, parametrise
-from trihedron.calibration.targets import Target, asked_targets, convention_targets
-from trihedron.errors import InputError
-from trihedron.planning.continuum import Continuum
-from trihedron.planning.forms import DEFAULT_BOUNDS, sheets
-from trihedron.planning.grids import Grid
-from trihedron.planning.optimum import Optimum, UndeterminedError
-from trihedron.progress import tracked
-from trihedron.shown import Shown
+from ..calibration.mountings import mountings_of
+from ..calibration.parametrisation import Parametrisation, parametrise
+from ..calibration.targets import Target, asked_targets, convention_targets
+from ..errors import InputError
+from ..progress import tracked
+from ..shown import Shown
+from .continuum import Continuum
+from .forms import DEFAULT_BOUNDS, sheets
+from .grids import Grid
+from .optimum import Optimum, UndeterminedError
 
 if TYPE_CHECKING:
     from polars import DataFrame

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.places import Places, Readings, Task, allowed, readings
-from trihedron.planning.symmetry import symmetries
+from .places import Places, Readings, Task, allowed, readings
+from .symmetry import symmetries
 
 OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
 """Distances of the pool's lines from the multiples of 90° of both axes."""

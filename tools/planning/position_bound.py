@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from trihedron.planning.master import Master
-from trihedron.planning.places import Task
-from trihedron.planning.pool import Pool
+from .master import Master
+from .places import Task
+from .pool import Pool
 
 SAFE = 1e-9
 """A position this little below 1/r is counted into a region."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.master import Master
-from trihedron.planning.places import Places, Readings, Task, readings
+from .master import Master
+from .places import Places, Readings, Task, readings
 
 NOT_DETERMINED = 1e3
 """A ratio above this says that the positions do not determine the target."""

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.planning.common_plan import MOST_POSITIONS, starting_positions
-from trihedron.planning.places import Places
-from trihedron.planning.pool import pool_of
-from trihedron.planning.position_bound import HittingSet, bound_positions
-from trihedron.planning.position_search import drawn, search
-from trihedron.planning.request import Request, requested_task
-from trihedron.writing import whole_folder
+from ..errors import InputError
+from ..writing import whole_folder
+from .common_plan import MOST_POSITIONS, starting_positions
+from .places import Places
+from .pool import pool_of
+from .position_bound import HittingSet, bound_positions
+from .position_search import drawn, search
+from .request import Request, requested_task
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def write_curve(points: Sequence[CurvePoint], folder: Path) -> list[Path]:
     InputError
         for a folder that cannot be written
     """
-    from trihedron.report.position_pictures import curve_picture
+    from ..report.position_pictures import curve_picture
 
     table = ["positions,readings,worst_ratio,mean_ratio,lower_bound,pool"]
     table += [f"{p.positions},{p.readings},{p.worst!r},{p.mean!r},{p.bound!r},{p.pool}" for p in points]

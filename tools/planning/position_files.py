@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.tables import read_table
-from trihedron.planning.common_plan import CommonPlan
-from trihedron.planning.places import Places
-from trihedron.records.checks import LIMITS
-from trihedron.writing import whole_folder
+from ..errors import InputError
+from ..orchestrator.tables import read_table
+from ..records.checks import LIMITS
+from ..writing import whole_folder
+from .common_plan import CommonPlan
+from .places import Places
 
 DWELL_S = 20.0
 
@@ -37,8 +37,8 @@ def write_plan(plan: CommonPlan, folder: Path, *, dwell_s: float = DWELL_S) -> l
     InputError
         for a dwell that is not positive, or a folder that cannot be written
     """
-    from trihedron.report.position_page import operator_page
-    from trihedron.report.position_pictures import positions_picture
+    from ..report.position_page import operator_page
+    from ..report.position_pictures import positions_picture
 
     checked_dwell(dwell_s)
     rows = [plan.position(int(row)) for row in plan.programme]

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.improvement import improve, merit
-from trihedron.planning.places import Places, Task, allowed, free_arcs
-from trihedron.planning.position_costs import NOT_DETERMINED, Costs, costs
-from trihedron.progress import progress_bar
+from ..progress import progress_bar
+from .improvement import improve, merit
+from .places import Places, Task, allowed, free_arcs
+from .position_costs import NOT_DETERMINED, Costs, costs
 
 ELITE = 6
 """So many of the best sets are kept and changed."""

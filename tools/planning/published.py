@@ -7,10 +7,10 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.calibration.targets import expression_weights
-from trihedron.planning.forms import clearance, sheets, value
-from trihedron.planning.plan import plan_targets
+from ..calibration.parametrisation import parametrise
+from ..calibration.targets import expression_weights
+from .forms import clearance, sheets, value
+from .plan import plan_targets
 
 PRINTED_ROUNDING = 0.005 + 1e-5
 """Half a last digit of a printed cost, and the rounding of six-digit weights."""
@@ -75,7 +75,7 @@ class PublishedRow:
 
 def published_calibration() -> dict[str, list[dict[str, float]]]:
     """The tables' readings by target: accelerometer, alpha_deg, beta_deg, weight, cost_printed."""
-    text = resources.files("trihedron.planning").joinpath("published_calibration.csv").read_text(encoding="utf-8")
+    text = resources.files("trihedron.tools.planning").joinpath("published_calibration.csv").read_text(encoding="utf-8")
     rows: dict[str, list[dict[str, float]]] = {}
     for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
         rows.setdefault(row.pop("target"), []).append({name: float(cell) for name, cell in row.items()})

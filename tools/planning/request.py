@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.calibration.mountings import mountings_of
-from trihedron.calibration.parametrisation import parametrise
-from trihedron.calibration.targets import convention_targets
-from trihedron.errors import InputError
-from trihedron.planning.forms import DEFAULT_BOUNDS
-from trihedron.planning.optimum import UndeterminedError
-from trihedron.planning.places import Places, Task, free_arcs, task_of
-from trihedron.progress import shown_status
+from ..calibration.mountings import mountings_of
+from ..calibration.parametrisation import parametrise
+from ..calibration.targets import convention_targets
+from ..errors import InputError
+from ..progress import shown_status
+from .forms import DEFAULT_BOUNDS
+from .optimum import UndeterminedError
+from .places import Places, Task, free_arcs, task_of
 
 MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 """More searches, cuts or positions would not end within days."""
@@ -137,7 +137,7 @@ def stored_counts() -> list[int]:
 
 
 def _stored_rows() -> Iterator[dict[str, str]]:
-    text = resources.files("trihedron.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
+    text = resources.files("trihedron.tools.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
     return csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
 
 

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.forms import MOST_TERMS, Sheet, basis
+from .forms import MOST_TERMS, Sheet, basis
 
 INSIDE = 1e-13
 """Margin [g] for positions that are to be admissible in spite of rounding."""

@@ -4,9 +4,9 @@ from itertools import product
 
 import numpy as np
 
-from trihedron.planning.improvement import merit
-from trihedron.planning.places import Task, allowed
-from trihedron.planning.position_costs import Costs, costs
+from .improvement import merit
+from .places import Task, allowed
+from .position_costs import Costs, costs
 
 SWEEPS = 6
 

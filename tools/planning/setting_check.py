@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.errors import InputError
-from trihedron.models.regressors import regressors
-from trihedron.planning.forms import x_from_targets
-from trihedron.planning.places import Places, Task, clearances, task_of
-from trihedron.planning.position_costs import NOT_DETERMINED, costs
+from ...models.regressors import regressors
+from ..errors import InputError
+from .forms import x_from_targets
+from .places import Places, Task, clearances, task_of
+from .position_costs import NOT_DETERMINED, costs
 
 TOLERABLE = 0.1
 """A bias that may add a tenth of the guaranteed error is tolerable."""

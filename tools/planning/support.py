@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from trihedron.planning.forms import Sheet, clearance, value
-from trihedron.planning.ridges import INSIDE
+from .forms import Sheet, clearance, value
+from .ridges import INSIDE
 
 ON_BOUNDARY = 1e-5
 """Clearance [g] below which a peak is taken to lie on the boundary."""

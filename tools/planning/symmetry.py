@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.forms import basis
-from trihedron.planning.places import Places, Task, clearances
+from .forms import basis
+from .places import Places, Task, clearances
 
 SAMPLES = 40
 """Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trihedron.records.kinds import DwellNoise, RawRecord
+from .kinds import DwellNoise, RawRecord
 
 WHITE, WANDERING = 1.0 / math.sqrt(2.0), math.sqrt(2.0)
 """What twice the averaging time makes of the deviation: of white noise, and of a random walk."""

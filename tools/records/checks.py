@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.records.columns import (
+from ...fmus.units import STANDARD_GRAVITY
+from .columns import (
     ANGLES,
     APPROACH,
     FORCE,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.errors import InputError
+from ..errors import InputError
 
 FORCE = ("f1_mps2", "f2_mps2", "f3_mps2")
 RATE = ("w1_radps", "w2_radps", "w3_radps")

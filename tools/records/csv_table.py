@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.progress import tracked
-from trihedron.records.columns import (
+from ..progress import tracked
+from .columns import (
     ANGLES,
     FORCE,
     QUATERNION,

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from trihedron.records.columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE
-from trihedron.records.kinds import PositionRecord, RawRecord, StrapdownRecord
-from trihedron.records.output import degrees_that_read_back
+from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE
+from .kinds import PositionRecord, RawRecord, StrapdownRecord
+from .output import degrees_that_read_back
 
 
 def frame_of(record: PositionRecord | RawRecord | StrapdownRecord) -> pl.DataFrame:
-    """A record as a table; `trihedron.records.reading.record_of` takes it back.
+    """A record as a table; `trihedron.tools.records.reading.record_of` takes it back.
 
     An attitude that is not known is null.
     """

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trihedron.shown import Shown
+from ..shown import Shown
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -120,7 +120,7 @@ class PositionRecord(Shown):
 
     def to_polars(self) -> "DataFrame":
         """The columns that its file has, angles in degrees."""
-        from trihedron.records.frames import frame_of
+        from .frames import frame_of
 
         record: Any = self
         return frame_of(record)
@@ -177,7 +177,7 @@ class RawRecord(Shown):
 
     def to_polars(self) -> "DataFrame":
         """The columns that its file has, angles in degrees."""
-        from trihedron.records.frames import frame_of
+        from .frames import frame_of
 
         record: Any = self
         return frame_of(record)
@@ -231,7 +231,7 @@ class StrapdownRecord(Shown):
 
     def to_polars(self) -> "DataFrame":
         """The columns that its file has, angles in degrees."""
-        from trihedron.records.frames import frame_of
+        from .frames import frame_of
 
         record: Any = self
         return frame_of(record)

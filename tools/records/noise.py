@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.records.kinds import PositionRecord
+from ...fmus.units import STANDARD_GRAVITY
+from .kinds import PositionRecord
 
 SAME_ANGLE = math.radians(1 / 60)
 """Positions whose angles agree so far are repeats of one [rad]."""

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.records.columns import (
+from ..errors import InputError
+from ..writing import whole_file
+from .columns import (
     ANGLES,
     APPROACH,
     FORCE,
@@ -18,8 +19,7 @@ from trihedron.records.columns import (
     RATE,
     TEMPERATURE,
 )
-from trihedron.records.kinds import PositionRecord, RawRecord, StrapdownRecord
-from trihedron.writing import whole_file
+from .kinds import PositionRecord, RawRecord, StrapdownRecord
 
 
 def write_position_record(record: PositionRecord, path: Path, decimals: int | None = None) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from trihedron.errors import InputError
-from trihedron.records import parquet_probe
-from trihedron.records.columns import FORCE, QUATERNION, Columns, Layout, refusal, shown
+from ..errors import InputError
+from . import parquet_probe
+from .columns import FORCE, QUATERNION, Columns, Layout, refusal, shown
 
 MAGIC = b"PAR1"
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from trihedron.errors import InputError, nearest_file
-from trihedron.records.checks import checked
-from trihedron.records.columns import (
+from ..errors import InputError, nearest_file
+from .checks import checked
+from .columns import (
     APPROACH,
     FORCE,
     INCREMENT,
@@ -29,10 +29,10 @@ from trihedron.records.columns import (
     recognise,
     refusal,
 )
-from trihedron.records.csv_table import read_csv
-from trihedron.records.kinds import PositionRecord, RawRecord, StrapdownRecord
-from trihedron.records.parquet_table import MAGIC, read_parquet
-from trihedron.records.rests import Rest, average_rests, find_rests
+from .csv_table import read_csv
+from .kinds import PositionRecord, RawRecord, StrapdownRecord
+from .parquet_table import MAGIC, read_parquet
+from .rests import Rest, average_rests, find_rests
 
 ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""

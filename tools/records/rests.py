@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trihedron.errors import InputError
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.records.allan import dwell_noise
-from trihedron.records.kinds import PositionRecord, RawRecord
-from trihedron.records.settling import (
+from ...fmus.units import STANDARD_GRAVITY
+from ..errors import InputError
+from .allan import dwell_noise
+from .kinds import PositionRecord, RawRecord
+from .settling import (
     BLOCKS,
     Trend,
     mean_of,
@@ -20,7 +20,7 @@ from trihedron.records.settling import (
     still_settling,
     trend_of,
 )
-from trihedron.records.stops import WINDOW, find_stops, quiet_tolerance, without_turns
+from .stops import WINDOW, find_stops, quiet_tolerance, without_turns
 
 SHORTEST = 0.25
 """A rest lasts at least this part of the median rest."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from trihedron.records.settling import mean_of
+from .settling import mean_of
 
 WINDOW = 8
 """Rows of the shortest stretch that can be told from a slow move."""

@@ -1,9 +1,9 @@
 """Pictures and the page of results: one HTML file that opens anywhere, without network and without script."""
 
-from trihedron.report.calibration_pictures import residuals
-from trihedron.report.diagnosis_pictures import candidates, held_out
-from trihedron.report.page import Section, Table, render_page, write_page
-from trihedron.report.time_pictures import attitude_error, bench_tour
+from .calibration_pictures import residuals
+from .diagnosis_pictures import candidates, held_out
+from .page import Section, Table, render_page, write_page
+from .time_pictures import attitude_error, bench_tour
 
 __all__ = [
     "Section",

@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from trihedron.records import StrapdownRecord
-from trihedron.records.allan import allan_deviation
-from trihedron.report.choosing_pictures import power_of_ten
-from trihedron.report.svg import drawing, say_empty, svg_text
-from trihedron.report.theme import AXES, DASHES, MUTED, WIDTH
-from trihedron.strapdown.rests import Rests
-from trihedron.strapdown.sampling import rates_of
+from ..records import StrapdownRecord
+from ..records.allan import allan_deviation
+from ..strapdown.rests import Rests
+from ..strapdown.sampling import rates_of
+from .choosing_pictures import power_of_ten
+from .svg import drawing, say_empty, svg_text
+from .theme import AXES, DASHES, MUTED, WIDTH
 
 PER_OCTAVE = 4
 """Averaging times in each octave."""

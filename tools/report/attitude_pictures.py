@@ -4,11 +4,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 
-from trihedron.attitude.published import TABLES
-from trihedron.attitude.reproduction import Reproduction
-from trihedron.report.choosing_pictures import power_of_ten
-from trihedron.report.svg import drawing, svg_text
-from trihedron.report.theme import ALERT, AXES, BAND, INK, MUTED, WIDTH
+from ..attitude.published import TABLES
+from ..attitude.reproduction import Reproduction
+from .choosing_pictures import power_of_ten
+from .svg import drawing, svg_text
+from .theme import ALERT, AXES, BAND, INK, MUTED, WIDTH
 
 MARKERS = ("o", "s", "^")
 SHOWN = (0.25, 4.0)

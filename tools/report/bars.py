@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trihedron.report.cells import Drawn
+from .cells import Drawn
 
 
 @dataclass(frozen=True)

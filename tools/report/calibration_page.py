@@ -3,19 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration import Calibration
-from trihedron.records.reading import TableRun
-from trihedron.report.calibration_pictures import residuals
-from trihedron.report.calibration_sections import joint_set_sections, levelling_sections, rest_sections
-from trihedron.report.evidence_sections import centre_residual, proved, witness_section
-from trihedron.report.model_sections import calibrated_values, model_section
-from trihedron.report.next_sections import next_sections
-from trihedron.report.page import Section, Tone, render_page
-from trihedron.report.record_sections import key_figures, measured_section, provenance
-from trihedron.report.rounding import significant
-from trihedron.report.sources import calibration_sources
-from trihedron.report.target_sections import target_section
-from trihedron.summaries import open_targets
+from ..calibration import Calibration
+from ..records.reading import TableRun
+from ..summaries import open_targets
+from .calibration_pictures import residuals
+from .calibration_sections import joint_set_sections, levelling_sections, rest_sections
+from .evidence_sections import centre_residual, proved, witness_section
+from .model_sections import calibrated_values, model_section
+from .next_sections import next_sections
+from .page import Section, Tone, render_page
+from .record_sections import key_figures, measured_section, provenance
+from .rounding import significant
+from .sources import calibration_sources
+from .target_sections import target_section
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 

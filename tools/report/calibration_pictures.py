@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import column, drawing, say_empty, svg_text, three_columns
-from trihedron.report.theme import ALERT, BAND, FIRST, MUTED, SECOND, WIDTH
+from .svg import column, drawing, say_empty, svg_text, three_columns
+from .theme import ALERT, BAND, FIRST, MUTED, SECOND, WIDTH
 
 
 def residuals(

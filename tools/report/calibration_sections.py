@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from trihedron.calibration import Calibration
-from trihedron.calibration.correction import ARCSEC, correction_of, face_readings, levelling
-from trihedron.calibration.joint_set import joint_sets
-from trihedron.records.reading import TableRun
-from trihedron.report.cells import Cell
-from trihedron.report.joint_set_pictures import joint_set
-from trihedron.report.model_sections import correction_lines
-from trihedron.report.page import Section, Table
-from trihedron.report.rest_pictures import refused_rests
-from trihedron.report.rounding import places_of, significant, upwards
-from trihedron.summaries import is_corrected
+from ..calibration import Calibration
+from ..calibration.correction import ARCSEC, correction_of, face_readings, levelling
+from ..calibration.joint_set import joint_sets
+from ..records.reading import TableRun
+from ..summaries import is_corrected
+from .cells import Cell
+from .joint_set_pictures import joint_set
+from .model_sections import correction_lines
+from .page import Section, Table
+from .rest_pictures import refused_rests
+from .rounding import places_of, significant, upwards
 
 TOGETHER = (
     "Errors hang together: where a set is narrow and aslant, a combination is known better than each target by itself. "

@@ -5,18 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.campaign.comparison import CHANCE, Comparison
-from trihedron.campaign.computing import Results, summarise
-from trihedron.campaign.file import Campaign
-from trihedron.campaign.store import Store
-from trihedron.campaign.texts import rate_text, told_values
-from trihedron.hidden_suite.suite import named_suite
-from trihedron.report.campaign_pictures import chance_of, distributions_picture, rates_picture, sensitivity_picture
-from trihedron.report.cells import Cell
-from trihedron.report.page import Section, Table, render_page
-from trihedron.report.record_sections import versions
-from trihedron.report.rounding import minus, significant
-from trihedron.report.suite_pictures import confusion_picture
+from ..campaign.comparison import CHANCE, Comparison
+from ..campaign.computing import Results, summarise
+from ..campaign.file import Campaign
+from ..campaign.store import Store
+from ..campaign.texts import rate_text, told_values
+from ..hidden_suite.suite import named_suite
+from .campaign_pictures import chance_of, distributions_picture, rates_picture, sensitivity_picture
+from .cells import Cell
+from .page import Section, Table, render_page
+from .record_sections import versions
+from .rounding import minus, significant
+from .suite_pictures import confusion_picture
 
 KINDS = {
     "calibration": "static calibrations",
@@ -37,7 +37,7 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     Parameters
     ----------
     store, manifest
-        of `trihedron.campaign.store.open_result`
+        of `trihedron.tools.campaign.store.open_result`
     comparison : Comparison or None
         with another campaign
     """

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from trihedron.report.choosing_pictures import power_of_ten
-from trihedron.report.svg import drawing, say_empty, short, svg_text
-from trihedron.report.theme import BAND, DASHES, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
+from .choosing_pictures import power_of_ten
+from .svg import drawing, say_empty, short, svg_text
+from .theme import BAND, DASHES, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
 
 BINS = 40
 DECADES = 2.0
@@ -135,7 +135,7 @@ def sensitivity_picture(name: str, found: Mapping[str, Any], runs: int) -> str:
     name : str
         of the scalar
     found : mapping
-        what `trihedron.campaign.computing.sensitivity` says of it
+        what `trihedron.tools.campaign.computing.sensitivity` says of it
     runs : int
         of which it is said
     """

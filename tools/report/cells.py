@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from trihedron.report.svg import plain
+from .svg import plain
 
 DIGITS = 6
 """Significant digits of a number in a table."""
@@ -25,14 +25,14 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True)
 class Written:
-    """A number as the page is to show it, rounded to what its bound justifies (`trihedron.report.rounding`)."""
+    """A number as the page is to show it, rounded to what its bound justifies (`trihedron.tools.report.rounding`)."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A small picture in a cell, of `trihedron.report.bars`."""
+    """A small picture in a cell, of `trihedron.tools.report.bars`."""
 
     svg: str
 

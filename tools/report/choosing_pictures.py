@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trihedron.report.svg import drawing, svg_text
-from trihedron.report.theme import ALERT, BAND, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
+from .svg import drawing, svg_text
+from .theme import ALERT, BAND, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
 
 LOOKS = (
     {"color": MUTED.light, "marker": "v", "linestyle": "solid"},

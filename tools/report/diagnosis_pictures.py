@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import column, drawing, say_empty, short, svg_text
-from trihedron.report.theme import ALERT, BAND, FIRST, INK, MUTED, QUIET, SECOND, WIDTH
+from .svg import column, drawing, say_empty, short, svg_text
+from .theme import ALERT, BAND, FIRST, INK, MUTED, QUIET, SECOND, WIDTH
 
 MOST_LABELS = 32
 """So many labels stand beside each other; of more, every second, third, ... is shown."""

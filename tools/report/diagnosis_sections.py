@@ -5,14 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.diagnosis import Diagnosis
-from trihedron.models.effects import CATALOGUE
-from trihedron.records import PositionRecord
-from trihedron.report.calibration_pictures import residuals
-from trihedron.report.cells import Cell
-from trihedron.report.diagnosis_pictures import held_out
-from trihedron.report.direction_pictures import residuals_over_inputs
-from trihedron.report.evidence_sections import (
+from ...models.effects import CATALOGUE
+from ..diagnosis import Diagnosis
+from ..records import PositionRecord
+from ..summaries import MOST_SETS, VERDICTS, open_targets
+from .calibration_pictures import residuals
+from .cells import Cell
+from .diagnosis_pictures import held_out
+from .direction_pictures import residuals_over_inputs
+from .evidence_sections import (
     CONFUSION,
     centred,
     confusion_section,
@@ -20,16 +21,15 @@ from trihedron.report.evidence_sections import (
     ranking_section,
     witness_section,
 )
-from trihedron.report.excluded_sections import excluded_sections
-from trihedron.report.judgement_sections import judgement_sections, structure_sections, target_sections
-from trihedron.report.model_sections import cause_lines, extended_values, model_section
-from trihedron.report.next_sections import deciding, next_sections
-from trihedron.report.page import Section, Table, Tone, render_page
-from trihedron.report.record_sections import key_figures, measured_section, provenance
-from trihedron.report.rounding import Written, outwards, to_bound, unit_text
-from trihedron.report.sources import diagnosis_sources
-from trihedron.report.target_sections import target_section
-from trihedron.summaries import MOST_SETS, VERDICTS, open_targets
+from .excluded_sections import excluded_sections
+from .judgement_sections import judgement_sections, structure_sections, target_sections
+from .model_sections import cause_lines, extended_values, model_section
+from .next_sections import deciding, next_sections
+from .page import Section, Table, Tone, render_page
+from .record_sections import key_figures, measured_section, provenance
+from .rounding import Written, outwards, to_bound, unit_text
+from .sources import diagnosis_sources
+from .target_sections import target_section
 
 FEW_RIVALS = 3
 """Up to so many sets of effects are named in the verdict."""

@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import column, drawing, say_empty, svg_text, three_columns
-from trihedron.report.theme import ALERT, BAND, FIRST, MUTED, QUIET, SECOND, WIDTH
+from .svg import column, drawing, say_empty, svg_text, three_columns
+from .theme import ALERT, BAND, FIRST, MUTED, QUIET, SECOND, WIDTH
 
 
 def residuals_over_inputs(
@@ -23,7 +23,7 @@ def residuals_over_inputs(
     inputs : array, shape (N, 3)
         [g]
     before, after, witness
-        as for `trihedron.report.calibration_pictures.residuals`
+        as for `trihedron.tools.report.calibration_pictures.residuals`
 
     Returns
     -------

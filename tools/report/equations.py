@@ -4,9 +4,9 @@ import re
 from collections.abc import Mapping
 from html import escape
 
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.report.rounding import minus
-from trihedron.report.svg import plain
+from ...models.effects import CATALOGUE, EffectPlace
+from .rounding import minus
+from .svg import plain
 
 _SUPERSCRIPTS = {"²": "2", "³": "3", "⁺": "+", "⁻": "−", "ᵀ": "T"}
 _TOKEN = re.compile(

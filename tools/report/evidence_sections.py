@@ -5,21 +5,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration import Calibration
-from trihedron.calibration.estimates import chebyshev_centre
-from trihedron.diagnosis import Diagnosis
-from trihedron.diagnosis.circumstances import circumstances_of
-from trihedron.diagnosis.disturbance import is_linear
-from trihedron.diagnosis.extended_fit import ExtendedFit
-from trihedron.diagnosis.likeness import likeness
-from trihedron.diagnosis.search import catalogue_places, title_of
-from trihedron.models.effects import EffectPlace
-from trihedron.records import PositionRecord
-from trihedron.report.cells import Cell
-from trihedron.report.diagnosis_pictures import candidates
-from trihedron.report.likeness_picture import likeness_picture
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import Written, minus
+from ...models.effects import EffectPlace
+from ..calibration import Calibration
+from ..calibration.estimates import chebyshev_centre
+from ..diagnosis import Diagnosis
+from ..diagnosis.circumstances import circumstances_of
+from ..diagnosis.disturbance import is_linear
+from ..diagnosis.extended_fit import ExtendedFit
+from ..diagnosis.likeness import likeness
+from ..diagnosis.search import catalogue_places, title_of
+from ..records import PositionRecord
+from .cells import Cell
+from .diagnosis_pictures import candidates
+from .likeness_picture import likeness_picture
+from .page import Section, Table
+from .rounding import Written, minus
 
 MOST_RANKED = 16
 MOST_COMPARED = 10

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from trihedron.diagnosis import Diagnosis
-from trihedron.models.effects import EffectPlace
-from trihedron.models.effects.definition import ACCELEROMETERS, AXES
-from trihedron.report.cells import Cell
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import unit_text, upwards
+from ...models.effects import EffectPlace
+from ...models.effects.definition import ACCELEROMETERS, AXES
+from ..diagnosis import Diagnosis
+from .cells import Cell
+from .page import Section, Table
+from .rounding import unit_text, upwards
 
 
 def excluded_sections(result: Diagnosis) -> list[Section]:

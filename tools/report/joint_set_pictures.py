@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from trihedron.report.svg import drawing, plain, svg_text
-from trihedron.report.theme import BAND, FIRST, INK, MUTED, WIDTH
+from .svg import drawing, plain, svg_text
+from .theme import BAND, FIRST, INK, MUTED, WIDTH
 
 
 class Named(Protocol):
@@ -20,7 +20,7 @@ class Named(Protocol):
 
 
 class Pair(Protocol):
-    """Two targets and what is left possible of them; `trihedron.calibration.joint_set.PairSet` is one."""
+    """Two targets and what is left possible of them; `trihedron.tools.calibration.joint_set.PairSet` is one."""
 
     @property
     def first(self) -> Named: ...

@@ -7,14 +7,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from trihedron.diagnosis import Diagnosis
-from trihedron.report.bars import Bar, bars
-from trihedron.report.cells import Cell
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import outwards, significant, symbol_text, to_bound, unit_text
-from trihedron.report.svg import drawing, say_empty, short, svg_text
-from trihedron.report.theme import AXES, BAND, INK, WIDTH
-from trihedron.summaries import physical_words
+from ..diagnosis import Diagnosis
+from ..summaries import physical_words
+from .bars import Bar, bars
+from .cells import Cell
+from .page import Section, Table
+from .rounding import outwards, significant, symbol_text, to_bound, unit_text
+from .svg import drawing, say_empty, short, svg_text
+from .theme import AXES, BAND, INK, WIDTH
 
 MOST_BARS = 18
 FIGURES = ("rms_before", "rms_after", "max_before", "max_after")

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import drawing, short, svg_text
-from trihedron.report.theme import BAND, FIRST, GRID, INK, WIDTH
+from .svg import drawing, short, svg_text
+from .theme import BAND, FIRST, GRID, INK, WIDTH
 
 SHOWN_FROM = 0.005
 CLOSE = 0.9

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 
-from trihedron.calibration import Calibration
-from trihedron.calibration.correction import Correction
-from trihedron.diagnosis import Cause, Diagnosis
-from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE
-from trihedron.report.equations import effect_formula, math, signed
-from trihedron.report.page import Section
-from trihedron.report.rounding import to_bound
+from ...models.bench import TARGETS
+from ...models.effects import CATALOGUE
+from ..calibration import Calibration
+from ..calibration.correction import Correction
+from ..diagnosis import Cause, Diagnosis
+from .equations import effect_formula, math, signed
+from .page import Section
+from .rounding import to_bound
 
 Value = tuple[float | None, float | None]
 """A target's value, None where it is open, and the bound of its error, None where there is none."""

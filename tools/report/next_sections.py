@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.calibration.linearisation import Linearisation
-from trihedron.report.cells import Cell
-from trihedron.report.direction_pictures import next_directions
-from trihedron.report.page import Download, Section, Table
-from trihedron.report.rounding import Written, minus
+from ..calibration.linearisation import Linearisation
+from .cells import Cell
+from .direction_pictures import next_directions
+from .page import Download, Section, Table
+from .rounding import Written, minus
 
 OPTIONAL = ("mounting", "approach_alpha", "approach_beta")
 MOST_LABELS = 24

@@ -12,9 +12,9 @@ from urllib.parse import quote
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from trihedron.report.cells import Cell, look, typeset, written
-from trihedron.report.svg import plain
-from trihedron.writing import whole_file
+from ..writing import whole_file
+from .cells import Cell, look, typeset, written
+from .svg import plain
 
 FEW = 4
 """A page of more sections has a table of contents."""
@@ -75,14 +75,14 @@ class Section:
     paragraphs : sequence of str
         plain text
     svg : str or None
-        a picture of `trihedron.report`
+        a picture of `trihedron.tools.report`
     caption : str
         of the picture
     table : Table or None
     files : sequence of Path
         linked relative to the page's folder
     equations : sequence of str
-        MathML of `trihedron.report.equations`
+        MathML of `trihedron.tools.report.equations`
     download : Download or None
         a file that the page carries
     """
@@ -98,9 +98,9 @@ class Section:
 
     def __post_init__(self) -> None:
         if self.svg is not None and not self.svg.startswith("<svg "):
-            raise ValueError("svg is not a picture of trihedron.report: it begins with '<svg '")
+            raise ValueError("svg is not a picture of trihedron.tools.report: it begins with '<svg '")
         if not all(equation.startswith("<math ") for equation in self.equations):
-            raise ValueError("an equation is not of trihedron.report.equations: it begins with '<math '")
+            raise ValueError("an equation is not of trihedron.tools.report.equations: it begins with '<math '")
 
 
 def render_page(
@@ -189,7 +189,7 @@ def write_page(path: Path, text: str) -> None:
 
 
 def _text(name: str) -> str:
-    return resources.files("trihedron.report").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("trihedron.tools.report").joinpath(name).read_text(encoding="utf-8")
 
 
 @cache

@@ -5,17 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.planning.forms import clearance, sheets
-from trihedron.planning.plan import Plan
-from trihedron.report.cells import Cell, Written
-from trihedron.report.equations import math, signed
-from trihedron.report.next_sections import next_positions_csv
-from trihedron.report.page import Download, Section, Table, render_page
-from trihedron.report.plan_pictures import STEP_DEG, admissible_positions
-from trihedron.report.record_sections import versions
-from trihedron.report.rounding import minus, symbol_text
-from trihedron.report.sources import plan_sources
-from trihedron.summaries import physical_words
+from ..planning.forms import clearance, sheets
+from ..planning.plan import Plan
+from ..summaries import physical_words
+from .cells import Cell, Written
+from .equations import math, signed
+from .next_sections import next_positions_csv
+from .page import Download, Section, Table, render_page
+from .plan_pictures import STEP_DEG, admissible_positions
+from .record_sections import versions
+from .rounding import minus, symbol_text
+from .sources import plan_sources
 
 
 def plan_picture(plan: Plan) -> str:

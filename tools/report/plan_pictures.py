@@ -8,8 +8,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.report.svg import column, drawing, plain, svg_text
-from trihedron.report.theme import BAND, FIRST, INK, SECOND, WIDTH
+from .svg import column, drawing, plain, svg_text
+from .theme import BAND, FIRST, INK, SECOND, WIDTH
 
 STEP_DEG = 2.0
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from trihedron.planning.common_plan import CommonPlan
-from trihedron.report.cells import Cell, Written
-from trihedron.report.page import Section, Table, render_page
-from trihedron.report.position_pictures import positions_picture
-from trihedron.report.record_sections import versions
-from trihedron.report.rounding import minus, symbol_text
-from trihedron.report.sources import common_plan_sources
-from trihedron.summaries import physical_words
+from ..planning.common_plan import CommonPlan
+from ..summaries import physical_words
+from .cells import Cell, Written
+from .page import Section, Table, render_page
+from .position_pictures import positions_picture
+from .record_sections import versions
+from .rounding import minus, symbol_text
+from .sources import common_plan_sources
 
 MOST_DECIMALS = 4
 """Of the angles [deg]: finer than any table is set."""

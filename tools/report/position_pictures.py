@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.models.bench import up
-from trihedron.report.svg import drawing, svg_text
-from trihedron.report.theme import FIRST, INK, MUTED, QUIET, SECOND, WIDTH
+from ...models.bench import up
+from .svg import drawing, svg_text
+from .theme import FIRST, INK, MUTED, QUIET, SECOND, WIDTH
 
 
 def positions_picture(alpha_deg: ArrayLike, beta_deg: ArrayLike, programme: Sequence[int]) -> str:

@@ -2,17 +2,17 @@
 
 import sys
 from collections.abc import Mapping
-from importlib.metadata import version
+from importlib import metadata
 
 import numpy as np
 
-from trihedron import __version__
-from trihedron.calibration import Calibration
-from trihedron.records import PositionRecord
-from trihedron.report.cells import typeset
-from trihedron.report.direction_pictures import next_directions
-from trihedron.report.page import Section
-from trihedron.report.rounding import minus
+from ...fmus import version
+from ..calibration import Calibration
+from ..records import PositionRecord
+from .cells import typeset
+from .direction_pictures import next_directions
+from .page import Section
+from .rounding import minus
 
 LIBRARIES = ("numpy", "scipy", "highspy", "fmpy")
 
@@ -89,5 +89,5 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
 def versions() -> dict[str, object]:
     """Of the program and of what it computes with."""
     python = ".".join(str(part) for part in sys.version_info[:3])
-    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
-    return {"trihedron": __version__, "computed with": f"Python {python}, {libraries}"}
+    libraries = ", ".join(f"{name} {metadata.version(name)}" for name in LIBRARIES)
+    return {"trihedron": version(), "computed with": f"Python {python}, {libraries}"}

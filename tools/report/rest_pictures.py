@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.records import RawRecord
-from trihedron.records.rests import Rest
-from trihedron.records.stops import without_turns
-from trihedron.report.svg import drawing, plain, svg_text
-from trihedron.report.theme import AXES, BAND, DASHES, WIDTH
+from ...fmus.units import STANDARD_GRAVITY
+from ..records import RawRecord
+from ..records.rests import Rest
+from ..records.stops import without_turns
+from .svg import drawing, plain, svg_text
+from .theme import AXES, BAND, DASHES, WIDTH
 
 IN_ONE_PICTURE = 6
 MOST_POINTS = 400

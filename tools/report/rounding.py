@@ -3,8 +3,8 @@
 import math
 import re
 
-from trihedron.report.cells import Written
-from trihedron.summaries import unit_of
+from ..summaries import unit_of
+from .cells import Written
 
 _POWER = re.compile(r"(?<=\d)e\+?(−?)0*(?=\d)(\d+)")
 

@@ -7,11 +7,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from trihedron.attitude import AttitudeRun
-from trihedron.report.cells import Cell
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import minus, significant
-from trihedron.report.time_pictures import attitude_error, bench_tour
+from ..attitude import AttitudeRun
+from .cells import Cell
+from .page import Section, Table
+from .rounding import minus, significant
+from .time_pictures import attitude_error, bench_tour
 
 
 def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Section:

@@ -2,11 +2,11 @@
 
 from typing import TYPE_CHECKING
 
-from trihedron.calibration import Calibration
-from trihedron.diagnosis import Diagnosis
+from ..calibration import Calibration
+from ..diagnosis import Diagnosis
 
 if TYPE_CHECKING:
-    from trihedron.strapdown.result import StrapdownDiagnosis
+    from ..strapdown.result import StrapdownDiagnosis
 
 SOURCES = {
     "guaranteed": (

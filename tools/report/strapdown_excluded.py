@@ -4,12 +4,12 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from trihedron.models.effects.definition import ACCELEROMETERS
-from trihedron.report.cells import Cell
-from trihedron.report.excluded_sections import excluded_table
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import unit_text, upwards
-from trihedron.strapdown.result import StrapdownDiagnosis
+from ...models.effects.definition import ACCELEROMETERS
+from ..strapdown.result import StrapdownDiagnosis
+from .cells import Cell
+from .excluded_sections import excluded_table
+from .page import Section, Table
+from .rounding import unit_text, upwards
 
 GYROS = ("1", "2", "3")
 _OF_A_GYRO = re.compile(r"(?P<name>[a-z]+)_(?P<gyro>[123])_?(?P<axes>[123]{0,2})")

@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 
-from trihedron.report.allan_pictures import allan_picture
-from trihedron.report.cells import Cell, Written
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import outwards, significant, to_bound, unit_text, upwards
-from trihedron.report.strapdown_model import own_words
-from trihedron.strapdown.inspection import EXCITED, Inspection
-from trihedron.strapdown.norm_calibration import NAMES, NormCalibration
-from trihedron.strapdown.rest_gyros import GyrosAtRest
-from trihedron.strapdown.result import StrapdownDiagnosis
+from ..strapdown.inspection import EXCITED, Inspection
+from ..strapdown.norm_calibration import NAMES, NormCalibration
+from ..strapdown.rest_gyros import GyrosAtRest
+from ..strapdown.result import StrapdownDiagnosis
+from .allan_pictures import allan_picture
+from .cells import Cell, Written
+from .page import Section, Table
+from .rounding import outwards, significant, to_bound, unit_text, upwards
+from .strapdown_model import own_words
 
 EVEN = 1e-6
 """Time stamps that stray by less than so much of a period are called even."""

@@ -5,15 +5,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from trihedron.diagnosis.result import Cause
-from trihedron.models.effects import CATALOGUE
-from trihedron.models.effects.motion_rows import matrix_formula
-from trihedron.report.equations import effect_formula, math
-from trihedron.report.model_sections import OPEN, Value
-from trihedron.report.page import Section
-from trihedron.report.rounding import to_bound
-from trihedron.strapdown.norm_calibration import COLUMNS, ROWS
-from trihedron.strapdown.result import StrapdownDiagnosis
+from ...models.effects import CATALOGUE
+from ...models.effects.motion_rows import matrix_formula
+from ..diagnosis.result import Cause
+from ..strapdown.norm_calibration import COLUMNS, ROWS
+from ..strapdown.result import StrapdownDiagnosis
+from .equations import effect_formula, math
+from .model_sections import OPEN, Value
+from .page import Section
+from .rounding import to_bound
 
 AXES = ("1", "2", "3")
 

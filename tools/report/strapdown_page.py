@@ -4,18 +4,21 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.report.cells import Cell
-from trihedron.report.diagnosis_pictures import candidates
-from trihedron.report.evidence_sections import ALIKE, CONFUSION, MOST_RANKED, how_many_mend, unrepeated
-from trihedron.report.likeness_picture import likeness_picture
-from trihedron.report.page import Section, Table, Tone, render_page
-from trihedron.report.record_sections import versions
-from trihedron.report.sources import strapdown_sources
-from trihedron.report.strapdown_excluded import excluded_sections
-from trihedron.report.strapdown_measured import measured_sections
-from trihedron.report.strapdown_model import model_section
-from trihedron.report.strapdown_pictures import errors_over_quantities, errors_over_time, gain_picture, order_picture
-from trihedron.report.strapdown_sections import (
+from ..strapdown.gain import ARCMIN
+from ..strapdown.result import StrapdownDiagnosis
+from ..strapdown.summary import VERDICTS, sentence_of
+from .cells import Cell
+from .diagnosis_pictures import candidates
+from .evidence_sections import ALIKE, CONFUSION, MOST_RANKED, how_many_mend, unrepeated
+from .likeness_picture import likeness_picture
+from .page import Section, Table, Tone, render_page
+from .record_sections import versions
+from .sources import strapdown_sources
+from .strapdown_excluded import excluded_sections
+from .strapdown_measured import measured_sections
+from .strapdown_model import model_section
+from .strapdown_pictures import errors_over_quantities, errors_over_time, gain_picture, order_picture
+from .strapdown_sections import (
     cause_section,
     error_sections,
     gain_section,
@@ -26,9 +29,6 @@ from trihedron.report.strapdown_sections import (
     structure_section,
     witness_section,
 )
-from trihedron.strapdown.gain import ARCMIN
-from trihedron.strapdown.result import StrapdownDiagnosis
-from trihedron.strapdown.summary import VERDICTS, sentence_of
 
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 FEW_RIVALS = 3
@@ -189,7 +189,7 @@ def pictures(result: StrapdownDiagnosis) -> dict[str, str]:
 
 def write_pictures(result: StrapdownDiagnosis, folder: Path, stem: str) -> list[Path]:
     """Write the pictures as <stem>-<name>.svg into a folder."""
-    from trihedron.writing import write_text
+    from ..writing import write_text
 
     written = []
     for name, svg in pictures(result).items():

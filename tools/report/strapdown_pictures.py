@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from trihedron.report.svg import drawing, say_empty, svg_text
-from trihedron.report.theme import ALERT, DASHES, FIRST, INK, MUTED, QUIET, SECOND, THIRD, WIDTH
-from trihedron.strapdown.gain import ARCMIN
-from trihedron.strapdown.judging import Order
+from ..strapdown.gain import ARCMIN
+from ..strapdown.judging import Order
+from .svg import drawing, say_empty, svg_text
+from .theme import ALERT, DASHES, FIRST, INK, MUTED, QUIET, SECOND, THIRD, WIDTH
 
 STEP_COLOURS = (FIRST, SECOND, THIRD, ALERT, MUTED)
 MARKERS = ("o", "s", "^", "D", "v")

@@ -2,17 +2,17 @@
 
 import math
 
-from trihedron.models.effects import CATALOGUE
-from trihedron.report.bars import Bar, bars
-from trihedron.report.cells import Cell, Written
-from trihedron.report.judgement_sections import MOST_BARS, shares
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import minus, outwards, significant, to_bound, unit_text
-from trihedron.report.strapdown_model import effect_lines, own_words
-from trihedron.report.strapdown_pictures import errors_over_quantities, errors_over_time, gain_picture, order_picture
-from trihedron.strapdown.gain import ARCMIN
-from trihedron.strapdown.result import StrapdownDiagnosis
-from trihedron.strapdown.summary import bias_lines, sentence_of
+from ...models.effects import CATALOGUE
+from ..strapdown.gain import ARCMIN
+from ..strapdown.result import StrapdownDiagnosis
+from ..strapdown.summary import bias_lines, sentence_of
+from .bars import Bar, bars
+from .cells import Cell, Written
+from .judgement_sections import MOST_BARS, shares
+from .page import Section, Table
+from .rounding import minus, outwards, significant, to_bound, unit_text
+from .strapdown_model import effect_lines, own_words
+from .strapdown_pictures import errors_over_quantities, errors_over_time, gain_picture, order_picture
 
 
 def quoted_words(result: StrapdownDiagnosis) -> str:

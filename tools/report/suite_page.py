@@ -2,12 +2,12 @@
 
 import math
 
-from trihedron import __version__
-from trihedron.hidden_suite.outcomes import KINDS
-from trihedron.hidden_suite.suite import Suite
-from trihedron.hidden_suite.summary import confusion, detection, kinds, suite_json
-from trihedron.report.page import Section, Table, render_page
-from trihedron.report.suite_pictures import confusion_picture, detection_picture, size_errors_picture
+from ...fmus import version
+from ..hidden_suite.outcomes import KINDS
+from ..hidden_suite.suite import Suite
+from ..hidden_suite.summary import confusion, detection, kinds, suite_json
+from .page import Section, Table, render_page
+from .suite_pictures import confusion_picture, detection_picture, size_errors_picture
 
 SHOWN = {
     "clean": "clean records, nothing hidden",
@@ -98,5 +98,5 @@ def suite_page(suite: Suite) -> str:
         f"Of {total} cases {told}.",
         sections,
         tone="good" if not any(outcome.kind == "wrong" for outcome in suite.outcomes) else "attention",
-        provenance={"trihedron": __version__, "seed": suite.seed, "mode": suite.options.mode},
+        provenance={"trihedron": version(), "seed": suite.seed, "mode": suite.options.mode},
     )

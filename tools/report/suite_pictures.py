@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import column, drawing, say_empty, short, svg_text
-from trihedron.report.theme import ALERT, BAND, FIRST, INK, MUTED, QUIET, SECOND, WIDTH
+from .svg import column, drawing, say_empty, short, svg_text
+from .theme import ALERT, BAND, FIRST, INK, MUTED, QUIET, SECOND, WIDTH
 
 LEAST_SHADE, MOST_SHADE = 0.15, 0.5
 """Of a cell with few and with all of its row's cases: numbers can be read on both."""

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trihedron.report.theme import COLOURS, FONTS, MUTED, STYLE
+from .theme import COLOURS, FONTS, MUTED, STYLE
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _NOT_DATA = ("metadata",)

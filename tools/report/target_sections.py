@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from trihedron.calibration import Calibration
-from trihedron.report.bars import Bar, bars
-from trihedron.report.cells import Cell
-from trihedron.report.page import Section, Table
-from trihedron.report.rounding import outwards, symbol_text, to_bound, unit_text, upwards
-from trihedron.summaries import VERDICTS, missing_lines, physical_words
+from ..calibration import Calibration
+from ..summaries import VERDICTS, missing_lines, physical_words
+from .bars import Bar, bars
+from .cells import Cell
+from .page import Section, Table
+from .rounding import outwards, symbol_text, to_bound, unit_text, upwards
 
 
 def calibration_section(

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from trihedron.report.svg import column, drawing, say_empty, svg_text, three_columns
-from trihedron.report.theme import AXES, DASHES, FIRST, INK, SECOND, WIDTH
+from .svg import column, drawing, say_empty, svg_text, three_columns
+from .theme import AXES, DASHES, FIRST, INK, SECOND, WIDTH
 
 MOST_POINTS = 2000
 """A line of more points is drawn through the least and the largest value of each of half as many intervals."""

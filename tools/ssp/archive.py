@@ -6,9 +6,9 @@ import stat
 import zipfile
 from pathlib import Path, PurePosixPath
 
-from trihedron.errors import InputError, unreadable
-from trihedron.orchestrator.archive import DAMAGE, METHODS, MOST_BYTES, MOST_MEMBERS, shown
-from trihedron.ssp.namespaces import STRUCTURE
+from ..errors import InputError, unreadable
+from ..orchestrator.archive import DAMAGE, METHODS, MOST_BYTES, MOST_MEMBERS, shown
+from .namespaces import STRUCTURE
 
 
 def refuse_outside(name: str, label: str) -> None:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from trihedron.errors import InputError, said_of
-from trihedron.orchestrator.interface import Value, Variable, checked
-from trihedron.orchestrator.quantities import Scale
-from trihedron.ssp.document import child, children, local_name, number_of, qualified, read_document, units_of
+from ..errors import InputError, said_of
+from ..orchestrator.interface import Value, Variable, checked
+from ..orchestrator.quantities import Scale
+from .document import child, children, local_name, number_of, qualified, read_document, units_of
 
 KINDS = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "String": "String", "Enumeration": "Enumeration"}
 KINDS |= {f"Float{bits}": "Real" for bits in (32, 64)}

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.quantities import Scale
-from trihedron.ssp.bindings import Given, read_bindings
-from trihedron.ssp.document import child, children, local_name, member, number_of, read_document, units_of
-from trihedron.ssp.namespaces import STRUCTURE
+from ..errors import InputError
+from ..orchestrator.quantities import Scale
+from .bindings import Given, read_bindings
+from .document import child, children, local_name, member, number_of, read_document, units_of
+from .namespaces import STRUCTURE
 
 FMU = "application/x-fmu-sharedlibrary"
 SOURCES_INSIDE = ("input", "parameter")

@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
-from trihedron.errors import InputError
-from trihedron.orchestrator.quantities import Scale, scale_of
-from trihedron.ssp.archive import refuse_outside
-from trihedron.ssp.namespaces import NAMESPACES
+from ..errors import InputError
+from ..orchestrator.quantities import Scale, scale_of
+from .archive import refuse_outside
+from .namespaces import NAMESPACES
 
 MOST_BYTES = 128 << 20
 DEEPEST = 200

@@ -6,23 +6,23 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 
-from trihedron.errors import InputError
-from trihedron.exporting import Flavour
-from trihedron.fmus import build
-from trihedron.fmus.archive import write_archive
-from trihedron.fmus.native.compiler import BuildError, chosen_platforms
-from trihedron.models.effects import place_from_mapping
-from trihedron.orchestrator.connections import check_single_sources, resolve_connections
-from trihedron.orchestrator.grid import make_grid
-from trihedron.orchestrator.interface import spread
-from trihedron.orchestrator.loading import Loaded, Sources, load
-from trihedron.orchestrator.parameters import calibrated_parameters
-from trihedron.scenario import FmuSetting, Scenario
-from trihedron.ssp.namespaces import STRUCTURE
-from trihedron.ssp.parameters import WrittenSet, mapping_xml, parameter_set_xml
-from trihedron.ssp.self_contained import PROGRAMME, self_contained
-from trihedron.ssp.structure import Structure, structure_xml
-from trihedron.writing import whole_file
+from ...fmus import build
+from ...fmus.archive import write_archive
+from ...fmus.native.compiler import BuildError, chosen_platforms
+from ...models.effects import place_from_mapping
+from ..errors import InputError
+from ..exporting import Flavour
+from ..orchestrator.connections import check_single_sources, resolve_connections
+from ..orchestrator.grid import make_grid
+from ..orchestrator.interface import spread
+from ..orchestrator.loading import Loaded, Sources, load
+from ..orchestrator.parameters import calibrated_parameters
+from ..scenario import FmuSetting, Scenario
+from ..writing import whole_file
+from .namespaces import STRUCTURE
+from .parameters import WrittenSet, mapping_xml, parameter_set_xml
+from .self_contained import PROGRAMME, self_contained
+from .structure import Structure, structure_xml
 
 RECORD = "extra/trihedron/record.json"
 """What the scenario records, for `trihedron simulate`; other tools do not read it."""

@@ -11,15 +11,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from trihedron.errors import InputError, one_line
-from trihedron.orchestrator.archive import unpack
-from trihedron.orchestrator.interface import Interface, Value, interface_of
-from trihedron.scenario import Scenario, first_problem
-from trihedron.ssp.archive import unpack_ssp
-from trihedron.ssp.bindings import value_for
-from trihedron.ssp.description import Description, Node, Part, reached, read_description
-from trihedron.ssp.exporting import COUPLING, COUPLING_SETTINGS, RECORD
-from trihedron.ssp.self_contained import PROGRAMME
+from ..errors import InputError, one_line
+from ..orchestrator.archive import unpack
+from ..orchestrator.interface import Interface, Value, interface_of
+from ..scenario import Scenario, first_problem
+from .archive import unpack_ssp
+from .bindings import value_for
+from .description import Description, Node, Part, reached, read_description
+from .exporting import COUPLING, COUPLING_SETTINGS, RECORD
+from .self_contained import PROGRAMME
 
 
 @dataclass(frozen=True)

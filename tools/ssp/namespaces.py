@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.model_description import number
-from trihedron.orchestrator.quantities import Scale
+from ...fmus.model_description import number
+from ..orchestrator.quantities import Scale
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.model_description import number
-from trihedron.orchestrator.interface import Value, Variable
-from trihedron.orchestrator.quantities import Scale
-from trihedron.ssp.namespaces import add_units, declared, xml_bytes
+from ...fmus.model_description import number
+from ..orchestrator.interface import Value, Variable
+from ..orchestrator.quantities import Scale
+from .namespaces import add_units, declared, xml_bytes
 
 
 @dataclass

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.errors import InputError, said_of
-from trihedron.models.position_programme import POSITIONS
-from trihedron.orchestrator.grid import make_grid
-from trihedron.orchestrator.interface import Interface, Value, Variable, spread
-from trihedron.orchestrator.loading import Loaded, Sources, load
-from trihedron.orchestrator.parameters import value_at_start
-from trihedron.orchestrator.programme import Programme, resolve_programme
-from trihedron.orchestrator.stimuli import resolve_constant
-from trihedron.orchestrator.tables import NumberTable, read_table, table_from
-from trihedron.scenario import Scenario, Stimulus
+from ...models.position_programme import POSITIONS
+from ..errors import InputError, said_of
+from ..orchestrator.grid import make_grid
+from ..orchestrator.interface import Interface, Value, Variable, spread
+from ..orchestrator.loading import Loaded, Sources, load
+from ..orchestrator.parameters import value_at_start
+from ..orchestrator.programme import Programme, resolve_programme
+from ..orchestrator.stimuli import resolve_constant
+from ..orchestrator.tables import NumberTable, read_table, table_from
+from ..scenario import Scenario, Stimulus
 
 PROGRAMME = "PositionProgramme"
 """Name of the component."""

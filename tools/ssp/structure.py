@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
-from trihedron.fmus.model_description import number
-from trihedron.orchestrator.interface import Interface, Variable
-from trihedron.orchestrator.quantities import Scale
-from trihedron.ssp.namespaces import OMS, add_units, declared, xml_bytes
-from trihedron.ssp.parameters import WrittenSet
+from ...fmus.model_description import number
+from ..orchestrator.interface import Interface, Variable
+from ..orchestrator.quantities import Scale
+from .namespaces import OMS, add_units, declared, xml_bytes
+from .parameters import WrittenSet
 
 Ends = tuple[str, Variable, str, Variable]
 """A connection: element and output, element and input."""

@@ -1,5 +1,5 @@
 """Records of gyros and accelerometers without a table: what they support, and what their rests say."""
 
-from trihedron.strapdown.inspection import Inspection, inspect_record
+from .inspection import Inspection, inspect_record
 
 __all__ = ["Inspection", "inspect_record"]

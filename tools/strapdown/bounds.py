@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from trihedron.records.allan import allan_deviation
-from trihedron.records.noise import SCATTER_FACTOR
-from trihedron.strapdown.rests import Rests
+from ..records.allan import allan_deviation
+from ..records.noise import SCATTER_FACTOR
+from .rests import Rests
 
 FLICKER_TO_ALLAN = 2.0 * math.log(2.0)
 """Square of flicker noise's Allan deviation over its coefficient: a mean over τ wanders about the mean over T by the

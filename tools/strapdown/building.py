@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from trihedron.strapdown.bounds import GyroNoise, force_deviation, gyro_noise
-from trihedron.strapdown.carrying import GyroModel, carried_attitude
-from trihedron.strapdown.gravity_system import GravityPieces, gravity_parts, gravity_pieces, poses_of
-from trihedron.strapdown.inspection import Inspection
-from trihedron.strapdown.motion import Motion, motion_of
-from trihedron.strapdown.norm_calibration import LARGEST, NAMES, inputs_of
-from trihedron.strapdown.sampling import rates_of
-from trihedron.strapdown.segments import Segments, all_rows, broken_intervals
-from trihedron.strapdown.signatures import integrals, means_at_rest
-from trihedron.strapdown.system import System, weighted_step
-from trihedron.strapdown.truth_system import truth_parts, window_parts
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from .bounds import GyroNoise, force_deviation, gyro_noise
+from .carrying import GyroModel, carried_attitude
+from .gravity_system import GravityPieces, gravity_parts, gravity_pieces, poses_of
+from .inspection import Inspection
+from .motion import Motion, motion_of
+from .norm_calibration import LARGEST, NAMES, inputs_of
+from .sampling import rates_of
+from .segments import Segments, all_rows, broken_intervals
+from .signatures import integrals, means_at_rest
+from .system import System, weighted_step
+from .truth_system import truth_parts, window_parts
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")

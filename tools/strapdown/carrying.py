@@ -9,11 +9,11 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
-from trihedron.orchestrator import simulate
-from trihedron.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
-from trihedron.strapdown.motion import Motion
+from ...models.attitude_algorithms import ALGORITHMS
+from ...models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
+from ..orchestrator import simulate
+from ..scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from .motion import Motion
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""

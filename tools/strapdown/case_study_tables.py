@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from trihedron.models.effects import CATALOGUE
-from trihedron.strapdown.gain import ARCMIN
-from trihedron.strapdown.judging import Order
-from trihedron.strapdown.result import StrapdownDiagnosis
+from ...models.effects import CATALOGUE
+from .gain import ARCMIN
+from .judging import Order
+from .result import StrapdownDiagnosis
 
 CAPTIONS = {
     "time": "Error of the carried attitude over time.",

@@ -6,31 +6,31 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import SolverError
-from trihedron.diagnosis.result import Cause
-from trihedron.errors import InputError
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.models.effects import EffectPlace
-from trihedron.records import StrapdownRecord
-from trihedron.strapdown.building import BIAS, SCALE, Built, build_with_gravity, build_with_truth, not_searched
-from trihedron.strapdown.gain import measure_gain
-from trihedron.strapdown.held_out import rms_angle
-from trihedron.strapdown.inspection import Inspection, inspect_record
-from trihedron.strapdown.inspection_text import rest_warnings
-from trihedron.strapdown.intervals import excluded_sizes
-from trihedron.strapdown.judging import witnesses
-from trihedron.strapdown.lengths import by_length, length_of, only_at_one_length
-from trihedron.strapdown.likeness import compared_places, likeness
-from trihedron.strapdown.main_effect import about_main_effect
-from trihedron.strapdown.norm_calibration import LARGEST
-from trihedron.strapdown.plausibility import check_record, missing_things
-from trihedron.strapdown.reference_errors import RECORD_NOISE, with_reference_errors
-from trihedron.strapdown.result import BaselineParameter, StrapdownDiagnosis
-from trihedron.strapdown.search import LIMIT, SetFit, classes_of, fit_set, seen_places, smallest_sets
-from trihedron.strapdown.separation import what_separates
-from trihedron.strapdown.sizes import causes_of, estimates, left_of
-from trihedron.strapdown.structure import piece_quantities, quoted_number, residual_structure
-from trihedron.strapdown.system import System
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.effects import EffectPlace
+from ..calibration.programmes import SolverError
+from ..diagnosis.result import Cause
+from ..errors import InputError
+from ..records import StrapdownRecord
+from .building import BIAS, SCALE, Built, build_with_gravity, build_with_truth, not_searched
+from .gain import measure_gain
+from .held_out import rms_angle
+from .inspection import Inspection, inspect_record
+from .inspection_text import rest_warnings
+from .intervals import excluded_sizes
+from .judging import witnesses
+from .lengths import by_length, length_of, only_at_one_length
+from .likeness import compared_places, likeness
+from .main_effect import about_main_effect
+from .norm_calibration import LARGEST
+from .plausibility import check_record, missing_things
+from .reference_errors import RECORD_NOISE, with_reference_errors
+from .result import BaselineParameter, StrapdownDiagnosis
+from .search import LIMIT, SetFit, classes_of, fit_set, seen_places, smallest_sets
+from .separation import what_separates
+from .sizes import causes_of, estimates, left_of
+from .structure import piece_quantities, quoted_number, residual_structure
+from .system import System
 
 BASELINES = ("calibrated", "nominal")
 MOST_CANDIDATES = 12

@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.fmus import build
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.orchestrator.built import usual_flavour
-from trihedron.strapdown.building import Built, with_parameters
-from trihedron.strapdown.carrying import GyroModel, carried_attitude, reads
-from trihedron.strapdown.gravity_system import GravityPieces, directions_of, move_errors
-from trihedron.strapdown.held_out import blocks_in_time, largest_angle, rms_angle
-from trihedron.strapdown.inspection import Inspection
-from trihedron.strapdown.norm_calibration import NAMES
-from trihedron.strapdown.segments import Segments, all_rows
-from trihedron.strapdown.signatures import turned
-from trihedron.strapdown.system import weighted_step
-from trihedron.strapdown.truth_system import window_errors
+from ...fmus import build
+from ...models.effects import CATALOGUE, EffectPlace
+from ..orchestrator.built import usual_flavour
+from .building import Built, with_parameters
+from .carrying import GyroModel, carried_attitude, reads
+from .gravity_system import GravityPieces, directions_of, move_errors
+from .held_out import blocks_in_time, largest_angle, rms_angle
+from .inspection import Inspection
+from .norm_calibration import NAMES
+from .segments import Segments, all_rows
+from .signatures import turned
+from .system import weighted_step
+from .truth_system import window_errors
 
 FOLDS = 4
 NAMED_FOR = {"GyroCompensation": "GyroBlock"}

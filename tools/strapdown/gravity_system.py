@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
-from trihedron.models.turntable import EARTH_RATE
-from trihedron.strapdown.bounds import GyroNoise, factor_for
-from trihedron.strapdown.norm_calibration import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
-from trihedron.strapdown.rests import Rests
-from trihedron.strapdown.segments import MOST_SEGMENTS, Segments, all_rows, move_segments, rest_segments
-from trihedron.strapdown.signatures import piece_columns, turned
-from trihedron.strapdown.system import Part
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.turntable import EARTH_RATE
+from .bounds import GyroNoise, factor_for
+from .norm_calibration import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
+from .rests import Rests
+from .segments import MOST_SEGMENTS, Segments, all_rows, move_segments, rest_segments
+from .signatures import piece_columns, turned
+from .system import Part
 
 TOGETHER = (1, 2, 3)
 """Moves between neighbouring rests, and over two and three rests."""

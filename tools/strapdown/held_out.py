@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import EffectPlace
-from trihedron.strapdown.system import System
+from ...models.effects import EffectPlace
+from .system import System
 
 BLOCKS = 8
 """Blocks in time, left out in turn."""

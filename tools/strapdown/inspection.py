@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.records import StrapdownRecord
-from trihedron.shown import Shown
-from trihedron.strapdown.norm_calibration import NAMES, NormCalibration, calibrate_by_norm, inputs_of
-from trihedron.strapdown.rest_gyros import GyrosAtRest, gyros_at_rest
-from trihedron.strapdown.rests import Rests, find_rests
-from trihedron.strapdown.sampling import Sampling, rates_of, sampling_of
-from trihedron.strapdown.turning_check import TurningCheck, check_turning
+from ...fmus.units import STANDARD_GRAVITY
+from ..records import StrapdownRecord
+from ..shown import Shown
+from .norm_calibration import NAMES, NormCalibration, calibrate_by_norm, inputs_of
+from .rest_gyros import GyrosAtRest, gyros_at_rest
+from .rests import Rests, find_rests
+from .sampling import Sampling, rates_of, sampling_of
+from .turning_check import TurningCheck, check_turning
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -117,7 +117,7 @@ class Inspection(Shown):
 
     def lines(self) -> list[str]:
         """Sampling, rests, accelerometers, gyros."""
-        from trihedron.strapdown.inspection_text import inspection_text
+        from .inspection_text import inspection_text
 
         shown: Any = self
         return inspection_text(shown).split("\n")

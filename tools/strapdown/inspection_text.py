@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from trihedron.strapdown.inspection import EXCITED, Inspection
-from trihedron.strapdown.norm_calibration import NAMES
-from trihedron.strapdown.rests import Rests
+from .inspection import EXCITED, Inspection
+from .norm_calibration import NAMES
+from .rests import Rests
 
 DIGITS_OF_STAMPS = 1e-6
 """Jitter of so small a part of the period is in the last digits of the time stamps."""

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import Polytope, SolverError
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.strapdown.search import SetFit
-from trihedron.strapdown.system import System
+from ...models.effects import CATALOGUE, EffectPlace
+from ..calibration.programmes import Polytope, SolverError
+from .search import SetFit
+from .system import System
 
 ROOM = 1e-9
 """What the bounds grow by, relatively, so that a fit at its bounds stays inside."""

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import EffectPlace
-from trihedron.strapdown.held_out import Blocks, angles, blocks_in_time, predicted, rms_angle
-from trihedron.strapdown.system import System
+from ...models.effects import EffectPlace
+from .held_out import Blocks, angles, blocks_in_time, predicted, rms_angle
+from .system import System
 
 SHUFFLES = 40
 CHANCE = 0.05

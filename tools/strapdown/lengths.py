@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import EffectPlace
-from trihedron.strapdown.building import BIAS
-from trihedron.strapdown.held_out import largest_angle, rms_angle
-from trihedron.strapdown.judging import Order, is_stable, order_of_effects
-from trihedron.strapdown.result import Length
-from trihedron.strapdown.search import Found, SetFit, fit_set, smallest_sets
-from trihedron.strapdown.system import Part, System
+from ...models.effects import EffectPlace
+from .building import BIAS
+from .held_out import largest_angle, rms_angle
+from .judging import Order, is_stable, order_of_effects
+from .result import Length
+from .search import Found, SetFit, fit_set, smallest_sets
+from .system import Part, System
 
 SHOWN = 1.5
 """An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""

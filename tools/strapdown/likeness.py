@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.diagnosis.likeness import cosines
-from trihedron.models.effects import EffectPlace
-from trihedron.strapdown.system import System
+from ...models.effects import EffectPlace
+from ..diagnosis.likeness import cosines
+from .system import System
 
 MOST_COMPARED = 10
 

@@ -11,16 +11,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.strapdown.building import Built, with_parameters
-from trihedron.strapdown.carrying import GyroModel, carried_attitude
-from trihedron.strapdown.gain import effects_of
-from trihedron.strapdown.gravity_system import GravityPieces, directions_of, move_errors, small_turns
-from trihedron.strapdown.inspection import Inspection
-from trihedron.strapdown.norm_calibration import NAMES
-from trihedron.strapdown.signatures import turned
-from trihedron.strapdown.system import System, weighted_step
-from trihedron.strapdown.truth_system import window_errors
+from ...models.effects import CATALOGUE, EffectPlace
+from .building import Built, with_parameters
+from .carrying import GyroModel, carried_attitude
+from .gain import effects_of
+from .gravity_system import GravityPieces, directions_of, move_errors, small_turns
+from .inspection import Inspection
+from .norm_calibration import NAMES
+from .signatures import turned
+from .system import System, weighted_step
+from .truth_system import window_errors
 
 MANY = 4.0
 """Errors of so many bounds, root mean square over that of noise at its bound, may hold a second order that counts."""

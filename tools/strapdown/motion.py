@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.attitude.sampling import RATE_MEANINGS
-from trihedron.errors import InputError, nearest
-from trihedron.models.attitude import MAX_INCREMENT
-from trihedron.models.effects import MotionRows
-from trihedron.records import StrapdownRecord
-from trihedron.strapdown.sampling import GAP, Sampling
+from ...models.attitude import MAX_INCREMENT
+from ...models.effects import MotionRows
+from ..attitude.sampling import RATE_MEANINGS
+from ..errors import InputError, nearest
+from ..records import StrapdownRecord
+from .sampling import GAP, Sampling
 
 
 @dataclass(frozen=True, eq=False)

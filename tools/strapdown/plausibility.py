@@ -4,14 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from trihedron.errors import InputError
-from trihedron.strapdown.bounds import gyro_noise
-from trihedron.strapdown.gravity_system import gravity_pieces
-from trihedron.strapdown.inspection import Inspection
-from trihedron.strapdown.sampling import rates_of
-from trihedron.strapdown.segments import broken_intervals, known_rows, window_segments
-from trihedron.strapdown.truth_system import FEWEST_WINDOWS, LENGTHS, window_parts
-from trihedron.strapdown.turning_check import FEWEST, LEAST_TURN, meaning
+from ..errors import InputError
+from .bounds import gyro_noise
+from .gravity_system import gravity_pieces
+from .inspection import Inspection
+from .sampling import rates_of
+from .segments import broken_intervals, known_rows, window_segments
+from .truth_system import FEWEST_WINDOWS, LENGTHS, window_parts
+from .turning_check import FEWEST, LEAST_TURN, meaning
 
 FEWEST_MOVES = 8
 """Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.strapdown.building import Built
-from trihedron.strapdown.held_out import angles, blocks_in_time, predicted
-from trihedron.strapdown.search import LIMIT, fit_set
-from trihedron.strapdown.system import System
+from .building import Built
+from .held_out import angles, blocks_in_time, predicted
+from .search import LIMIT, fit_set
+from .system import System
 
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
 """A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""

@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.records import StrapdownRecord
-from trihedron.records.allan import deviation_at_dwell
-from trihedron.records.noise import SCATTER_FACTOR
-from trihedron.strapdown.clipping import clipped_rests
-from trihedron.strapdown.reading_steps import reading_steps
-from trihedron.strapdown.sampling import GAP, Sampling, rates_of
+from ..records import StrapdownRecord
+from ..records.allan import deviation_at_dwell
+from ..records.noise import SCATTER_FACTOR
+from .clipping import clipped_rests
+from .reading_steps import reading_steps
+from .sampling import GAP, Sampling, rates_of
 
 WINDOW = 0.5
 """Length of the windows in which rest is looked for [s]."""

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.diagnosis.result import SCHEMA, Cause, place_json
-from trihedron.models.effects import EffectPlace
-from trihedron.shown import Shown
-from trihedron.strapdown.gain import ARCMIN, Gain
-from trihedron.strapdown.inspection import Inspection
-from trihedron.strapdown.judging import Order, Witness
-from trihedron.strapdown.system import Part
+from ...models.effects import EffectPlace
+from ..diagnosis.result import SCHEMA, Cause, place_json
+from ..shown import Shown
+from .gain import ARCMIN, Gain
+from .inspection import Inspection
+from .judging import Order, Witness
+from .system import Part
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -149,7 +149,7 @@ class StrapdownDiagnosis(Shown):
     compared : tuple of EffectPlace
         the effects of the sets that remain, then those that leave least
     alike : (K, K) array or None
-        how alike these look in the record (`trihedron.strapdown.likeness`)
+        how alike these look in the record (`trihedron.tools.strapdown.likeness`)
     rates : str
         what the record's rates were taken for: "instantaneous" or "averaged"
     """
@@ -252,14 +252,14 @@ class StrapdownDiagnosis(Shown):
 
     def lines(self) -> list[str]:
         """What a person reads."""
-        from trihedron.strapdown.summary import diagnosis_lines
+        from .summary import diagnosis_lines
 
         shown: Any = self
         return diagnosis_lines(shown)
 
     def to_polars(self) -> "DataFrame":
         """Causes and their parameters, as a table."""
-        from trihedron.strapdown.summary import causes_table
+        from .summary import causes_table
 
         shown: Any = self
         return causes_table(shown)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.errors import InputError
-from trihedron.records import StrapdownRecord
+from ..errors import InputError
+from ..records import StrapdownRecord
 
 GAP = 1.5
 """A time between rows is a gap from so many periods on."""

@@ -11,10 +11,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.calibration.programmes import chebyshev_radius
-from trihedron.diagnosis.lawson import Problem, Projection, project, sharp_weights
-from trihedron.models.effects import EffectPlace
-from trihedron.strapdown.system import System, weighted_step
+from ...models.effects import EffectPlace
+from ..calibration.programmes import chebyshev_radius
+from ..diagnosis.lawson import Problem, Projection, project, sharp_weights
+from .system import System, weighted_step
 
 LARGEST_SET = 3
 LIMIT = 1.0 + 1e-7

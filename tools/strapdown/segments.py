@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.records import StrapdownRecord
-from trihedron.strapdown.rests import Rests
-from trihedron.strapdown.sampling import GAP, Sampling, rates_of, saturated_mask
+from ..records import StrapdownRecord
+from .rests import Rests
+from .sampling import GAP, Sampling, rates_of, saturated_mask
 
 MOST_SEGMENTS = 400
 """Of more windows of one length so many are taken, spread over the record."""

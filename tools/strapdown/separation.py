@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from trihedron.models.effects import EffectPlace
+from ...models.effects import EffectPlace
 
 SHOWN_BY = {
     "gyro-bias": "a rest of a minute and more before and after the motion",

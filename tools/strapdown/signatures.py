@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.strapdown.carrying import GyroModel, matrices_of
-from trihedron.strapdown.motion import Motion
-from trihedron.strapdown.segments import Segments
+from ...models.effects import CATALOGUE, EffectPlace
+from .carrying import GyroModel, matrices_of
+from .motion import Motion
+from .segments import Segments
 
 CHUNK = 30_000
 """Rows at a time: the memory does not grow with the record."""

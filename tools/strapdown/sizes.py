@@ -5,14 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.diagnosis.result import Cause
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.strapdown.gain import effects_of
-from trihedron.strapdown.held_out import angles
-from trihedron.strapdown.intervals import parameter_ends
-from trihedron.strapdown.result import BaselineParameter
-from trihedron.strapdown.search import SetFit
-from trihedron.strapdown.system import System, weighted_step
+from ...models.effects import CATALOGUE, EffectPlace
+from ..diagnosis.result import Cause
+from .gain import effects_of
+from .held_out import angles
+from .intervals import parameter_ends
+from .result import BaselineParameter
+from .search import SetFit
+from .system import System, weighted_step
 
 
 def estimates(system: System, fit: SetFit, *, ends: bool = False) -> tuple[BaselineParameter, ...]:

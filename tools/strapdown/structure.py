@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.diagnosis.residual_structure import MOST_ROWS, predicted_share, spread
-from trihedron.strapdown.building import Built
-from trihedron.strapdown.gravity_system import GravityPieces, across, directions_of
-from trihedron.strapdown.held_out import angles
-from trihedron.strapdown.inspection import Inspection
-from trihedron.strapdown.norm_calibration import NAMES
-from trihedron.strapdown.search import fit_set
-from trihedron.strapdown.segments import Segments
+from ..diagnosis.residual_structure import MOST_ROWS, predicted_share, spread
+from .building import Built
+from .gravity_system import GravityPieces, across, directions_of
+from .held_out import angles
+from .inspection import Inspection
+from .norm_calibration import NAMES
+from .search import fit_set
+from .segments import Segments
 
 
 def quoted_number(built: Built) -> int:

@@ -3,16 +3,16 @@
 import math
 from typing import TYPE_CHECKING
 
-from trihedron.diagnosis.result import Cause
-from trihedron.models.effects import CATALOGUE
-from trihedron.strapdown.gain import ARCMIN
-from trihedron.strapdown.judging import Order, is_stable
-from trihedron.summaries import unit_of
+from ...models.effects import CATALOGUE
+from ..diagnosis.result import Cause
+from ..summaries import unit_of
+from .gain import ARCMIN
+from .judging import Order, is_stable
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-    from trihedron.strapdown.result import StrapdownDiagnosis
+    from .result import StrapdownDiagnosis
 
 VERDICTS = {
     "consistent": "consistent: the simulation explains the record within its noise; no effect is named",

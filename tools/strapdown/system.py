@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.strapdown.segments import Segments
+from ...models.effects import CATALOGUE, EffectPlace
+from .segments import Segments
 
 
 @dataclass(frozen=True, eq=False)

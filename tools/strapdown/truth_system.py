@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from trihedron.models.turntable import EARTH_RATE
-from trihedron.records import StrapdownRecord
-from trihedron.strapdown.bounds import GyroNoise, factor_for, truth_scatter
-from trihedron.strapdown.carrying import matrices_of
-from trihedron.strapdown.rests import Rests
-from trihedron.strapdown.segments import Segments, known_rows, window_segments
-from trihedron.strapdown.signatures import piece_columns, turned
-from trihedron.strapdown.system import Part
+from ...models.turntable import EARTH_RATE
+from ..records import StrapdownRecord
+from .bounds import GyroNoise, factor_for, truth_scatter
+from .carrying import matrices_of
+from .rests import Rests
+from .segments import Segments, known_rows, window_segments
+from .signatures import piece_columns, turned
+from .system import Part
 
 LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Of the windows [s]."""

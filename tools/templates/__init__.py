@@ -5,9 +5,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Literal, get_args
 
-from trihedron.errors import InputError, nearest
-from trihedron.records.columns import POSITION, RAW, STRAPDOWN_RATES
-from trihedron.writing import write_text
+from ..errors import InputError, nearest
+from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
+from ..writing import write_text
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]
 TEMPLATES: tuple[str, ...] = get_args(Template)
@@ -73,7 +73,7 @@ def new(kind: str, path: str | Path | None = None, *, positions: int = POSITIONS
 
 def _text(kind: str, name: str, positions: int) -> str:
     if kind in ("scenario", "mounting"):
-        text = resources.files("trihedron.templates").joinpath(f"{kind}.toml").read_text(encoding="utf-8")
+        text = resources.files("trihedron.tools.templates").joinpath(f"{kind}.toml").read_text(encoding="utf-8")
         return text.format(name=name)
     made: dict[str, Callable[[], str]] = {
         "record": lambda: _position_record(name, positions),
@@ -88,8 +88,8 @@ def _angles(positions: int) -> list[tuple[float, float]]:
 
     from numpy import arange
 
-    from trihedron.planning.measuring_order import apart
-    from trihedron.planning.request import stored_counts, stored_positions
+    from ..planning.measuring_order import apart
+    from ..planning.request import stored_counts, stored_positions
 
     places = stored_positions(positions)
     if places is None:

@@ -1,0 +1,74 @@
+"""Trihedron: FMI co-simulation components for inertial instruments.
+
+``import trihedron as th``, then ``th.simulate``, ``th.plan``, ``th.calibrate``, ``th.diagnose``, ``th.export``, ...:
+see ``dir(th)``. Nothing is imported before it is used. Frames and symbols stand in `trihedron.models`.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .tools.library import (
+        Check,
+        Exported,
+        InputError,
+        Installation,
+        Simulation,
+        apply,
+        attitude_of_record,
+        calibrate,
+        check,
+        diagnose,
+        doctor,
+        export,
+        hide,
+        inspect,
+        new,
+        plan,
+        plan_positions,
+        read_record,
+        run_campaign,
+        simulate,
+    )
+
+    __version__: str
+
+__all__ = [
+    "Check",
+    "Exported",
+    "InputError",
+    "Installation",
+    "Simulation",
+    "__version__",
+    "apply",
+    "attitude_of_record",
+    "calibrate",
+    "check",
+    "diagnose",
+    "doctor",
+    "export",
+    "hide",
+    "inspect",
+    "new",
+    "plan",
+    "plan_positions",
+    "read_record",
+    "run_campaign",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """What is asked for, imported when it is."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("trihedron")
+    if name in __all__:
+        from .tools import library
+
+        return getattr(library, name)
+    raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, *(name for name in globals() if name.startswith("__"))]

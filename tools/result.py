@@ -1,0 +1,75 @@
+"""What results have in common: typed values that go to JSON, come back from it, and know nothing of what shows them."""
+
+import json
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_serializer
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import CoreSchema
+
+
+class _Published(GenerateJsonSchema):
+    """Takes what no JSON can hold: it stands in fields for the program alone."""
+
+    def handle_invalid_for_json_schema(self, schema: CoreSchema, error_info: str) -> JsonSchemaValue:
+        return {}
+
+
+class Result(BaseModel):
+    """A result; its fields are the keys of its JSON, in their order.
+
+    Fields with ``exclude=True`` are for the program alone (arrays, fits, records) and have a default, so that a result
+    comes back from its JSON: ``Kind.model_validate_json(text)``. The schema is ``Kind.published()``.
+    """
+
+    model_config = ConfigDict(
+        frozen=True,
+        arbitrary_types_allowed=True,
+        validate_by_name=True,
+        validate_by_alias=True,
+        serialize_by_alias=True,
+        protected_namespaces=(),
+    )
+
+    omitted: ClassVar[frozenset[str]] = frozenset()
+    """Keys that are left out of the JSON where they hold nothing."""
+    shown: ClassVar[Callable[["Result", str], str] | None] = None
+    """(result, "text" or "notebook") -> what a person sees; set by what stands above, `trihedron.tools.library`."""
+
+    @classmethod
+    def published(cls) -> dict[str, Any]:
+        """The JSON schema of the published object."""
+        return cls.model_json_schema(schema_generator=_Published)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        said = handler.resolve_ref_schema(handler(schema))
+        for name, field in cls.model_fields.items():
+            if field.exclude:
+                said.get("properties", {}).pop(field.alias or name, None)
+        return said
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        empty = (None, [], {}, "")
+        return {k: v for k, v in handler(self).items() if k not in self.omitted or v not in empty}
+
+    def to_json(self) -> dict[str, Any]:
+        """The published object, of plain lists, strings and numbers."""
+        return self.model_dump(mode="json")
+
+    def json_text(self) -> str:
+        """`to_json` as the text of a file."""
+        return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def __str__(self) -> str:
+        shown = Result.shown
+        return super().__str__() if shown is None else shown(self, "text")
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str | None:
+        shown = Result.shown
+        return None if shown is None else shown(self, "notebook")
