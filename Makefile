@@ -28,15 +28,16 @@ bench: $(READY)
 lint: $(READY) build/typing/trihedron
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-cache > build/floors.txt || { cat build/floors.txt; exit 1; }
 	$(BIN)/pyright
 
 docs: $(READY)
-	$(BIN)/python -m trihedron.tools.reference docs
+	$(BIN)/python docs/builders/reference.py docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 # The measured records stand beside the project, or where TRIHEDRON_DATA says.
 case-studies: $(READY)
-	$(BIN)/python -m trihedron.tools.strapdown.case_studies "$${TRIHEDRON_DATA:-../shared/data}" docs
+	$(BIN)/python docs/builders/case_studies.py "$${TRIHEDRON_DATA:-../shared/data}" docs
 
 setup: $(READY)
 

@@ -1,44 +1,44 @@
-"""Packages import one way: models <- fmus <- tools."""
+"""The root is the package: every module has one name, whoever loads it."""
 
-import ast
+import importlib
+import pkgutil
+import sys
 from pathlib import Path
 
-import pytest
+import trihedron
 
 ROOT = Path(__file__).resolve().parents[1]
-FORBIDDEN = {
-    "models": lambda name: name.startswith("trihedron") and not name.startswith("trihedron.models"),
-    "fmus": lambda name: name.startswith("trihedron") and not name.startswith(("trihedron.models", "trihedron.fmus")),
-    "scenarios": lambda name: name.startswith("trihedron"),
-}
 
 
-def imported(path: Path) -> set[str]:
-    """Modules that a file imports, wherever in it."""
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            names.add(node.module or "")
-    return names
+def names() -> list[str]:
+    """Import names of all modules of the product."""
+    found = pkgutil.walk_packages([str(ROOT)], "trihedron.")
+    return [module.name for module in found if module.name.split(".")[1] in ("models", "fmus", "tools", "scenarios")]
 
 
-@pytest.mark.parametrize("folder", sorted(FORBIDDEN))
-def test_packages_import_one_way(folder):
-    files = sorted((ROOT / folder).rglob("*.py"))
-    assert files
-    wrong = [(str(path), name) for path in files for name in imported(path) if FORBIDDEN[folder](name)]
-    assert wrong == []
+def loaded_twice() -> list[str]:
+    """Files of the product that are loaded under two names."""
+    seen: dict[Path, str] = {}
+    twice = []
+    for name, module in sorted(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if file is None or ROOT not in Path(file).parents or Path(file).parent.name == "tests":
+            continue
+        first = seen.setdefault(Path(file).resolve(), name)
+        if first != name:
+            twice.append(f"{file}: {first} and {name}")
+    return twice
 
 
-def test_models_know_no_fmi_and_no_files():
-    outside = {"fmpy", "pythonfmu", "polars", "pydantic", "highspy", "pathlib", "os", "io", "json", "rich"}
-    wrong = [
-        (str(path), name)
-        for path in sorted((ROOT / "models").rglob("*.py"))
-        for name in imported(path)
-        if name.split(".")[0] in outside
-    ]
-    assert wrong == []
+def test_no_module_is_loaded_under_two_names():
+    for name in names():
+        importlib.import_module(name)
+    assert Path(str(trihedron.__file__)) == ROOT / "__init__.py"
+    assert loaded_twice() == []
+
+
+def test_a_module_loaded_under_two_names_is_seen(monkeypatch):
+    import trihedron.tools.errors as errors
+
+    monkeypatch.setitem(sys.modules, "tools.errors", errors)
+    assert len(loaded_twice()) == 1

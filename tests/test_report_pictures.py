@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from explanation_pictures import interval_picture, strips_picture
 from trihedron.tools.report import attitude_error, bench_tour, candidates, held_out, residuals
 from trihedron.tools.report.campaign_pictures import chance_of, distributions_picture
 from trihedron.tools.report.direction_pictures import next_directions, residuals_over_inputs
-from trihedron.tools.report.explanation_pictures import interval_picture, strips_picture
 from trihedron.tools.report.likeness_picture import likeness_picture
 from trihedron.tools.report.position_page import decimals_of
 from trihedron.tools.report.suite_pictures import confusion_picture, detection_picture, size_errors_picture

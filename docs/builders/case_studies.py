@@ -1,6 +1,6 @@
 """The two case studies of measured records: pages and pictures whose every number comes from the records.
 
-Run by ``python -m trihedron.tools.strapdown.case_studies DATA DOCS``: DATA is the folder with the records, DOCS the
+Run by ``python docs/builders/case_studies.py DATA DOCS``: DATA is the folder with the records, DOCS the
 folder that gets the pages and, in ``pictures``, the pictures.
 """
 
@@ -9,11 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import InputError
-from ..exit_status import exit_status
-from ..records import StrapdownRecord, read_record
-from ..writing import write_text
-from .case_study_tables import (
+from case_study_tables import (
     cause_table,
     excluded_table,
     figure,
@@ -22,11 +18,15 @@ from .case_study_tables import (
     picture_lines,
     table,
 )
-from .diagnosis import diagnose_strapdown
-from .gain import ARCMIN
-from .judging import is_stable
-from .result import StrapdownDiagnosis
-from .summary import sentence_of
+from trihedron.tools.errors import InputError
+from trihedron.tools.exit_status import exit_status
+from trihedron.tools.records import StrapdownRecord, read_record
+from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.strapdown.gain import ARCMIN
+from trihedron.tools.strapdown.judging import is_stable
+from trihedron.tools.strapdown.result import StrapdownDiagnosis
+from trihedron.tools.strapdown.summary import sentence_of
+from trihedron.tools.writing import write_text
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
@@ -223,7 +223,7 @@ accelerometer data", ICINS 2020; columns reordered, time added.
 
 def write_broad(data: Path, docs: Path) -> None:
     """Write the page and the pictures of BROAD 03."""
-    from ..report.strapdown_page import write_pictures
+    from trihedron.tools.report.strapdown_page import write_pictures
 
     result = diagnose_strapdown(read(data, BROAD))
     written = write_pictures(result, docs / "pictures", "broad")
@@ -235,7 +235,7 @@ def write_mpu(data: Path, docs: Path) -> None:
     records = [read(data, name) for name in MPU]
     results = [diagnose_strapdown(record, rerun=False) for record in records]
     nominal = [diagnose_strapdown(record, baseline="nominal", rerun=False) for record in records]
-    from ..report.strapdown_page import write_pictures
+    from trihedron.tools.report.strapdown_page import write_pictures
 
     written = write_pictures(results[0], docs / "pictures", "mpu9150")
     write_text(docs / "case-study-mpu9150.md", mpu_page(results, nominal, picture_lines(written, "mpu9150")))
@@ -244,7 +244,7 @@ def write_mpu(data: Path, docs: Path) -> None:
 def main(arguments: Sequence[str]) -> int:
     """Write both case studies."""
     if len(arguments) != 2:
-        print("usage: python -m trihedron.tools.strapdown.case_studies DATA DOCS", file=sys.stderr)
+        print("usage: python docs/builders/case_studies.py DATA DOCS", file=sys.stderr)
         return 2
     data, docs = (Path(argument) for argument in arguments)
 

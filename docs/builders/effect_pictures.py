@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ...models.effects import POSITION_EFFECTS, Effect, EffectPlace
-from ..calibration.linearisation import Linearisation, linearise
-from ..calibration.parametrisation import Positions, parametrise
-from ..diagnosis.circumstances import Circumstances
-from ..diagnosis.disturbance import rows_at, signature_columns
-from ..diagnosis.predictions import acted_on
-from .svg import drawing, svg_text
-from .theme import AXES, DASHES, WIDTH
+from trihedron.models.effects import POSITION_EFFECTS, Effect, EffectPlace
+from trihedron.tools.calibration.linearisation import Linearisation, linearise
+from trihedron.tools.calibration.parametrisation import Positions, parametrise
+from trihedron.tools.diagnosis.circumstances import Circumstances
+from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.tools.diagnosis.predictions import acted_on
+from trihedron.tools.report.svg import drawing, svg_text
+from trihedron.tools.report.theme import AXES, DASHES, WIDTH
 
 POINTS = 181
 COLUMNS = 4

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...models.effects import CATALOGUE
-from .gain import ARCMIN
-from .judging import Order
-from .result import StrapdownDiagnosis
+from trihedron.models.effects import CATALOGUE
+from trihedron.tools.strapdown.gain import ARCMIN
+from trihedron.tools.strapdown.judging import Order
+from trihedron.tools.strapdown.result import StrapdownDiagnosis
 
 CAPTIONS = {
     "time": "Error of the carried attitude over time.",

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from effect_pictures import change_along, effect_sheet, shown_place, sweep_of
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS
-from trihedron.tools.report.effect_pictures import change_along, effect_sheet, shown_place, sweep_of
 
 
 @pytest.mark.parametrize("effect", POSITION_EFFECTS.values(), ids=lambda effect: effect.name)

@@ -16,7 +16,7 @@ WIDTH = 100
 
 def commands_page() -> str:
     """Every command with its options, as `--help` prints it, in Markdown."""
-    from .cli import app
+    from trihedron.tools.cli import app
 
     lines = [
         "# Commands",

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from case_studies import BROAD, MPU, main
 from trihedron.tools.records import StrapdownRecord, read_record
-from trihedron.tools.strapdown.case_studies import BROAD, MPU, main
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 from trihedron.tools.strapdown.result import StrapdownDiagnosis
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TRIHEDRON_DATA", ROOT / ".." / "shared" / "data"))
 
 

@@ -1,21 +1,20 @@
-"""Reference pages and the picture of the README, made from the source: `python -m trihedron.tools.reference DOCS`."""
+"""Reference pages and the picture of the README, made from the source: `python docs/builders/reference.py DOCS`."""
 
 import math
 import sys
 from pathlib import Path
 
-from ..fmus import components
-from ..fmus.component import Component, Variable
-from ..fmus.units import UNITS
-from ..models.effects import CATALOGUE, Effect, EffectParameter
-from .architecture import architecture_picture
-from .diagnosis import diagnose
-from .hidden import measure
-from .hidden_cases import NOISE_BOUND, draw_case
-from .report.diagnosis_sections import residual_sections
-from .report.effect_pictures import effect_sheet
-from .report.explanation_pictures import interval_picture, strips_picture
-from .writing import write_text
+from effect_pictures import effect_sheet
+from explanation_pictures import interval_picture, strips_picture
+from trihedron.fmus import components
+from trihedron.fmus.component import Component, Variable
+from trihedron.fmus.units import UNITS
+from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.hidden import measure
+from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
+from trihedron.tools.report.diagnosis_sections import residual_sections
+from trihedron.tools.writing import write_text
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""
@@ -130,7 +129,6 @@ def main(arguments: list[str]) -> None:
     write_text(docs / "pictures" / "effects.svg", effect_sheet())
     write_text(docs / "pictures" / "strips.svg", strips_picture())
     write_text(docs / "pictures" / "intervals.svg", interval_picture())
-    write_text(docs / "pictures" / "architecture.svg", architecture_picture(Path(__file__).resolve().parents[1]))
 
 
 if __name__ == "__main__":

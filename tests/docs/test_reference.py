@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from trihedron.tools.reference import reference_page
+from reference import reference_page
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_reference_page_is_what_the_source_says():
