@@ -5,8 +5,8 @@ import pytest
 
 from simulated_bench import ALPHA, BETA, GRAVITY, guaranteed, half_width, misses, random_bench, record, simulated
 from trihedron.models.bench import TARGETS, elementary_reading, target_reading, target_values
+from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
 from trihedron.tools.calibration import calibrate, fit_record
-from trihedron.tools.calibration.programmes import Polytope, chebyshev_radius
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

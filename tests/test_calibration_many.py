@@ -8,9 +8,10 @@ import pytest
 
 from simulated_bench import misses, random_bench, simulated
 from trihedron.models.bench import target_values
-from trihedron.tools.calibration import calibrate, programmes
+from trihedron.tools.bounded import programmes
+from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
+from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.joint_set import joint_sets
-from trihedron.tools.calibration.programmes import Polytope, chebyshev_radius
 
 SIGMA = 1e-5
 

@@ -10,9 +10,9 @@ from simulated_bench import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
+from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.calibration.linearisation import Linearisation
 from trihedron.tools.calibration.procedure import fit_record
-from trihedron.tools.calibration.programmes import chebyshev_radius
 from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.tools.diagnosis.sizes import level_change, level_margins, spread_directions, sure_sizes

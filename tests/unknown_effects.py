@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import Rows
+from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.calibration.procedure import fit_record
-from trihedron.tools.calibration.programmes import chebyshev_radius
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.circumstances import circumstances_of
 from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns

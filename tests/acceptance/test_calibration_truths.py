@@ -5,8 +5,8 @@ import pytest
 
 from simulated_bench import ALPHA, BETA, guaranteed, interval, random_bench, simulated
 from trihedron.models.bench import target_values
+from trihedron.tools.bounded.programmes import Polytope
 from trihedron.tools.calibration import calibrate, fit_record
-from trihedron.tools.calibration.programmes import Polytope
 
 SIGMA = 1e-5
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.centre import centre_of, problem_at, slack_at
 from trihedron.tools.diagnosis.circumstances import circumstances_of
 from trihedron.tools.diagnosis.classes import classes_of
 from trihedron.tools.diagnosis.disturbance import is_linear
 from trihedron.tools.diagnosis.search import catalogue_places
-from trihedron.tools.diagnosis.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.hidden_cases import NOISE_BOUND
 from trihedron.tools.hidden_suite.benches import draw_bench

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
 from ..progress import tracked
 from .linearisation import NOT_OUTSIDE, Linearisation
-from .programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
 from .result import Estimate
 from .targets import Target
 

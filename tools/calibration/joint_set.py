@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bounded.programmes import Polytope
 from ..progress import tracked
 from .estimates import feasible_set, is_determined, takes_long
-from .programmes import Polytope
 from .result import FeasibleSet
 from .targets import Target, convention_targets
 

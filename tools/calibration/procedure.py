@@ -6,6 +6,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
@@ -17,7 +18,6 @@ from .mountings import mounting_names, mountings_of, read_mounting, select
 from .next_positions import next_positions, repeats
 from .parametrisation import Positions, parametrise
 from .priors import asked_priors, parameter_limits, with_priors
-from .programmes import RELATIVE_TOLERANCE, SolverError
 from .reading_errors import error_weights, reading_errors
 from .result import Calibration, Estimate, FeasibleSet, Provenance
 from .targets import asked_targets, convention_targets

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.regressors import admissible, nominal_input
+from ..bounded.sets import Problem
 from ..calibration.linearisation import Linearisation, linearise
 from ..calibration.open_signs import widening
 from ..calibration.parametrisation import predicted_input
@@ -15,7 +16,6 @@ from .circumstances import Circumstances
 from .disturbance import coefficient_count, disturbed, rows_at, signature_columns
 from .extended_fit import ASTRAY, least_squares_step
 from .extended_model import coefficient_blocks, extended_model
-from .lawson import Problem
 
 USUAL = 0.9
 """The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.rows import Variant
+from ..bounded.programmes import chebyshev_radius
 from ..calibration.linearisation import Linearisation
-from ..calibration.programmes import chebyshev_radius
 from .circumstances import Circumstances
 from .disturbance import is_linear, rows_at
 from .extended_model import acting, coefficient_blocks, model_at

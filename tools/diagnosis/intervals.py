@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectParameter, EffectPlace
 from ...models.effects.rows import Variant
-from ..calibration.programmes import Polytope, SolverError
+from ..bounded.programmes import Polytope, SolverError
 from .extended_fit import ExtendedFit
 
 DIRECTIONS = 72

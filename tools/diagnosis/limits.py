@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace
+from ..bounded.programmes import Polytope, SolverError
 from ..calibration.linearisation import Linearisation
-from ..calibration.programmes import Polytope, SolverError
 from ..calibration.result import Calibration
 from .circumstances import Circumstances
 from .disturbance import added_bound, disturbed, is_linear, rows_at, signature_columns

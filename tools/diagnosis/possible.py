@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE
-from ..calibration.programmes import chebyshev_radius
+from ..bounded.programmes import chebyshev_radius
 from .extended_fit import ExtendedFit
 
 LARGEST_OF_BENCH = 0.5

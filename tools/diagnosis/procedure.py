@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.outlier import place_of
+from ..bounded.programmes import SolverError
 from ..calibration.linearisation import Linearisation
 from ..calibration.next_positions import repeats
 from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
-from ..calibration.programmes import SolverError
 from ..calibration.result import Calibration
 from ..errors import InputError
 from ..records import PositionRecord

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ...models.effects.outlier import place_of
+from ..bounded.programmes import chebyshev_radius
+from ..bounded.sets import MAX_SET, Problem, sets_of_size
 from ..calibration.linearisation import Linearisation
-from ..calibration.programmes import chebyshev_radius
 from ..progress import tracked
 from .arguments import left_open
 from .centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at
@@ -19,9 +20,7 @@ from .classes import Classes
 from .disturbance import added_bound, rows_at, signature_columns
 from .extended_fit import ExtendedFit, fit_ways
 from .intervals import parameter_intervals
-from .lawson import Problem
 from .possible import LARGEST_OF_BENCH, within_possible
-from .sets import MAX_SET, sets_of_size
 from .variants import Relaxation, relaxations
 
 MOST_FOUND = 60

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from ...models.regressors import admissible
+from ..bounded.programmes import least_largest
 from ..calibration.linearisation import Linearisation
 from ..calibration.parametrisation import Positions
-from ..calibration.programmes import least_largest
 from .circumstances import Circumstances
 from .disturbance import added_bound, rows_at
 from .extended_fit import ExtendedFit

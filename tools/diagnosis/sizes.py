@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.outlier import place_of
 from ...models.restricted import CONTEXT_SIZE, INPUT
+from ..bounded.programmes import chebyshev_radius
 from ..calibration.linearisation import Linearisation
-from ..calibration.programmes import chebyshev_radius
 from .circumstances import Circumstances
 from .disturbance import added_bound, rows_at, signature_columns
 

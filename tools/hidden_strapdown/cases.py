@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from ..calibration.programmes import chebyshev_radius
+from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
 from ..strapdown import inspect_record

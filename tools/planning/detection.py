@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from ...models.regressors import nominal_input, stand_regressors
-from ..calibration.programmes import chebyshev_radius
+from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
 from .places import Places, Readings, Task, allowed, readings
 

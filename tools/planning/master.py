@@ -4,9 +4,8 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.programmes import PRIMAL_SIMPLEX, SolverError
+from ..bounded.programmes import PRIMAL_SIMPLEX, SolverError, solver
 
-TOLERANCE = 1e-10
 ARTIFICIAL_COST = 1e4
 """Cost of an artificial column, in units of σ: a plan that costs more is of no use."""
 
@@ -23,18 +22,7 @@ class Master:
     def __init__(self, size: int):
         self._size = size
         self._regressors = np.zeros((0, size))
-        self._highs = highspy.Highs()
-        for name, option in (
-            ("output_flag", False),
-            ("threads", 1),
-            ("parallel", "off"),
-            ("solver", "simplex"),
-            ("presolve", "off"),
-            ("primal_feasibility_tolerance", TOLERANCE),
-            ("dual_feasibility_tolerance", TOLERANCE),
-            ("small_matrix_value", 1e-12),
-        ):
-            self._highs.setOptionValue(name, option)
+        self._highs = solver()
         zero = np.zeros(size)
         empty = np.zeros(0, dtype=np.int32)
         self._highs.addRows(size, zero, zero, 0, np.zeros(size, dtype=np.int32), empty, np.zeros(0))  # pyright: ignore

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import EffectPlace
-from ..calibration.programmes import SolverError
+from ..bounded.programmes import SolverError
 from ..diagnosis.result import Cause
 from ..errors import InputError
 from ..records import StrapdownRecord

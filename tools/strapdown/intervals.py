@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace
-from ..calibration.programmes import Polytope, SolverError
+from ..bounded.programmes import Polytope, SolverError
 from .search import SetFit
 from .system import System
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from ..calibration.programmes import chebyshev_radius
+from ..bounded.programmes import chebyshev_radius
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 """The nine parameters; Γ [1] row by row, then the biases [g]."""

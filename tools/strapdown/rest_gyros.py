@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.turntable import EARTH_RATE
-from ..calibration.programmes import chebyshev_radius
+from ..bounded.programmes import chebyshev_radius
 
 SPARE = 3
 """A model is tried with at least so many rests more than it has parameters for each gyro."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..calibration.programmes import chebyshev_radius
-from ..diagnosis.lawson import Problem, Projection, project, sharp_weights
+from ..bounded.programmes import chebyshev_radius
+from ..bounded.sets import Problem, Projection, project, sharp_weights
 from .system import System, weighted_step
 
 LARGEST_SET = 3

@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.tools.diagnosis.lawson import Problem, project, sharp_weights
-from trihedron.tools.diagnosis.set_bounds import bounds_of, surviving_sets
-from trihedron.tools.diagnosis.set_settling import ACCEPTED, REFUSED, settle
-from trihedron.tools.diagnosis.sets import EffectSet, linear_radius, parts, sets_of_size
+from trihedron.tools.bounded.compiled_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
+from trihedron.tools.bounded.sets import EffectSet, Problem, linear_radius, parts, project, sets_of_size, sharp_weights
 
 
 def random_problem(seed: int, rows: int = 40, effects: int = 7) -> Problem:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from trihedron.tools.calibration.programmes import Polytope, SolverError, chebyshev_radius
+from trihedron.tools.bounded.programmes import Polytope, SolverError, chebyshev_radius
 
 
 def test_two_readings_of_one_constant():

@@ -232,6 +232,24 @@ def least_largest(
     return float(values[-1]), values[:-1]
 
 
+def solver() -> highspy.Highs:
+    """HiGHS as every programme has it: simplex on one thread, without a word, to `TOLERANCE`."""
+    highs = highspy.Highs()
+    options: Sequence[tuple[str, object]] = (
+        ("output_flag", False),
+        ("threads", 1),
+        ("parallel", "off"),
+        ("solver", "simplex"),
+        ("presolve", "off"),
+        ("primal_feasibility_tolerance", TOLERANCE),
+        ("dual_feasibility_tolerance", TOLERANCE),
+        ("small_matrix_value", 1e-12),
+    )
+    for name, value in options:
+        highs.setOptionValue(name, value)
+    return highs
+
+
 def _model(
     cost: NDArray, lower: NDArray, upper: NDArray, matrix: NDArray, row_lower: NDArray, row_upper: NDArray
 ) -> highspy.Highs:
@@ -244,20 +262,8 @@ def _model(
     lp.a_matrix_.start_ = np.searchsorted(columns, np.arange(lp.num_col_ + 1)).astype(np.int32)
     lp.a_matrix_.index_ = rows.astype(np.int32)
     lp.a_matrix_.value_ = matrix.T[columns, rows]
-    highs = highspy.Highs()
-    options: Sequence[tuple[str, object]] = (
-        ("output_flag", False),
-        ("threads", 1),
-        ("parallel", "off"),
-        ("solver", "simplex"),
-        ("simplex_strategy", PRIMAL_SIMPLEX),
-        ("presolve", "off"),
-        ("primal_feasibility_tolerance", TOLERANCE),
-        ("dual_feasibility_tolerance", TOLERANCE),
-        ("small_matrix_value", 1e-12),
-    )
-    for name, value in options:
-        highs.setOptionValue(name, value)
+    highs = solver()
+    highs.setOptionValue("simplex_strategy", PRIMAL_SIMPLEX)
     if highs.passModel(lp) == highspy.HighsStatus.kError:
         raise SolverError("the linear programme was not accepted by the solver")
     return highs

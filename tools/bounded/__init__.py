@@ -1,0 +1,1 @@
+"""Bounded-error mathematics: programmes, bounds of sets, what is left possible. Knows no record and no instrument."""
