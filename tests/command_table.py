@@ -9,7 +9,7 @@ import polars as pl
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import cli
 from trihedron.tools.hidden import write_hidden_record
-from trihedron.tools.records import write_strapdown_record
+from trihedron.tools.records import write_record
 from trihedron.tools.templates import new
 
 SCENARIO = """schema = "trihedron.scenario/1"
@@ -94,18 +94,18 @@ QUICK = [command for command in COMMANDS if not command.slow]
 def make_inputs(folder: Path) -> None:
     """Write the files that the commands read."""
     from trihedron.tools.calibration import calibrate
-    from trihedron.tools.records import read_position_record
+    from trihedron.tools.records import PositionRecord, read_record
 
     (folder / "run.toml").write_text(SCENARIO, encoding="utf-8")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
     write_hidden_record(folder / "measured.csv", 5, None, effects=["quadratic"])
     write_hidden_record(folder / "clean.csv", 5, None, effects=())
-    calibration = calibrate(read_position_record(folder / "clean.csv"), noise_bound=1e-5)
+    calibration = calibrate(read_record(folder / "clean.csv", PositionRecord), noise_bound=1e-5)
     (folder / "calibration.json").write_text(calibration.json_text(), encoding="utf-8")
     finished = ["--jobs", "1", "--out", str(folder / "finished"), "--quiet"]
     assert cli.main(["campaign", str(folder / "campaign.toml"), *finished]) == 0
     record = strapdown_record(true_motion(POSES[:6]))
-    write_strapdown_record(record, folder / "strapdown.csv")
+    write_record(record, folder / "strapdown.csv")
     new("scenario", folder / "bench.toml")
     angles = pl.read_csv(folder / "bench-positions.csv", comment_prefix="#")
     planned = {f"planned_{name}": angles[name] for name in angles.columns}

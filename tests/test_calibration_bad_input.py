@@ -9,7 +9,7 @@ from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.mountings import PRESETS
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import write_position_record
+from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
 READING = elementary_reading(random_bench(np.random.default_rng(1)), ALPHA, BETA, np.eye(3))
@@ -55,7 +55,7 @@ def test_contradictory_duplicates_are_the_witness():
 @pytest.mark.parametrize("sigma", ["0", "-1e-5", "nan", "inf"])
 def test_a_noise_bound_that_is_none_is_one_line(sigma, tmp_path, capsys):
     path = tmp_path / "p.csv"
-    write_position_record(record(READING, ALPHA, BETA), path)
+    write_record(record(READING, ALPHA, BETA), path)
     assert cli.main(["calibrate", str(path), "--noise-bound", sigma]) == 2
     message = capsys.readouterr().err
     assert "--noise-bound" in message

@@ -14,8 +14,7 @@ from table_runs import ARCSEC, PROGRAMME, Bench
 from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.records import read_record, write_position_record, write_raw_record
-from trihedron.tools.records.reading import read_table_run
+from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.rests import find_rests
 from trihedron.tools.report.calibration_page import calibration_page
 from trihedron.tools.scenario import Scenario
@@ -28,8 +27,8 @@ def folder(tmp_path, monkeypatch):
     """A folder with the record of a bench, p.csv, and one of few positions, few.csv."""
     rng = np.random.default_rng(3)
     whole = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
-    write_position_record(whole, tmp_path / "p.csv")
-    write_position_record(whole.selected(np.arange(5)), tmp_path / "few.csv")
+    write_record(whole, tmp_path / "p.csv")
+    write_record(whole.selected(np.arange(5)), tmp_path / "few.csv")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -109,9 +108,9 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
     drifting, creeping = (slice(rests[k].first, rests[k].last + 1) for k in (5, 8))
     force[drifting, 1] += 1e-3 * np.linspace(0, 1, drifting.stop - drifting.start)
     alpha[creeping] += np.linspace(0, 60 * ARCSEC, creeping.stop - creeping.start)
-    write_raw_record(replace(raw, specific_force=force, alpha=alpha), tmp_path / "raw.csv")
-    run_ = read_table_run(tmp_path / "raw.csv")
-    page = calibration_page(calibrate(run_.record, noise_bound=SIGMA), run_)
+    write_record(replace(raw, specific_force=force, alpha=alpha), tmp_path / "raw.csv")
+    run_ = read_record(tmp_path / "raw.csv", PositionRecord)
+    page = calibration_page(calibrate(run_, noise_bound=SIGMA), run_)
     for text in ("Possible together: accelerometer 3", "What it bought", "Rests that were left out", "drifts linearly"):
         assert text in page
     # Where it was measured, residuals, what is possible jointly, rests.
@@ -120,7 +119,7 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
 
 
 def test_block_and_compensation_with_one_calibration_undo_each_other_as_fmus(folder):
-    run_file = calibrate(read_table_run(folder / "p.csv").record, noise_bound=SIGMA).json_text()
+    run_file = calibrate(read_record(folder / "p.csv", PositionRecord), noise_bound=SIGMA).json_text()
     Path("c.json").write_text(run_file, encoding="utf-8")
     calibrated = {"parameters_from": "c.json"}
     scenario = {

@@ -23,7 +23,7 @@ from trihedron.tools.calibration.correction import (
 )
 from trihedron.tools.calibration.reading_errors import corners
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import read_record, write_position_record, write_raw_record, write_strapdown_record
+from trihedron.tools.records import read_record, write_record
 from trihedron.tools.records.kinds import StrapdownRecord
 
 SIGMA = 1e-5
@@ -139,16 +139,16 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
     file.write_text(result.json_text(), encoding="utf-8")
     block = block_readings(bench, directions(np.random.default_rng(3), 30)[:30])
     positions = record(block, np.linspace(0, 6, 30), np.linspace(1, 5, 30))
-    write_position_record(positions, tmp_path / "positions.csv")
+    write_record(positions, tmp_path / "positions.csv")
     raw, _ = Bench(white=1e-5).run(PROGRAMME[:3])
-    write_raw_record(raw, tmp_path / "raw.csv")
+    write_record(raw, tmp_path / "raw.csv")
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (30, 1))
     attitude[4] = np.nan
     increments = np.random.default_rng(4).normal(0, 1e-3, (30, 3))
     strapdown = StrapdownRecord(
         0.1 * np.arange(1, 31), None, increments, GRAVITY * block, attitude, 20.0 + np.arange(30)
     )
-    write_strapdown_record(strapdown, tmp_path / "strapdown.csv")
+    write_record(strapdown, tmp_path / "strapdown.csv")
     for name, at in (("positions", "positions"), ("raw", "rests"), ("strapdown", "rows")):
         path, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
         done = apply_calibration(file, path)
@@ -188,7 +188,7 @@ def test_own_errors_of_the_readings_widen_the_bound_by_themselves():
 def test_what_is_no_calibration_is_refused(tmp_path, change, said):
     content = calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).to_json() | change
     (tmp_path / "c.json").write_text(json.dumps(content))
-    write_position_record(simulated(np.zeros(24)), tmp_path / "p.csv")
+    write_record(simulated(np.zeros(24)), tmp_path / "p.csv")
     with pytest.raises(InputError, match=said):
         apply_calibration(tmp_path / "c.json", tmp_path / "p.csv")
 

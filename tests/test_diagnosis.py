@@ -17,7 +17,7 @@ from trihedron.tools.diagnosis.extension import export_extended
 from trihedron.tools.diagnosis.search import catalogue_places
 from trihedron.tools.hidden import measure
 from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth
-from trihedron.tools.records import read_position_record, write_position_record
+from trihedron.tools.records import PositionRecord, read_record, write_record
 
 CONTRACT_KEYS = {
     "schema",
@@ -225,9 +225,9 @@ def test_what_is_not_found_is_bounded_and_what_is_found_moves_the_targets():
 def test_a_record_that_went_through_a_file_gives_the_same_diagnosis(tmp_path):
     """Nine decimals in the file move the radius by less than they may."""
     record = measure(draw_case(31), 31)
-    write_position_record(record, tmp_path / "record.csv", decimals=9)
+    write_record(record, tmp_path / "record.csv", decimals=9)
     kept = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
-    read = diagnose(read_position_record(tmp_path / "record.csv"), noise_bound=NOISE_BOUND, rerun=False)
+    read = diagnose(read_record(tmp_path / "record.csv", PositionRecord), noise_bound=NOISE_BOUND, rerun=False)
     assert read.verdict == kept.verdict
     assert [c.place for c in read.causes] == [c.place for c in kept.causes]
     assert read.baseline.radius == pytest.approx(kept.baseline.radius, abs=1e-4)

@@ -17,7 +17,7 @@ from trihedron.tools.hidden_strapdown.one_record import write_hidden_strapdown
 from trihedron.tools.hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
 from trihedron.tools.hidden_strapdown.summary import suite_text, write_suite
 from trihedron.tools.records import read_record
-from trihedron.tools.records.allan import allan_deviation
+from trihedron.tools.records.noise import allan_deviation
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)

@@ -19,7 +19,7 @@ from trihedron.tools.planning.detection import detecting, distance, named_effect
 from trihedron.tools.planning.measuring_order import move_times, repeated, shortest_tour, tour_duration, unwound
 from trihedron.tools.planning.places import Task, allowed, freedom, task_of
 from trihedron.tools.planning.request import parsed_keep_out, stored_positions
-from trihedron.tools.records import read_position_record
+from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.scenario import read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
@@ -69,7 +69,7 @@ def test_the_programme_runs_and_the_truth_is_inside(plan_folder: Path, tmp_path:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(text.replace("static-calibration-positions.csv", "programme.csv"), encoding="utf-8")
     files = run_scenario(scenario, tmp_path / "run", progress=False)
-    record = read_position_record(files[-1])
+    record = read_record(files[-1], PositionRecord)
     assert len(record.position) == 11
     result = calibrate(record, noise_bound=1e-5)
     assert result.verdict == "consistent"

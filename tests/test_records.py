@@ -12,10 +12,9 @@ from trihedron.tools.records import (
     PositionRecord,
     RawRecord,
     StrapdownRecord,
-    read_position_record,
     read_record,
 )
-from trihedron.tools.records.csv_table import significant_digits, written_resolution
+from trihedron.tools.records.read import significant_digits, written_resolution
 
 
 @pytest.fixture
@@ -140,7 +139,7 @@ def test_angles_and_gyros_together_are_read_as_asked_for(record_of, tmp_path):
     record = record_of("\n".join([header, *rows]))
     assert isinstance(record, StrapdownRecord)
     assert "'alpha_deg'" in record.warnings[0]
-    assert len(read_position_record(tmp_path / "record.csv")) == 1
+    assert len(read_record(tmp_path / "record.csv", PositionRecord)) == 1
 
 
 @pytest.mark.parametrize(

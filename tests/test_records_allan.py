@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from table_runs import GRAVITY, PROGRAMME, Bench, averaged
-from trihedron.tools.records.allan import allan_deviation, deviation_at_dwell
-from trihedron.tools.records.noise import noise_bound_from
+from trihedron.tools.records.noise import allan_deviation, deviation_at_dwell, noise_bound_from
 
 
 def test_the_deviation_by_its_definition():

@@ -11,12 +11,10 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.records import (
     PositionRecord,
     RawRecord,
-    read_position_record,
     read_record,
-    write_position_record,
-    write_raw_record,
+    write_record,
 )
-from trihedron.tools.records.output import degrees_that_read_back
+from trihedron.tools.records.kinds import degrees_that_read_back
 
 
 def some_record(rng: np.random.Generator, count: int) -> PositionRecord:
@@ -36,8 +34,8 @@ def some_record(rng: np.random.Generator, count: int) -> PositionRecord:
 def test_a_position_record_written_reads_back_bit_for_bit(tmp_path):
     record = some_record(np.random.default_rng(2), 50)
     path = tmp_path / "folder" / "record.csv"
-    write_position_record(record, path)
-    back = read_position_record(path)
+    write_record(record, path)
+    back = read_record(path, PositionRecord)
     for name in ("position", "time_s", "alpha", "beta", "specific_force", "temperature", "approach_alpha"):
         first, second = getattr(record, name), getattr(back, name)
         # an angle that no number of degrees gives is the nearest one
@@ -45,16 +43,16 @@ def test_a_position_record_written_reads_back_bit_for_bit(tmp_path):
     np.testing.assert_array_equal(back.alpha, record.alpha)
     assert back.mounting == record.mounting
     again = tmp_path / "again.csv"
-    write_position_record(back, again)
+    write_record(back, again)
     assert again.read_bytes() == path.read_bytes()
 
 
 def test_decimals_are_as_asked_for(tmp_path):
     record = some_record(np.random.default_rng(3), 5)
-    write_position_record(record, tmp_path / "record.csv", decimals=6)
+    write_record(record, tmp_path / "record.csv", decimals=6)
     line = (tmp_path / "record.csv").read_text().splitlines()[1].split(",")
     assert all(len(field.split(".")[1]) == 6 for field in line[1:7])
-    back = read_position_record(tmp_path / "record.csv")
+    back = read_record(tmp_path / "record.csv", PositionRecord)
     assert np.abs(back.specific_force - record.specific_force).max() <= back.resolution * (1 + 1e-9)
     assert back.resolution == pytest.approx(0.5e-6, rel=1e-12)
 
@@ -63,7 +61,7 @@ def test_a_raw_record_written_reads_back(tmp_path):
     rng = np.random.default_rng(4)
     angles = np.deg2rad(np.round(rng.uniform(0, 360, (2, 100)), 6))
     raw = RawRecord(0.1 * np.arange(100), angles[0], angles[1], rng.uniform(-9, 9, (100, 3)))
-    write_raw_record(raw, tmp_path / "raw.csv")
+    write_record(raw, tmp_path / "raw.csv")
     back = read_record(tmp_path / "raw.csv")
     assert isinstance(back, RawRecord)
     for name in ("time_s", "alpha", "beta", "specific_force"):
@@ -73,10 +71,10 @@ def test_a_raw_record_written_reads_back(tmp_path):
 def test_what_could_not_be_read_again_is_not_written(tmp_path):
     raw = RawRecord(np.array([0.001, 0.002]), np.zeros(2), np.zeros(2), np.full((2, 3), 5.0))
     with pytest.raises(InputError, match="time_s does not grow"):
-        write_raw_record(raw, tmp_path / "raw.csv", decimals=2)
+        write_record(raw, tmp_path / "raw.csv", decimals=2)
     raw.specific_force[0, 1] = math.nan
     with pytest.raises(InputError, match="f2_mps2"):
-        write_raw_record(raw, tmp_path / "raw.csv")
+        write_record(raw, tmp_path / "raw.csv")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -9,10 +9,7 @@ import pytest
 
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader, refused, with_field
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import (
-    read_position_record,
-    read_record,
-)
+from trihedron.tools.records import PositionRecord, read_record
 
 
 @pytest.fixture
@@ -210,4 +207,4 @@ def test_an_unreadable_file_is_refused(tmp_path):
 def test_a_strapdown_record_is_no_position_record(record_of, tmp_path):
     record_of(f"{STRAPDOWN_HEADER}\n0,1,2,3,0,0,9.8\n")
     with pytest.raises(InputError, match="strapdown record"):
-        read_position_record(tmp_path / "record.csv")
+        read_record(tmp_path / "record.csv", PositionRecord)

@@ -17,7 +17,6 @@ from trihedron.tools.hidden import measure
 from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.planning.plan import plan_targets
 from trihedron.tools.printing import without_times, write_report
-from trihedron.tools.records.reading import TableRun
 from trihedron.tools.report.calibration_page import calibration_page
 from trihedron.tools.report.diagnosis_sections import diagnosis_page
 from trihedron.tools.report.plan_page import plan_page
@@ -58,8 +57,8 @@ def pages(tmp_path_factory) -> dict[str, Path]:
         result = diagnose(record, noise_bound=NOISE_BOUND, rerun=verdict == "explained")
         assert result.verdict == verdict
         texts[verdict] = diagnosis_page(result, record)
-    run = TableRun(measured["consistent"])
-    texts["calibration"] = calibration_page(calibrate(run.record, noise_bound=NOISE_BOUND), run)
+    run = measured["consistent"]
+    texts["calibration"] = calibration_page(calibrate(run, noise_bound=NOISE_BOUND), run)
     drift = strapdown_record(drift=np.array([0.5, -0.4, 0.3]), seed=3)
     texts["strapdown"] = strapdown_page(diagnose_strapdown(drift))
     texts["plan"] = plan_page(plan_targets(("X4", "X6+X8"), grid=15.0))

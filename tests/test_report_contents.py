@@ -18,7 +18,6 @@ from trihedron.tools.diagnosis.likeness import likeness
 from trihedron.tools.hidden import measure
 from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.planning.plan import plan_targets
-from trihedron.tools.records.reading import TableRun
 from trihedron.tools.report.bars import Bar, bars
 from trihedron.tools.report.calibration_page import calibration_page
 from trihedron.tools.report.cells import Written, typeset
@@ -39,7 +38,7 @@ def clean():
 
 @pytest.fixture(scope="module")
 def page(clean):
-    return calibration_page(calibrate(clean, noise_bound=NOISE_BOUND), TableRun(clean))
+    return calibration_page(calibrate(clean, noise_bound=NOISE_BOUND), clean)
 
 
 def headings(text: str) -> list[str]:
@@ -177,7 +176,7 @@ def test_a_record_that_leaves_targets_open_says_where_to_measure_and_carries_the
     few = clean.selected(np.arange(4))
     result = calibrate(few, noise_bound=NOISE_BOUND)
     assert result.verdict == "insufficient"
-    text = calibration_page(result, TableRun(few))
+    text = calibration_page(result, few)
     assert "do not determine any of the targets" in text
     assert "<mi>?</mi>" in text
     (carried,) = re.findall(r'href="data:text/csv;charset=utf-8,([^"]*)" download="next-positions.csv"', text)
@@ -189,7 +188,7 @@ def test_a_record_that_leaves_targets_open_says_where_to_measure_and_carries_the
 def test_a_falsified_calibration_shows_the_readings_that_prove_it_and_no_guarantees():
     record = measure(draw_case(501, effects=["quadratic"]), 501)
     result = calibrate(record, noise_bound=NOISE_BOUND)
-    text = calibration_page(result, TableRun(record))
+    text = calibration_page(result, record)
     table = text[text.index("the readings that prove it</h2>") :]
     at_best = re.findall(r'<td class="number">([+−]\d+\.\d\d)</td>\s*</tr>', table)
     assert len(at_best) == len(result.witness)
@@ -218,7 +217,7 @@ def test_a_named_cause_stands_with_its_interval_its_equation_and_its_rivals():
 
 
 def test_the_pages_repeat_to_the_byte_and_ask_nothing_of_the_network(page, clean):
-    again = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND), TableRun(clean))
+    again = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND), clean)
     assert again == page
     addresses = re.findall(r'(?:href|src)="([^"]*)"', page)
     assert all(address.startswith(("#", "data:")) for address in addresses)
@@ -234,7 +233,7 @@ def test_the_pages_repeat_to_the_byte_and_ask_nothing_of_the_network(page, clean
     ids=["A2", "symmetric", "asked"],
 )
 def test_pages_of_other_options(clean, options):
-    text = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND, **options), TableRun(clean))
+    text = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND, **options), clean)
     assert text.count("<math ") >= 5
     assert all(expression.replace("-", "−") in text for expression in options.get("targets", ()))
 
@@ -244,7 +243,7 @@ def test_pages_of_several_mountings_whatever_they_are_called(clean):
     names = ("upright-1e5",) * half + ("elsewhere",) * (len(clean) - half)
     record = replace(clean, mounting=names)
     mounting = {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}
-    text = calibration_page(calibrate(record, noise_bound=NOISE_BOUND, mounting=mounting), TableRun(record))
+    text = calibration_page(calibrate(record, noise_bound=NOISE_BOUND, mounting=mounting), record)
     assert "X8@upright-1e5" in text
     assert "X13@elsewhere" in text
     result = diagnose(record, noise_bound=NOISE_BOUND, mounting=mounting)
@@ -312,5 +311,5 @@ def test_where_nothing_is_determined_the_table_has_no_empty_columns(clean):
 
 def test_warnings_of_the_record_are_on_the_page(clean):
     warned = replace(calibrate(clean, noise_bound=NOISE_BOUND), warnings=("row 7 <b>looks</b> odd",))
-    text = calibration_page(warned, TableRun(clean))
+    text = calibration_page(warned, clean)
     assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in text

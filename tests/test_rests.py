@@ -7,9 +7,8 @@ import pytest
 
 from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import RawRecord, read_position_record, write_raw_record
-from trihedron.tools.records.rests import average_rests, find_rests
-from trihedron.tools.records.stops import without_turns
+from trihedron.tools.records import PositionRecord, RawRecord, read_record, write_record
+from trihedron.tools.records.rests import average_rests, find_rests, without_turns
 
 
 def test_a_run_without_errors_gives_its_positions_exactly():
@@ -190,8 +189,8 @@ def test_a_table_that_never_stops_has_no_rests():
 
 def test_the_same_file_gives_the_same_record(tmp_path):
     raw, _ = Bench(white=5e-6, held=5e-6, encoder_held=ARCSEC).run(PROGRAMME)
-    write_raw_record(raw, tmp_path / "raw.csv")
-    first, second = (read_position_record(tmp_path / "raw.csv") for _ in range(2))
+    write_record(raw, tmp_path / "raw.csv")
+    first, second = (read_record(tmp_path / "raw.csv", PositionRecord) for _ in range(2))
     direct = averaged(raw)
     for name in ("time_s", "specific_force", "alpha", "scatter"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))

@@ -12,7 +12,7 @@ from trihedron.tools.bench_run import run_scenario
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import read_position_record
+from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.scenario import read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
@@ -28,7 +28,7 @@ def static_run(tmp_path_factory):
 
 
 def test_static_calibration_gives_its_reference_results(static_run):
-    record = read_position_record(static_run[-1])
+    record = read_record(static_run[-1], PositionRecord)
     result = calibrate(record, noise_bound=1e-5)
     reference = REFERENCE["static-calibration"]
     assert len(record.position) == reference["positions"]
@@ -43,7 +43,7 @@ def test_static_calibration_gives_its_reference_results(static_run):
 
 
 def test_static_calibration_holds_the_truth(static_run):
-    result = calibrate(read_position_record(static_run[-1]), noise_bound=1e-5)
+    result = calibrate(read_record(static_run[-1], PositionRecord), noise_bound=1e-5)
     truth = true_targets(read_scenario(SCENARIOS / "static-calibration.toml"))
     assert inside_intervals(result, truth) == 18
     # The truth is at the paper's bounds, not well within.
@@ -64,7 +64,7 @@ def test_a_position_record_that_cannot_be_written_is_an_error(tmp_path, monkeypa
     def full(_record, path):
         raise InputError(f"{path}: cannot be written (No space left on device)")
 
-    monkeypatch.setattr("trihedron.tools.bench_run.write_position_record", full)
+    monkeypatch.setattr("trihedron.tools.bench_run.write_record", full)
     with pytest.raises(InputError, match=r"positions\.csv: cannot be written"):
         run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
 

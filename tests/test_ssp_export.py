@@ -131,10 +131,10 @@ def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
 def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
     from trihedron.tools.bench_run import run_scenario
     from trihedron.tools.calibration import calibrate
-    from trihedron.tools.records import read_position_record
+    from trihedron.tools.records import PositionRecord, read_record
 
     files = run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
-    result = calibrate(read_position_record(files[-1]), noise_bound=1e-5)
+    result = calibrate(read_record(files[-1], PositionRecord), noise_bound=1e-5)
     (tmp_path / "measured.json").write_text(result.json_text())
     fmus = {
         "table": {"component": "TurntableMotion", "parameters_from": "measured.json"},

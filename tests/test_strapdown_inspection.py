@@ -11,7 +11,7 @@ import pytest
 from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import StrapdownRecord, write_strapdown_record
+from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.report.allan_pictures import allan_curve, allan_picture
 from trihedron.tools.strapdown import inspect_record
 from trihedron.tools.strapdown.inspection_text import inspection_text
@@ -229,7 +229,7 @@ def test_the_allan_curve_of_white_noise_falls_as_its_root():
 def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
     record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     path, text, picture = tmp_path / "r.csv", tmp_path / "r.json", tmp_path / "a.svg"
-    write_strapdown_record(record, path)
+    write_record(record, path)
     assert main(["inspect", str(path), "--json", str(text), "--allan", str(picture)]) == 0
     printed = capsys.readouterr().out
     assert "14 rests" in printed

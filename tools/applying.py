@@ -23,9 +23,7 @@ from .records import (
     RawRecord,
     StrapdownRecord,
     read_record,
-    write_position_record,
-    write_raw_record,
-    write_strapdown_record,
+    write_record,
 )
 from .records.rests import average_rests, find_rests
 from .shown import Shown
@@ -129,13 +127,7 @@ def apply_calibration(
 
 def write_corrected(result: Application, path: Path) -> None:
     """Write the corrected record as CSV, whole or not at all."""
-    record = result.record
-    if isinstance(record, PositionRecord):
-        write_position_record(record, path)
-    elif isinstance(record, RawRecord):
-        write_raw_record(record, path)
-    else:
-        write_strapdown_record(record, path)
+    write_record(result.record, path)
 
 
 def application_summary(result: Application, latitude_deg: float) -> str:

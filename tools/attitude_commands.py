@@ -37,9 +37,9 @@ def attitude(
     distinct_files({"the record": record, "--json": json})
     from . import library
     from .attitude.comparison import compare_algorithms, comparison_json, comparison_text, write_comparison
-    from .record_sources import strapdown_record
+    from .records import StrapdownRecord, read_record
 
-    measured = strapdown_record(record)
+    measured = read_record(record, StrapdownRecord)
     if compare:
         rows = compare_algorithms(measured, rates=rates, rate_divisor=rate_divisor, progress=True)
         if out is not None:

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from .errors import InputError, one_line
 from .orchestrator import Run, default_folder
 from .orchestrator import simulate as run_once
-from .records import PositionRecord, RawRecord, read_record, write_position_record
-from .records.reading import record_of
-from .records.rests import average_rests, find_rests
+from .records import PositionRecord, RawRecord, read_record, write_record
+from .records.rests import position_record_of
 from .scenario import Scenario, checked_scenario, read_scenario
 from .shown import Shown
 
@@ -66,6 +65,12 @@ class Simulation(Shown):
 
     def __len__(self) -> int:
         return self.height
+
+    def position_record(self) -> PositionRecord:
+        """The averaged rests; raises InputError where the run is no raw record of a table."""
+        if self.positions is None:
+            raise InputError(self.no_positions or "the simulation has recorded no position record of a table")
+        return self.positions
 
     def __getitem__(self, column: str) -> "Series":
         return self.run.table[column]
@@ -179,16 +184,16 @@ def _simulated(scenario: Scenario, out: Path | None, ignored: tuple[str, ...], *
         return Simulation(run, None, str(error), run.files, ignored)
     if out is None:
         return Simulation(run, positions, "", run.files, ignored)
-    write_position_record(positions, out / "positions.csv")
+    write_record(positions, out / "positions.csv")
     return Simulation(run, positions, "", (*run.files, out / "positions.csv"), ignored)
 
 
 def averaged(run: Run) -> PositionRecord:
     """The position record of a run that was recorded as a raw record."""
-    raw = read_record(run.files[0]) if run.files else record_of(run.table)
+    raw = read_record(run.files[0] if run.files else run.table)
     if not isinstance(raw, RawRecord):
         raise InputError("the run is not a raw record of a table")
-    return average_rests(raw, find_rests(raw))
+    return position_record_of(raw)
 
 
 def run_scenario(path: Path, out: Path | None, *, progress: bool, step: float | None = None) -> list[Path]:

@@ -46,9 +46,9 @@ def calibrate(
     """
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
     from . import library
-    from .record_sources import table_run
+    from .records import PositionRecord, read_record
 
-    run = table_run(record)
+    run = read_record(record, PositionRecord)
     result = library.calibrate(
         run,
         noise_bound=noise_bound,

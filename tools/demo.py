@@ -20,10 +20,9 @@ from .bench_run import run_scenario
 from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
 from .diagnosis.extension import export_extended
-from .errors import InputError
 from .hidden import write_hidden_record
 from .hidden_cases import NOISE_BOUND
-from .records import StrapdownRecord, read_position_record, read_record
+from .records import PositionRecord, StrapdownRecord, read_record
 from .report.diagnosis_sections import diagnosis_sections
 from .report.page import Section, render_page
 from .report.run_sections import attitude_section, run_section
@@ -62,7 +61,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     record_file = files[-1]
 
     say("2  Calibrate: the guaranteed linear programme on the exported positions")
-    calibration = calibrate(read_position_record(record_file), noise_bound=NOISE_BOUND)
+    calibration = calibrate(read_record(record_file, PositionRecord), noise_bound=NOISE_BOUND)
     write_text(out / "calibration.json", calibration.json_text())
     truth = true_targets(read_scenario(scenario_file))
     inside = inside_intervals(calibration, truth)
@@ -75,7 +74,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     write_hidden_record(measured, seed, answer_file, effects=EXTENDING_EFFECTS, progress=True)
 
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
-    measured_record = read_position_record(measured)
+    measured_record = read_record(measured, PositionRecord)
     diagnosis = diagnose(measured_record, noise_bound=NOISE_BOUND, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = export_extended([cause.place for cause in diagnosis.causes], out / "extended")
@@ -192,9 +191,7 @@ def attitude_of_measured_record(out: Path) -> Section:
     if path is None:
         print(WHERE_TO_GET)
         return Section("A measured strapdown record", [WHERE_TO_GET])
-    record = read_record(path)
-    if not isinstance(record, StrapdownRecord):
-        raise InputError(f"{path}: is not a strapdown record")
+    record = read_record(path, StrapdownRecord)
     run = attitude_of_record(record, out=out / "attitude-run", progress=True)
     print("\n".join(run.summary()))
     bias = rate_at_rest(record)

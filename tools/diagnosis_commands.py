@@ -11,8 +11,7 @@ from .outputs import distinct_files, ordinary_folder
 
 if TYPE_CHECKING:
     from .diagnosis import Diagnosis
-    from .records import StrapdownRecord
-    from .records.reading import TableRun
+    from .records import PositionRecord, StrapdownRecord
     from .strapdown.result import StrapdownDiagnosis
 
 
@@ -40,10 +39,9 @@ def diagnose(
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
     from . import library
-    from .record_sources import measured_run
-    from .records import StrapdownRecord
+    from .records import PositionRecord, StrapdownRecord, read_record
 
-    run = measured_run(record)
+    run = read_record(record, PositionRecord, StrapdownRecord)
     result = library.diagnose(
         run,
         noise_bound=noise_bound,
@@ -69,7 +67,7 @@ def diagnose(
     return answer(lines, json, result.json_text())
 
 
-def page_of(result: "Diagnosis | StrapdownDiagnosis", run: "TableRun | StrapdownRecord") -> str:
+def page_of(result: "Diagnosis | StrapdownDiagnosis", run: "PositionRecord | StrapdownRecord") -> str:
     """The page of a diagnosis."""
     from .records import StrapdownRecord
 
@@ -79,4 +77,4 @@ def page_of(result: "Diagnosis | StrapdownDiagnosis", run: "TableRun | Strapdown
         return strapdown_page(cast("StrapdownDiagnosis", result))
     from .report.diagnosis_sections import diagnosis_page
 
-    return diagnosis_page(cast("Diagnosis", result), run.record)
+    return diagnosis_page(cast("Diagnosis", result), run)

@@ -15,7 +15,7 @@ from ..models.effects import CATALOGUE
 from .errors import InputError
 from .hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
 from .orchestrator import simulate
-from .records import PositionRecord, RawRecord, write_position_record
+from .records import PositionRecord, RawRecord, write_record
 from .records.rests import average_rests, find_rests
 from .scenario import Scenario
 from .shown import Shown
@@ -229,7 +229,7 @@ def write_hidden_record(
     if answer is not None:
         write_text(answer, json.dumps(hidden.secret, indent=2) + "\n")
     try:
-        write_position_record(hidden.record, path, decimals=RECORD_DECIMALS)
+        write_record(hidden.record, path, decimals=RECORD_DECIMALS)
     except InputError:
         if answer is not None:
             answer.unlink(missing_ok=True)

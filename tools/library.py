@@ -15,8 +15,7 @@ from .checking import Check, check
 from .errors import InputError
 from .exporting import Exported, export
 from .installation import Installation, doctor
-from .record_sources import StrapdownSource, TableSource, measured_run, strapdown_record, table_run
-from .records import StrapdownRecord, read_record
+from .records import PositionRecord, Source, StrapdownRecord, read_record
 from .templates import new
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ __all__ = [
 
 
 def calibrate(
-    record: TableSource,
+    record: Source,
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
@@ -95,7 +94,7 @@ def calibrate(
     from .calibration import calibrate as solve
 
     return solve(
-        table_run(record).record,
+        read_record(record, PositionRecord),
         noise_bound=noise_bound,
         gravity=gravity,
         convention=convention,
@@ -108,7 +107,7 @@ def calibrate(
 
 
 def diagnose(
-    record: TableSource | StrapdownSource,
+    record: Source,
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
@@ -134,7 +133,7 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    run = measured_run(record)
+    run = read_record(record, PositionRecord, StrapdownRecord)
     if isinstance(run, StrapdownRecord):
         from .strapdown.diagnosis import diagnose_strapdown
 
@@ -146,7 +145,7 @@ def diagnose(
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     return judge(
-        run.record,
+        run,
         noise_bound=noise_bound,
         gravity=gravity,
         baseline=baseline or "asymmetric",
@@ -205,7 +204,7 @@ def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "Co
     return search(count, Request(**options), progress=progress)
 
 
-def inspect(record: StrapdownSource, *, gravity: float = 9.80665) -> "Inspection":
+def inspect(record: Source, *, gravity: float = 9.80665) -> "Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
     Raises
@@ -217,10 +216,10 @@ def inspect(record: StrapdownSource, *, gravity: float = 9.80665) -> "Inspection
 
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
-    return inspect_record(strapdown_record(record), gravity=gravity)
+    return inspect_record(read_record(record, StrapdownRecord), gravity=gravity)
 
 
-def attitude_of_record(record: StrapdownSource, **options: Any) -> "AttitudeRun":
+def attitude_of_record(record: Source, **options: Any) -> "AttitudeRun":
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
 
     Options are those of `trihedron.tools.attitude.attitude_of_record`: algorithm, rates, gyro_bias, rate_divisor, out,
@@ -228,7 +227,7 @@ def attitude_of_record(record: StrapdownSource, **options: Any) -> "AttitudeRun"
     """
     from .attitude import attitude_of_record as run
 
-    return run(strapdown_record(record), **options)
+    return run(read_record(record, StrapdownRecord), **options)
 
 
 def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_bound: float = 0.0) -> "Application":

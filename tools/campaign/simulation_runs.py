@@ -13,7 +13,7 @@ from ..errors import InputError, nearest
 from ..orchestrator.parameters import SETTABLE
 from ..orchestrator.repeated import RepeatedScenario
 from ..records import PositionRecord, RawRecord
-from ..records.rests import average_rests, find_rests
+from ..records.rests import position_record_of
 from ..scenario import read_scenario
 from .calibration_runs import record_table
 from .design import Value, short_seed
@@ -130,4 +130,4 @@ def positions_of(table: pl.DataFrame) -> PositionRecord:
         specific_force=np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1),
         temperature=temperature,
     )
-    return average_rests(raw, find_rests(raw))
+    return position_record_of(raw)

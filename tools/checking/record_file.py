@@ -6,13 +6,10 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..orchestrator.tables import read_table
-from ..records.checks import faults, warnings
-from ..records.columns import ANGLES, FORCE, KINDS, RAW, Columns, RecordError, extra_warning, recognise
-from ..records.csv_table import read_faulty_csv
+from ..records.columns import ANGLES, FORCE, RAW, Columns, RecordError, extra_warning, warnings
 from ..records.kinds import RawRecord
-from ..records.parquet_table import MAGIC, read_parquet
-from ..records.reading import read_record
-from ..records.rests import average_rests, find_rests
+from ..records.read import MAGIC, all_faults, read_record
+from ..records.rests import position_record_of
 from .result import Check, Problem
 
 MOST = 200
@@ -36,22 +33,16 @@ def check_record(path: Path, data: bytes) -> Check:
     names = [] if data.startswith(MAGIC) else _header(data)
     if names and not set(names) & set(FORCE) and set(names) & {*ANGLES, "time_s"}:
         return _check_commands(path, names)
-    kind = "record"
-    columns: Columns | None = None
     found: list[RecordError] = []
-    try:
-        if data.startswith(MAGIC):
-            columns = read_parquet(path, data, lambda names, row: recognise(path, names, row, KINDS))
-        else:
-            found, columns = read_faulty_csv(path, data, lambda names, row: recognise(path, names, row, KINDS))
-    except RecordError as error:
-        found = [error]
-    said: tuple[str, ...] = ()
-    if columns is not None:
-        kind = columns.layout.kind.name
-        said = extra_warning(path, columns.layout)
-        # A row without faulty fields may still be out of range: the others say nothing of it.
-        found += faults(columns)
+    reader = all_faults(path, data)
+    while True:
+        try:
+            found.append(next(reader))
+        except StopIteration as done:
+            columns: Columns | None = done.value
+            break
+    kind = "record" if columns is None else columns.layout.kind.name
+    said = () if columns is None else extra_warning(columns)
     problems = sorted((Problem(_text(fault), fault.row) for fault in found), key=lambda p: p.line or 0)
     if problems or columns is None:
         return Check(path, kind, tuple(problems[:MOST]), said, more=max(0, len(problems) - MOST))
@@ -111,8 +102,7 @@ def _rests(path: Path) -> tuple[list[str], tuple[Problem, ...]]:
     record = read_record(path)
     assert isinstance(record, RawRecord)
     try:
-        rests = find_rests(record)
-        averaged = average_rests(record, rests)
+        found = position_record_of(record)
     except InputError as error:
         return [], (Problem(str(error).removeprefix(f"{path}: ")),)
-    return [f"{len(rests)} rests, {len(averaged)} of them good"], ()
+    return [f"{len(found.rests)} rests, {len(found)} of them good"], ()

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from ..records import write_strapdown_record
+from ..records import write_record
 from ..writing import write_text
 from .cases import draw_case, draw_clean
 
@@ -43,7 +43,7 @@ def write_hidden_strapdown(
     if answer is not None:
         write_text(answer, json.dumps(case.answer(), indent=2) + "\n")
     try:
-        write_strapdown_record(record, path, decimals=RECORD_DECIMALS)
+        write_record(record, path, decimals=RECORD_DECIMALS)
     except InputError:
         if answer is not None:
             answer.unlink(missing_ok=True)

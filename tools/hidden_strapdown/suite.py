@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..hidden_suite.running import run_cases
-from ..records import write_strapdown_record
+from ..records import write_record
 from ..strapdown.diagnosis import diagnose_strapdown
 from .cases import SIZES, draw_case, draw_clean
 from .outcomes import StrapdownOutcome, outcome_of
@@ -88,5 +88,5 @@ def run_case(options: StrapdownOptions, seed: int, records: Path | None, index: 
     case = draw_clean(seed, index) if options.clean else draw_case(seed, index, options.effects, options.sizes)
     record = case.record()
     if records is not None:
-        write_strapdown_record(record, records / f"case-{index:05d}.csv")
+        write_record(record, records / f"case-{index:05d}.csv")
     return outcome_of(case, diagnose_strapdown(record, rerun=False))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..diagnosis import Diagnosis, diagnose
 from ..errors import InputError, nearest
 from ..hidden_cases import NOISE_BOUND
-from ..records import PositionRecord, write_position_record
+from ..records import PositionRecord, write_record
 from ..shown import Shown
 from .cases import SuiteCase, SuiteOptions, draw_case
 from .measurement import measure_case
@@ -134,7 +134,7 @@ def run_case(options: SuiteOptions, seed: int, records: Path | None, index: int)
     case = draw_case(options, seed, index)
     record = measure_case(case)
     if records is not None:
-        write_position_record(record, records / f"case-{index:05d}.csv")
+        write_record(record, records / f"case-{index:05d}.csv")
     return outcome_of(case, diagnosed(case, record))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..orchestrator.tables import read_table
-from ..records.checks import LIMITS
+from ..records.columns import LIMITS
 from ..writing import whole_folder
 from .common_plan import CommonPlan
 from .places import Places

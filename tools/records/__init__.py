@@ -1,16 +1,7 @@
 """Measured data in: position, raw and strapdown records; read, checked, averaged over the rests, written."""
 
 from .kinds import PositionRecord, RawRecord, StrapdownRecord
-from .output import write_position_record, write_raw_record, write_strapdown_record
-from .reading import read_position_record, read_record
+from .read import Source, read_record
+from .write import write_record
 
-__all__ = [
-    "PositionRecord",
-    "RawRecord",
-    "StrapdownRecord",
-    "read_position_record",
-    "read_record",
-    "write_position_record",
-    "write_raw_record",
-    "write_strapdown_record",
-]
+__all__ = ["PositionRecord", "RawRecord", "Source", "StrapdownRecord", "read_record", "write_record"]

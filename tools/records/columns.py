@@ -1,13 +1,15 @@
-"""Which columns each kind of record has, and how the kind is recognised by them."""
+"""Which columns each kind of record has, how it is recognised by them, and what their numbers must fulfil."""
 
+import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
+from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 
 FORCE = ("f1_mps2", "f2_mps2", "f3_mps2")
@@ -18,6 +20,18 @@ ANGLES = ("alpha_deg", "beta_deg")
 TEMPERATURE = "temperature_degC"
 MOUNTING = "mounting"
 APPROACH = ("approach_alpha", "approach_beta")
+
+LIMITS = {
+    "time_s": (-1e12, 1e12, "seconds are needed"),
+    **dict.fromkeys(ANGLES, (-1e6, 1e6, "degrees are needed")),
+    TEMPERATURE: (-273.15, 1e4, "degrees Celsius are needed"),
+    **dict.fromkeys(RATE, (-1e5, 1e5, "radians per second are needed")),
+    **dict.fromkeys(INCREMENT, (-1e3, 1e3, "radians per interval are needed")),
+}
+"""Beyond these no instrument's number lies, and arithmetic with doubles would lose what is asked of it."""
+
+QUATERNION_NORM = 1e-3
+"""How far the norm of a true attitude may be from 1."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +59,16 @@ TABLE_KINDS = (POSITION, RAW, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS)
 """The same for a reader that wants a table's angles where they are given."""
 
 
+class RecordError(InputError):
+    """A record cannot be used; `row` and `column` say where, as far as that is known, `what` the rest."""
+
+    def __init__(self, path: Path, row: int | None, column: str | None, what: str) -> None:
+        place = [f"row {row}"] if row is not None else []
+        place += [f"column {column}"] if column is not None else []
+        super().__init__(f"{path}: {', '.join(place)}: {what}" if place else f"{path}: {what}")
+        self.row, self.column, self.what = row, column, what
+
+
 @dataclass(frozen=True)
 class Layout:
     """What is to be read from a file: the kind, its columns that are there, and the others."""
@@ -58,11 +82,6 @@ class Layout:
         """The columns of numbers that are there."""
         return tuple(name for name in self.present if name != MOUNTING)
 
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """The columns of names that are there."""
-        return tuple(name for name in self.present if name == MOUNTING)
-
 
 @dataclass(frozen=True, eq=False)
 class Columns:
@@ -75,7 +94,7 @@ class Columns:
     path: Path
     layout: Layout
     numbers: dict[str, np.ndarray]
-    texts: dict[str, tuple[str, ...]]
+    mounting: tuple[str, ...] | None
     row: np.ndarray
     resolution: float
     angle_resolution: float = 0.0
@@ -89,25 +108,14 @@ class Columns:
         """A column of numbers (N,), None where the file has none."""
         return self.numbers.get(name)
 
+    def fault(self, index: int | np.integer, name: str, what: str) -> RecordError:
+        """What is wrong with a column in one of the rows read."""
+        return RecordError(self.path, int(self.row[index]), name, what)
 
-def shown(text: str) -> str:
+
+def quoted(text: str) -> str:
     """A field or a name as it can stand in a one-line message: quoted, escaped, cut."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
-
-
-class RecordError(InputError):
-    """A record cannot be used; `row` and `column` say where, as far as that is known, `what` the rest."""
-
-    def __init__(self, path: Path, row: int | None, column: str | None, what: str) -> None:
-        place = [f"row {row}"] if row is not None else []
-        place += [f"column {column}"] if column is not None else []
-        super().__init__(f"{path}: {', '.join(place)}: {what}" if place else f"{path}: {what}")
-        self.row, self.column, self.what = row, column, what
-
-
-def refusal(path: Path, row: int | None, column: str | None, what: str) -> RecordError:
-    """The error that names file, row and column, and says what is wrong and what would be right."""
-    return RecordError(path, row, column, what)
 
 
 def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence[Kind] = KINDS) -> Layout:
@@ -126,71 +134,147 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
 
     Raises
     ------
-    InputError
+    RecordError
         when a name is empty or repeated, or the columns are those of no kind
     """
     if len(names) == 1:
         for mark, called in ((";", "semicolons"), ("\t", "tabs")):
             if mark in names[0]:
-                raise refusal(path, row, None, f"the fields are separated by {called}; use commas")
+                raise RecordError(path, row, None, f"the fields are separated by {called}; use commas")
     for place, name in enumerate(names, 1):
         if not name:
-            raise refusal(path, row, None, f"field {place} of the header is empty; each column needs a name")
+            raise RecordError(path, row, None, f"field {place} of the header is empty; each column needs a name")
     repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
-        raise refusal(path, row, None, f"column {shown(repeated[0])} is there more than once; keep one")
+        raise RecordError(path, row, None, f"column {quoted(repeated[0])} is there more than once; keep one")
 
     kind = next((kind for kind in kinds if set(kind.required) <= set(names)), None)
-    if kind is RAW and _meant_position(names):
-        raise _incomplete(path, names, row, POSITION)
+    if kind is RAW and ({*APPROACH, MOUNTING} & set(names) or get_close_matches("position", names, n=1, cutoff=0.8)):
+        # what only a position record has
+        raise RecordError(path, row, None, _what_is_missing(names, POSITION))
     if kind is None:
-        raise _incomplete(path, names, row, _nearest_kind(names, kinds))
+        raise RecordError(path, row, None, _what_is_missing(names, min(kinds, key=lambda k: _distance(names, k))))
     if {*RATE, *INCREMENT} <= set(names) and kind in (STRAPDOWN_RATES, STRAPDOWN_INCREMENTS):
         what = "rates (w1_radps..) and increments (dtheta1_rad..) are both there; keep one of them"
-        raise refusal(path, row, None, what)
-    quaternion = [name for name in QUATERNION if name in names]
-    if QUATERNION[0] in kind.optional and 0 < len(quaternion) < 4:
-        missing = next(name for name in QUATERNION if name not in names)
-        raise refusal(path, row, None, f"column '{missing}' is missing: the attitude needs q0, q1, q2, q3")
+        raise RecordError(path, row, None, what)
+    missing = [name for name in QUATERNION if name not in names]
+    if QUATERNION[0] in kind.optional and 0 < len(missing) < 4:
+        raise RecordError(path, row, None, f"column '{missing[0]}' is missing: the attitude needs q0, q1, q2, q3")
     present = tuple(name for name in kind.known if name in names)
     return Layout(kind, present, tuple(name for name in names if name not in present))
 
 
-def extra_warning(path: Path, layout: Layout) -> tuple[str, ...]:
+def _distance(names: Sequence[str], kind: Kind) -> tuple[int, int]:
+    """How far columns are from those of a kind: how many are missing, how few of its own are there."""
+    own = (set(kind.known) - {"time_s", *FORCE}) & set(names)
+    return len(set(kind.required) - set(names)), -len(own)
+
+
+def _what_is_missing(names: Sequence[str], kind: Kind) -> str:
+    missing = [name for name in kind.required if name not in names]
+    close = get_close_matches(missing[0], [name for name in names if name not in kind.known], n=1, cutoff=0.6)
+    hint = f" (is {quoted(close[0])} meant?)" if close else ""
+    verb = "columns" if len(missing) > 1 else "column"
+    listed = ", ".join(f"'{name}'" for name in missing)
+    return f"{verb} {listed} missing for a {kind.name}{hint}; it needs {','.join(kind.required)}"
+
+
+def extra_warning(columns: Columns) -> tuple[str, ...]:
     """One line that names the columns left out, with the optional column that each may have meant."""
+    layout = columns.layout
     if not layout.extra:
         return ()
     absent = [name for name in layout.kind.optional if name not in layout.present]
     said = []
     for name in layout.extra[:8]:
         close = get_close_matches(name, absent, n=1, cutoff=0.75)
-        said.append(f"{shown(name)} (did you mean '{close[0]}'?)" if close else shown(name))
+        said.append(f"{quoted(name)} (did you mean '{close[0]}'?)" if close else quoted(name))
     rest = len(layout.extra) - len(said)
     more = f" and {rest} more" if rest else ""
-    return (f"{path}: not columns of a {layout.kind.name}, left out: {', '.join(said)}{more}",)
+    return (f"{columns.path}: not columns of a {layout.kind.name}, left out: {', '.join(said)}{more}",)
 
 
-def _meant_position(names: Sequence[str]) -> bool:
-    """Whether the columns of a raw record come with what only a position record has."""
-    own = {*APPROACH, MOUNTING} & set(names)
-    return bool(own) or bool(get_close_matches("position", names, n=1, cutoff=0.8))
+def warnings(columns: Columns) -> tuple[str, ...]:
+    """What a person should be told of numbers that have no faults."""
+    said = []
+    if ANGLES[0] in columns.numbers and 0.0 < float(np.abs(columns.group(ANGLES)).max()) <= 2.0 * math.pi:
+        said.append(f"{columns.path}: columns {_all(ANGLES)}: all angles are within ±2π degrees; are they radians?")
+    temperature = columns.optional(TEMPERATURE)
+    if temperature is not None and float(temperature.min()) >= 200.0:
+        said.append(f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?")
+    return tuple(said)
 
 
-def _nearest_kind(names: Sequence[str], kinds: Sequence[Kind]) -> Kind:
-    def distance(kind: Kind) -> tuple[int, int]:
-        own = (set(kind.known) - {"time_s", *FORCE}) & set(names)
-        return len(set(kind.required) - set(names)), -len(own)
+def faults(columns: Columns) -> Iterator[RecordError]:
+    """Every number out of its range, `position` or `time_s` that repeats or runs back, readings that are not specific
+    forces in m/s², quaternions that are none."""
+    for name, (low, high, needed) in LIMITS.items():
+        values = columns.numbers.get(name, np.zeros(0))
+        for k in np.flatnonzero((values < low) | (values > high)):
+            yield columns.fault(k, name, f"{float(values[k])!r} is outside {low:g} to {high:g}; {needed}")
+    if "position" in columns.numbers:
+        values = columns.numbers["position"]
+        wrong = np.flatnonzero((values < 1) | (values != np.floor(values)) | (values > 2**53))
+        for k in wrong:
+            what = f"{float(values[k]):g} is not a positive integer; positions count from 1"
+            yield columns.fault(k, "position", what)
+        if not wrong.size:
+            yield from _increasing(columns, "position")
+    yield from _increasing(columns, "time_s")
+    for name in APPROACH:
+        values = columns.numbers.get(name, np.zeros(0))
+        for k in np.flatnonzero(np.abs(values) != 1.0):
+            yield columns.fault(k, name, f"{float(values[k]):g} is neither +1 nor -1, the sense of the last move")
+    yield from _forces(columns)
+    if QUATERNION[0] in columns.numbers:
+        yield from _quaternions(columns)
 
-    return min(kinds, key=distance)
+
+def _increasing(columns: Columns, name: str) -> Iterator[RecordError]:
+    values = columns.numbers[name]
+    for k in np.flatnonzero(values[1:] <= values[:-1]):
+        before, value = float(values[k]), float(values[k + 1])
+        verb = "repeats" if value == before else "runs back"
+        hint = " (a time series has no such column)" if name == "position" else ""
+        what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
+        yield columns.fault(k + 1, name, what)
 
 
-def _incomplete(path: Path, names: Sequence[str], row: int | None, kind: Kind) -> InputError:
-    missing = [name for name in kind.required if name not in names]
-    strange = [name for name in names if name not in kind.known]
-    close = get_close_matches(missing[0], strange, n=1, cutoff=0.6)
-    hint = f" (is {shown(close[0])} meant?)" if close else ""
-    verb = "columns" if len(missing) > 1 else "column"
-    listed = ", ".join(f"'{name}'" for name in missing)
-    asked = ",".join(kind.required)
-    what = f"{verb} {listed} missing for a {kind.name}{hint}; it needs {asked}"
-    return refusal(path, row, None, what)
+def _forces(columns: Columns) -> Iterator[RecordError]:
+    force = columns.group(FORCE)
+    limit = 10.0 * STANDARD_GRAVITY
+    # a component beyond the limit first: the squares of huge numbers overflow
+    large = np.abs(force) > limit
+    for index, axis in np.argwhere(large).tolist():
+        what = f"{float(force[index, axis]):g} is above 10 times gravity; m/s2 are needed"
+        yield columns.fault(index, FORCE[axis], what)
+    if large.any():
+        return
+    norm = np.sqrt(np.einsum("ij,ij->i", force, force))
+    over = np.flatnonzero(norm > limit)
+    for k in over:
+        yield columns.fault(k, _all(FORCE), f"|f| = {norm[k]:g} is above 10 times gravity")
+    median = float(np.median(norm)) / STANDARD_GRAVITY
+    if not over.size and not 0.5 <= median <= 1.5:
+        guess = " (readings in g?)" if 0.5 <= median * STANDARD_GRAVITY <= 1.5 else ""
+        what = f"the median of |f| is {median:.4g} times gravity, where 0.5 to 1.5 is possible{guess}"
+        yield RecordError(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
+
+
+def _quaternions(columns: Columns) -> Iterator[RecordError]:
+    quaternion = columns.group(QUATERNION)
+    empty = np.isnan(quaternion)
+    for k in np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1)):
+        name = QUATERNION[int(np.argmax(empty[k]))]
+        yield columns.fault(k, name, "the field is empty; give all of q0..q3 or none of them")
+    known = np.flatnonzero(~empty.any(axis=1))
+    scale = np.abs(quaternion[known]).max(axis=1, initial=0.0)
+    # numbers that are far off are found without squaring them
+    norm = np.where(scale > 2.0, scale, np.sqrt(np.square(np.clip(quaternion[known], -2.0, 2.0)).sum(axis=1)))
+    for k in np.flatnonzero(np.abs(norm - 1.0) > QUATERNION_NORM):
+        what = f"the norm of the attitude is {norm[k]:.6g}; it must be 1 within {QUATERNION_NORM:g}"
+        yield columns.fault(int(known[k]), _all(QUATERNION), what)
+
+
+def _all(names: tuple[str, ...]) -> str:
+    return f"{names[0]}..{names[-1]}" if len(names) > 2 else ", ".join(names)

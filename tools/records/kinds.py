@@ -1,12 +1,12 @@
-"""The three kinds of record as values: SI and radians, a numpy array for each group of columns."""
+"""The kinds of record as values: SI and radians, a numpy array for each group of columns."""
 
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from ..shown import Shown
+from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -20,33 +20,171 @@ class DwellNoise:
     deviation: tuple[float, float, float]
 
 
+@dataclass(frozen=True)
+class Rest:
+    """A rest of the table in a raw record; rows are indices into the record's arrays, both ends included.
+
+    Attributes
+    ----------
+    first, last : int
+        the rows over which the table stands
+    kept_first, kept_last : int
+        the rows that are averaged: settled, and not next to a move
+    refused : str or None
+        why the rest is not used
+    trends : tuple of str
+        what still changes linearly over the rows kept, with its size
+    """
+
+    first: int
+    last: int
+    kept_first: int
+    kept_last: int
+    refused: str | None = None
+    trends: tuple[str, ...] = ()
+
+    @property
+    def kept(self) -> slice:
+        """The rows that are averaged."""
+        return slice(self.kept_first, self.kept_last + 1)
+
+
 def _no_rows() -> np.ndarray:
     return np.zeros(0, dtype=np.int64)
 
 
-def _shaped(record: Any, shapes: dict[str, tuple[int, ...]]) -> None:
-    """Make the fields arrays of N rows and the shapes given; number the rows where they are not numbered."""
-    count = len(record.time_s)
-    if record.row.size == 0:
-        object.__setattr__(record, "row", np.arange(1, count + 1))
-    for name, shape in {**shapes, "row": ()}.items():
-        value = getattr(record, name)
-        if value is None:
-            continue
-        kind = np.int64 if name in ("position", "row") else np.float64
-        array = np.asarray(value, dtype=kind)
-        if array.shape != (count, *shape):
-            raise ValueError(f"{name} has the shape {array.shape}, where time_s asks for {(count, *shape)}")
-        object.__setattr__(record, name, array)
+def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
+    """Degrees with as few decimals as possible whose conversion to radians gives the same doubles.
+
+    Not every double in radians has such a degree (the spacing of doubles is wider in degrees for one in ten);
+    there it is the nearest.
+
+    Parameters
+    ----------
+    angle : ndarray
+        [rad]
+
+    Returns
+    -------
+    ndarray
+        [deg], the same shape
+    """
+    result = np.rad2deg(angle)
+    nearest = result.copy()
+    open_ = np.ones(angle.shape, dtype=bool)
+    tried = [np.round(nearest, decimals) for decimals in range(14)]
+    tried += [nearest, np.nextafter(nearest, np.inf), np.nextafter(nearest, -np.inf)]
+    for candidate in tried:
+        hit = open_ & (np.deg2rad(candidate) == angle)
+        result[hit] = candidate[hit]
+        open_ &= ~hit
+    return result
 
 
-def _lines(record: Any, kind: str) -> list[str]:
-    span = f", {record.time_s[-1] - record.time_s[0]:.6g} s" if len(record) else ""
-    return [f"{record.path}: {kind} of {len(record)} rows{span}", *(f"warning: {text}" for text in record.warnings)]
+class _Record:
+    """What the kinds have in common: arrays of one length, columns of a file, a line for a person."""
+
+    word: ClassVar[str]
+    groups: ClassVar[dict[str, tuple[str, ...]]]
+    """Field -> its columns in a file, in their order; one column is an array (N,), several are (N, columns)."""
+    time_s: np.ndarray
+    row: np.ndarray
+    path: Path
+    warnings: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        count = len(self.time_s)
+        if self.row.size == 0:
+            object.__setattr__(self, "row", np.arange(1, count + 1))
+        for name, columns in {**self.groups, "scatter": FORCE, "row": ("row",)}.items():
+            value = getattr(self, name, None)
+            if value is None or name == "mounting":
+                continue
+            array = np.asarray(value, dtype=np.int64 if name in ("position", "row") else np.float64)
+            shape = (count,) if len(columns) == 1 else (count, len(columns))
+            if array.shape != shape:
+                raise ValueError(f"{name} has the shape {array.shape}, where time_s asks for {shape}")
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __str__(self) -> str:
+        span = f", {self.time_s[-1] - self.time_s[0]:.6g} s" if len(self) else ""
+        said = (f"warning: {text}" for text in self.warnings)
+        return "\n".join([f"{self.path}: {self.word} of {len(self)} rows{span}", *said])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return self.to_polars()._repr_html_()
+
+    def columns(self) -> dict[str, Any]:
+        """The columns that its file has, by their names: angles in degrees, NaN where an attitude is not known."""
+        found: dict[str, Any] = {}
+        for name, columns in self.groups.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if name in ("alpha", "beta"):
+                value = degrees_that_read_back(value)
+            elif columns[0] in APPROACH:
+                value = value.astype(np.int64)
+            elif columns == QUATERNION:
+                value = np.where(np.isfinite(value).all(axis=1, keepdims=True), value, np.nan)
+            single = len(columns) == 1
+            found |= {column: value if single else value[:, axis] for axis, column in enumerate(columns)}
+        return found
+
+    def to_polars(self) -> "DataFrame":
+        """Its `columns` as a table; an attitude that is not known is null."""
+        import polars as pl
+
+        table = pl.DataFrame({k: list(v) if k == MOUNTING else v for k, v in self.columns().items()})
+        known = [name for name in QUATERNION if name in table.columns]
+        return table.with_columns(pl.col(known).fill_nan(None)) if known else table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PositionRecord(Shown):
+class RawRecord(_Record):
+    """The time series of a table run, slews included.
+
+    Attributes
+    ----------
+    time_s, alpha, beta : ndarray, shape (N,)
+        [s]; encoder readings of the outer (α) and the inner axis (β) [rad]
+    specific_force : ndarray, shape (N, 3)
+        readings of the three accelerometers, block frame [m/s²]
+    temperature : ndarray, shape (N,), or None
+        [°C]
+    path, row, warnings, resolution, sha256
+        as in PositionRecord
+    """
+
+    word = "raw record"
+    groups: ClassVar = {
+        "time_s": ("time_s",),
+        "alpha": ANGLES[:1],
+        "beta": ANGLES[1:],
+        "specific_force": FORCE,
+        "temperature": (TEMPERATURE,),
+    }
+
+    time_s: np.ndarray
+    alpha: np.ndarray
+    beta: np.ndarray
+    specific_force: np.ndarray
+    temperature: np.ndarray | None = None
+    path: Path = Path("record")
+    row: np.ndarray = field(default_factory=_no_rows)
+    warnings: tuple[str, ...] = ()
+    resolution: float = 0.0
+    sha256: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PositionRecord(_Record):
     """One averaged row for each rest of the table.
 
     Attributes
@@ -83,7 +221,22 @@ class PositionRecord(Shown):
         for a record made from rests, where they are long enough to tell
     sha256 : str
         of the file's bytes, in hexadecimal; empty when the record has no file
+    raw : RawRecord or None
+        what it was made from, with all the `rests` of the table, refused ones too
     """
+
+    word = "position record"
+    groups: ClassVar = {
+        "position": ("position",),
+        "time_s": ("time_s",),
+        "alpha": ANGLES[:1],
+        "beta": ANGLES[1:],
+        "specific_force": FORCE,
+        "temperature": (TEMPERATURE,),
+        "approach_alpha": APPROACH[:1],
+        "approach_beta": APPROACH[1:],
+        "mounting": (MOUNTING,),
+    }
 
     position: np.ndarray
     time_s: np.ndarray
@@ -103,91 +256,30 @@ class PositionRecord(Shown):
     scatter: np.ndarray | None = None
     dwell_noise: DwellNoise | None = None
     sha256: str = ""
+    raw: RawRecord | None = None
+    rests: tuple[Rest, ...] = ()
 
     def __post_init__(self) -> None:
-        columns = ("position", "alpha", "beta", "temperature", "approach_alpha", "approach_beta", "time_s")
-        _shaped(self, {**dict.fromkeys(columns, ()), "specific_force": (3,), "scatter": (3,)})
-        if self.mounting is not None and len(self.mounting) != len(self.time_s):
-            raise ValueError(f"{len(self.mounting)} names of mountings for {len(self.time_s)} rows")
+        super().__post_init__()
+        if self.mounting is not None and len(self.mounting) != len(self):
+            raise ValueError(f"{len(self.mounting)} names of mountings for {len(self)} rows")
 
     def written_to(self, gravity: float) -> float:
         """By how much rounding on paper may move a reading and the input of its two angles, fractions of `gravity`."""
         return self.resolution / gravity + 2.0 * self.angle_resolution
 
-    def lines(self) -> list[str]:
-        """What it is, and what a person should be told of it."""
-        return _lines(self, "position record")
-
-    def to_polars(self) -> "DataFrame":
-        """The columns that its file has, angles in degrees."""
-        from .frames import frame_of
-
-        record: Any = self
-        return frame_of(record)
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def selected(self, index: np.ndarray) -> "PositionRecord":
+    def selected(self, index: np.ndarray) -> Self:
         """The same record with the rows that a mask or an index array selects, in that order."""
         index = np.arange(len(self))[index]
-        changed: dict[str, Any] = {}
-        for column in fields(self):
-            value = getattr(self, column.name)
-            if isinstance(value, np.ndarray):
-                changed[column.name] = value[index]
+        values = {column.name: getattr(self, column.name) for column in fields(self)}
+        changed: dict[str, Any] = {k: v[index] for k, v in values.items() if isinstance(v, np.ndarray)}
         if self.mounting is not None:
             changed["mounting"] = tuple(self.mounting[k] for k in index)
         return replace(self, **changed)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RawRecord(Shown):
-    """The time series of a table run, slews included.
-
-    Attributes
-    ----------
-    time_s, alpha, beta : ndarray, shape (N,)
-        [s]; encoder readings of the outer (α) and the inner axis (β) [rad]
-    specific_force : ndarray, shape (N, 3)
-        readings of the three accelerometers, block frame [m/s²]
-    temperature : ndarray, shape (N,), or None
-        [°C]
-    path, row, warnings, resolution, sha256
-        as in PositionRecord
-    """
-
-    time_s: np.ndarray
-    alpha: np.ndarray
-    beta: np.ndarray
-    specific_force: np.ndarray
-    temperature: np.ndarray | None = None
-    path: Path = Path("record")
-    row: np.ndarray = field(default_factory=_no_rows)
-    warnings: tuple[str, ...] = ()
-    resolution: float = 0.0
-    sha256: str = ""
-
-    def __post_init__(self) -> None:
-        _shaped(self, {"time_s": (), "alpha": (), "beta": (), "temperature": (), "specific_force": (3,)})
-
-    def lines(self) -> list[str]:
-        """What it is, and what a person should be told of it."""
-        return _lines(self, "raw record")
-
-    def to_polars(self) -> "DataFrame":
-        """The columns that its file has, angles in degrees."""
-        from .frames import frame_of
-
-        record: Any = self
-        return frame_of(record)
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class StrapdownRecord(Shown):
+class StrapdownRecord(_Record):
     """Gyros and accelerometers of one block; exactly one of `rate` and `increment` is given.
 
     Attributes
@@ -208,6 +300,16 @@ class StrapdownRecord(Shown):
         as in PositionRecord
     """
 
+    word = "strapdown record"
+    groups: ClassVar = {
+        "time_s": ("time_s",),
+        "rate": RATE,
+        "increment": INCREMENT,
+        "specific_force": FORCE,
+        "temperature": (TEMPERATURE,),
+        "attitude": QUATERNION,
+    }
+
     time_s: np.ndarray
     rate: np.ndarray | None
     increment: np.ndarray | None
@@ -222,19 +324,4 @@ class StrapdownRecord(Shown):
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):
             raise ValueError("a strapdown record has either rates or increments")
-        shapes = {"rate": (3,), "increment": (3,), "specific_force": (3,), "attitude": (4,)}
-        _shaped(self, {"time_s": (), "temperature": (), **shapes})
-
-    def lines(self) -> list[str]:
-        """What it is, and what a person should be told of it."""
-        return _lines(self, "strapdown record")
-
-    def to_polars(self) -> "DataFrame":
-        """The columns that its file has, angles in degrees."""
-        from .frames import frame_of
-
-        record: Any = self
-        return frame_of(record)
-
-    def __len__(self) -> int:
-        return len(self.time_s)
+        super().__post_init__()

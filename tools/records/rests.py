@@ -1,15 +1,15 @@
-"""The rests of a table run: found in the time series, tested, and averaged to a position record."""
+"""The rests of a table run: stretches over which both encoders keep their level, tested, and averaged to positions."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
-from .allan import dwell_noise
-from .kinds import PositionRecord, RawRecord
+from .kinds import PositionRecord, RawRecord, Rest
+from .noise import dwell_noise
 from .settling import (
     BLOCKS,
     Trend,
@@ -20,7 +20,18 @@ from .settling import (
     still_settling,
     trend_of,
 )
-from .stops import WINDOW, find_stops, quiet_tolerance, without_turns
+
+WINDOW = 8
+"""Rows of the shortest stretch that can be told from a slow move."""
+
+LEAST_TOLERANCE = math.radians(5 / 3600)
+"""Spread of an encoder's readings that never counts as motion [rad]."""
+
+GREATEST_TOLERANCE = math.radians(5 / 60)
+"""No stretch with a greater spread is a rest [rad]: readings averaged over it would be wrong by 3e-7 g."""
+
+COARSEST_ENCODER = math.radians(2 / 60)
+"""A step of the reading above this is a move, not the last digit of an encoder [rad]."""
 
 SHORTEST = 0.25
 """A rest lasts at least this part of the median rest."""
@@ -47,30 +58,6 @@ _AXES = ("outer", "inner")
 _ARCSEC = math.radians(1 / 3600)
 
 
-@dataclass(frozen=True)
-class Rest:
-    """A rest of the table in a raw record; rows are indices into the record's arrays, both ends included.
-
-    Attributes
-    ----------
-    first, last : int
-        the rows over which the table stands
-    kept_first, kept_last : int
-        the rows that are averaged: settled, and not next to a move
-    refused : str or None
-        why the rest is not used
-    trends : tuple of str
-        what still changes linearly over the rows kept, with its size
-    """
-
-    first: int
-    last: int
-    kept_first: int
-    kept_last: int
-    refused: str | None = None
-    trends: tuple[str, ...] = ()
-
-
 def find_rests(raw: RawRecord) -> list[Rest]:
     """Find the rests of the table and test each of them.
 
@@ -91,7 +78,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
     """
     if len(raw) < WINDOW:
         return []
-    angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
+    angles = _angles(raw)
     tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)])
     stops = find_stops(angles, tolerance)
     if not stops:
@@ -132,14 +119,16 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
     """
     used = [rest for rest in rests if rest.refused is None]
     if not used:
-        raise InputError(f"{raw.path}: no rest of the table can be averaged: {_why_none(raw, rests)}")
-    angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
-    kept = [slice(rest.kept_first, rest.kept_last + 1) for rest in used]
+        why = f"the angles keep their level nowhere for {WINDOW} rows"
+        if rests:
+            why = f"row {raw.row[rests[0].first]}: {rests[0].refused}" + (", and others" if len(rests) > 1 else "")
+        raise InputError(f"{raw.path}: no rest of the table can be averaged: {why}")
+    angles = _angles(raw)
+    kept = [rest.kept for rest in used]
     # the encoder's own turn again, so that angles stand as they were read
-    turns = [raw_angle - angle for raw_angle, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
+    turns = [read - angle for read, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
     mean_angle = np.array([mean_of(angles[rows]) for rows in kept])
     mean_angle += np.array([[turn[rows.start] for turn in turns] for rows in kept])
-    approach = [_approach(angles[:, axis], used) for axis in range(2)]
     temperature = raw.temperature
     return PositionRecord(
         position=np.arange(1, len(used) + 1),
@@ -148,8 +137,8 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         beta=mean_angle[:, 1],
         specific_force=np.array([mean_of(raw.specific_force[rows]) for rows in kept]),
         temperature=None if temperature is None else np.array([mean_of(temperature[rows]) for rows in kept]),
-        approach_alpha=approach[0],
-        approach_beta=approach[1],
+        approach_alpha=_approach(angles[:, 0], used),
+        approach_beta=_approach(angles[:, 1], used),
         resolution=raw.resolution,
         row=np.array([raw.row[rows.start] for rows in kept]),
         path=raw.path,
@@ -157,7 +146,14 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         warnings=raw.warnings + _said(raw, rests),
         scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in kept]),
         dwell_noise=dwell_noise(raw, kept),
+        raw=raw,
+        rests=tuple(rests),
     )
+
+
+def position_record_of(raw: RawRecord) -> PositionRecord:
+    """The rests of a raw record found and averaged; errors as `average_rests`."""
+    return average_rests(raw, find_rests(raw))
 
 
 def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
@@ -165,13 +161,12 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
     # a row beside a move may hold a reading taken while the table still moved
     start = first + 1 if first > 0 else first
     end = last - 1 if last < len(raw) - 1 else last
-    reading_floor = np.full(3, max(2.0 * raw.resolution, ROUNDING))
-    angle_floor = np.full(2, UNSEEN_ANGLE)
+    reading_floor, angle_floor = _reading_floor(raw), np.full(2, UNSEEN_ANGLE)
     half = slice((start + end) // 2, end + 1)
     half_lasts = f"in its last {_lasts(raw, half)}"
-    for axis, trend in enumerate(trend_of(raw.time_s[half], angles[half], angle_floor)):
-        if trend.significant and abs(trend.change) > tolerance[axis]:
-            return Rest(first, last, start, end, refused=f"the {_turning(axis, trend)} {half_lasts}")
+    turning = trend_of(raw.time_s[half], angles[half], angle_floor)
+    for axis in np.flatnonzero(turning.significant & (np.abs(turning.change) > tolerance))[:1]:
+        return Rest(first, last, start, end, refused=f"the {_turning(axis, turning)} {half_lasts}")
 
     values = np.concatenate([raw.specific_force[start : end + 1], angles[start : end + 1]], axis=1)
     dropped = _dropped(raw.time_s[start : end + 1], values, np.concatenate([reading_floor, angle_floor]))
@@ -186,11 +181,10 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
     rows = slice(start, end + 1)
     turning = trend_of(raw.time_s[rows], angles[rows], angle_floor)
     drifting = trend_of(raw.time_s[rows], raw.specific_force[rows], reading_floor)
-    said = [_turning(axis, trend) for axis, trend in enumerate(turning) if trend.significant]
+    said = [_turning(axis, turning) for axis in np.flatnonzero(turning.significant)]
     said += [
-        f"f{axis} drifts by {trend.change / STANDARD_GRAVITY:.2g} g"
-        for axis, trend in enumerate(drifting, 1)
-        if trend.significant
+        f"f{axis + 1} drifts by {drifting.change[axis] / STANDARD_GRAVITY:.2g} g"
+        for axis in np.flatnonzero(drifting.significant)
     ]
     return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in said))
 
@@ -200,20 +194,18 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
     used = [k for k, rest in enumerate(rests) if rest.refused is None]
     if len(used) < FEWEST_COMPARED:
         return rests
-    floor = np.full(3, max(2.0 * raw.resolution, ROUNDING))
-    trends, rates = {}, []
+    trends, rates = [], []
     for k in used:
-        rows = slice(rests[k].kept_first, rests[k].kept_last + 1)
-        trends[k] = trend_of(raw.time_s[rows], raw.specific_force[rows], floor)
-        lasts = raw.time_s[rows.stop - 1] - raw.time_s[rows.start]
-        rates.append([abs(trend.change) / lasts for trend in trends[k]])
+        time = raw.time_s[rests[k].kept]
+        trends.append(trend_of(time, raw.specific_force[rests[k].kept], _reading_floor(raw)))
+        rates.append(np.abs(trends[-1].change) / (time[-1] - time[0]))
     usual = np.median(rates, axis=0)
-    for k, rate in zip(used, rates, strict=True):
-        rows = slice(rests[k].kept_first, rests[k].kept_last + 1)
-        for axis, trend in enumerate(trends[k]):
-            unlike = trend.significant and rate[axis] > UNUSUAL * usual[axis]
-            if unlike and abs(trend.change) > scatter_about_line(raw.time_s[rows], raw.specific_force[rows, axis]):
-                why = f"f{axis + 1} drifts linearly by {trend.change / STANDARD_GRAVITY:.2g} g in {_lasts(raw, rows)}"
+    for k, trend, rate in zip(used, trends, rates, strict=True):
+        rows = rests[k].kept
+        for axis in np.flatnonzero(trend.significant & (rate > UNUSUAL * usual)):
+            change = trend.change[axis]
+            if abs(change) > scatter_about_line(raw.time_s[rows], raw.specific_force[rows, axis]):
+                why = f"f{axis + 1} drifts linearly by {change / STANDARD_GRAVITY:.2g} g in {_lasts(raw, rows)}"
                 often = f", {rate[axis] / usual[axis]:.2g} times the median" if usual[axis] > 0.0 else ""
                 rests[k] = replace(rests[k], refused=f"{why}{often}: a trend, which other rests do not have")
                 break
@@ -234,8 +226,18 @@ def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
     return settled_from(values, floor)
 
 
-def _turning(axis: int, trend: Trend) -> str:
-    return f"{_AXES[axis]} axis turns by {trend.change / _ARCSEC:.2g} arcsec"
+def _angles(raw: RawRecord) -> np.ndarray:
+    """Both encoder readings without jumps by whole turns, shape (N, 2) [rad]."""
+    return np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
+
+
+def _reading_floor(raw: RawRecord) -> np.ndarray:
+    """Changes of the readings (3,) that rounding may make [m/s²]."""
+    return np.full(3, max(2.0 * raw.resolution, ROUNDING))
+
+
+def _turning(axis: int | np.integer, trend: Trend) -> str:
+    return f"{_AXES[axis]} axis turns by {trend.change[axis] / _ARCSEC:.2g} arcsec"
 
 
 def _lasts(raw: RawRecord, rows: slice) -> str:
@@ -270,12 +272,6 @@ def _approach(angle: np.ndarray, rests: Sequence[Rest]) -> np.ndarray | None:
     return np.array(senses)
 
 
-def _why_none(raw: RawRecord, rests: Sequence[Rest]) -> str:
-    if not rests:
-        return f"the angles keep their level nowhere for {WINDOW} rows"
-    return f"row {raw.row[rests[0].first]}: {rests[0].refused}" + (", and others" if len(rests) > 1 else "")
-
-
 def _said(raw: RawRecord, rests: Sequence[Rest]) -> tuple[str, ...]:
     """One line for each refused rest and one for the trends, at most ten of the former."""
     refused = [rest for rest in rests if rest.refused is not None]
@@ -293,3 +289,100 @@ def _said(raw: RawRecord, rests: Sequence[Rest]) -> tuple[str, ...]:
             f"{raw.row[rest.kept_first]} to {raw.row[rest.kept_last]}: {', '.join(rest.trends)}"
         )
     return tuple(lines)
+
+
+def without_turns(angle: np.ndarray) -> np.ndarray:
+    """The angle without the jumps by whole turns that an encoder makes at its zero, shape (N,) [rad]."""
+    turns = np.rint(np.diff(angle) / (2.0 * math.pi))
+    result = angle.copy()
+    result[1:] -= np.cumsum(turns) * (2.0 * math.pi)
+    return result
+
+
+def quiet_tolerance(angle: np.ndarray) -> float:
+    """Spread of one encoder's readings over a rest, from the record's own quiet stretches [rad].
+
+    Some hundredths of the record at least are taken to be at rest on this axis: the lowest hundredth of the
+    spread over short windows is then a rest's, a tenth of the spread over a long rest at most. An encoder whose
+    last digit seldom changes shows it in its smallest step.
+    """
+    spread = np.quantile(_window_spread(angle), 0.01)
+    steps = np.abs(np.diff(angle))
+    steps = steps[(steps > 0.0) & (steps <= COARSEST_ENCODER)]
+    digit = float(steps.min()) if steps.size else 0.0
+    return min(max(10.0 * float(spread), 1.5 * digit, LEAST_TOLERANCE), GREATEST_TOLERANCE)
+
+
+def find_stops(angles: np.ndarray, tolerance: np.ndarray) -> list[tuple[int, int]]:
+    """First and last row of every stretch of at least WINDOW rows over which both angles keep their level.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (N, 2)
+        encoder readings without jumps by whole turns [rad]
+    tolerance : ndarray, shape (2,)
+        spread of a rest on each axis [rad]
+
+    Returns
+    -------
+    list of (int, int)
+        in the order of time
+    """
+    count = len(angles)
+    if count < WINDOW:
+        return []
+    quiet = np.all([_window_spread(angles[:, k]) <= tolerance[k] for k in range(2)], axis=0)
+    covered = np.convolve(quiet, np.ones(WINDOW, dtype=np.int64)) > 0
+    # a move between two rows leaves both in quiet windows, but not of the same rest
+    joined = np.all(np.abs(np.diff(angles, axis=0)) <= tolerance, axis=1) & covered[1:] & covered[:-1]
+    starts = np.flatnonzero(covered & ~np.concatenate([[False], joined]))
+    ends = np.flatnonzero(covered & ~np.concatenate([joined, [False]]))
+    stops = []
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        stops += list(_levels(angles, first, last, tolerance))
+    return [(first, last) for first, last in stops if last - first + 1 >= WINDOW]
+
+
+def _window_spread(values: np.ndarray) -> np.ndarray:
+    """Largest less smallest value in each window of WINDOW rows, shape (N - WINDOW + 1,)."""
+    high = low = values
+    width = 1
+    while width < WINDOW:
+        high = np.maximum(high[:-width], high[width:])
+        low = np.minimum(low[:-width], low[width:])
+        width *= 2
+    return high - low
+
+
+def _levels(angles: np.ndarray, first: int, last: int, tolerance: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Cut a stretch that holds a slow motion into pieces of one level each; one that only creeps is a rest."""
+    if np.all(np.ptp(angles[first : last + 1], axis=0) <= GREATEST_TOLERANCE):
+        yield first, last
+        return
+    start = first
+    while start <= last:
+        end = _level_end(angles, start, last, tolerance)
+        middle = (start + end + 1) // 2
+        if middle > start:
+            halves = [mean_of(angles[start:middle]), mean_of(angles[middle : end + 1])]
+            # a piece of a motion moves on by the whole tolerance, a rest stays where it is
+            if np.all(np.abs(halves[1] - halves[0]) <= 0.25 * tolerance):
+                yield start, end
+        start = end + 1
+
+
+def _level_end(angles: np.ndarray, start: int, last: int, tolerance: np.ndarray) -> int:
+    """Last row up to which the spread from `start` stays within the tolerance."""
+
+    def level(end: int) -> bool:
+        return bool(np.all(np.ptp(angles[start : end + 1], axis=0) <= tolerance))
+
+    good, step = start, 1
+    while good + step <= last and level(good + step):
+        good += step
+        step *= 2
+    while step:
+        if good + step <= last and level(good + step):
+            good += step
+        step //= 2
+    return good

@@ -19,12 +19,12 @@ FALSE_ALARM = 1e-4
 """Chance that a trend is stated, or a rest called unsettled, where the scatter alone made it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trend:
-    """A linear trend: change from the first to the last row, and whether the scatter can explain it."""
+    """Linear trends: change (m,) from the first to the last row, and whether (m,) the scatter cannot explain it."""
 
-    change: float
-    significant: bool
+    change: np.ndarray
+    significant: np.ndarray
 
 
 def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False) -> int:
@@ -79,57 +79,34 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     means = _block_means(values[offset:], count)
     half = count // 2
     first, second = means[:half], means[half:]
-    line = _second_half(np.arange(half, count), second, floor, drifts)
-    distance = np.arange(half) - line.centre
-    difference = first - (line.mean + distance[:, None] * line.slope)
+    # the second half's level, or its line where it has a trend
+    place = np.arange(half, count)
+    level, centre = mean_of(second), float(place.mean())
+    centred = place - centre
+    square = float(centred @ centred)
+    slope = centred @ (second - level) / square
+    about = np.sqrt(np.sum((second - level - np.outer(centred, slope)) ** 2, axis=0) / max(len(second) - 2, 1))
+    limit = _student(len(second) - 2, FALSE_ALARM) * about / math.sqrt(square)
+    change = np.abs(slope) * (len(second) - 1)
+    trend = (drifts and len(second) > 3) & (np.abs(slope) > limit) & (change > floor)
+    scatter = np.where(trend, about, np.std(second - second[0], axis=0, ddof=1))
+    leverage = np.where(trend, 1.0 / square, 0.0)
+    distance = np.arange(half) - centre
+    difference = first - (level + distance[:, None] * np.where(trend, slope, 0.0))
     # from each block on to the middle, the mean of the first half
     left = np.arange(half, 0, -1)
     onwards = np.cumsum(difference[::-1], axis=0)[::-1] / left[:, None]
     mean_distance = np.cumsum(distance[::-1])[::-1] / left
     # a block beside a line that is wrongly called different costs more than a few rows
     chance = FALSE_ALARM if drifts else TOO_MUCH_DROPPED
-    widest = np.array([_student(freedom, chance) for freedom in line.freedom])
-    of_one = 1.0 + 1.0 / len(second) + distance[:, None] ** 2 * line.leverage
-    of_many = 1.0 / left[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * line.leverage
-    one = np.maximum(widest * np.sqrt(of_one) * line.scatter, floor)
-    many = np.maximum(widest * np.sqrt(of_many) * line.scatter, floor)
+    widest = np.array([_student(len(second) - 2 if sloped else len(second) - 1, chance) for sloped in trend])
+    of_one = 1.0 + 1.0 / len(second) + distance[:, None] ** 2 * leverage
+    of_many = 1.0 / left[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * leverage
+    one = np.maximum(widest * np.sqrt(of_one) * scatter, floor)
+    many = np.maximum(widest * np.sqrt(of_many) * scatter, floor)
     different = np.any((np.abs(difference) > one) | (np.abs(onwards) > many), axis=1)
     last = np.flatnonzero(different)
     return offset + (int(last[-1]) + 1) * size if last.size else 0
-
-
-@dataclass(frozen=True)
-class _Line:
-    """The second half of a rest, which the first is compared with: a level, or a line where it has a trend."""
-
-    centre: float
-    mean: np.ndarray
-    slope: np.ndarray
-    scatter: np.ndarray
-    freedom: np.ndarray
-    leverage: np.ndarray
-
-
-def _second_half(place: np.ndarray, means: np.ndarray, floor: np.ndarray, drifts: bool) -> _Line:
-    """Level, trend where it is significant, and scatter about both, of block means (n, m)."""
-    count = len(means)
-    mean = mean_of(means)
-    centre = float(place.mean())
-    centred = place - centre
-    square = float(centred @ centred)
-    slope = centred @ (means - mean) / square
-    about = np.sqrt(np.sum((means - mean - np.outer(centred, slope)) ** 2, axis=0) / max(count - 2, 1))
-    change = np.abs(slope) * (count - 1)
-    limit = _student(count - 2, FALSE_ALARM) * about / math.sqrt(square)
-    trend = (drifts and count > 3) & (np.abs(slope) > limit) & (change > floor)
-    return _Line(
-        centre,
-        mean,
-        np.where(trend, slope, 0.0),
-        np.where(trend, about, np.std(means - means[0], axis=0, ddof=1)),
-        np.where(trend, count - 2, count - 1),
-        np.where(trend, 1.0 / square, 0.0),
-    )
 
 
 def mean_of(values: np.ndarray) -> np.ndarray:
@@ -153,7 +130,7 @@ def scatter_of_mean(values: np.ndarray) -> np.ndarray:
     return np.maximum(np.maximum(white, slow), np.std(eighths - eighths[0], axis=0, ddof=1) / math.sqrt(8))
 
 
-def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> list[Trend]:
+def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> Trend:
     """Linear trend of each column of a rest, by least squares.
 
     Parameters
@@ -165,20 +142,16 @@ def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> list[Tr
     floor : ndarray, shape (m,)
         changes that are never significant: what rounding does
     """
-    count = len(time)
     centred = time - mean_of(time)
     deviation = values - mean_of(values)
     square = float(centred @ centred)
     slope = centred @ deviation / square
     residual = deviation - np.outer(centred, slope)
-    error = np.sqrt(np.sum(residual**2, axis=0) / max(count - 2, 1) / square)
+    freedom = len(time) - 2
+    error = np.sqrt(np.sum(residual**2, axis=0) / max(freedom, 1) / square)
     duration = float(time[-1] - time[0])
-    result = []
-    for k in range(values.shape[1]):
-        change = float(slope[k]) * duration
-        beyond = abs(change) > max(_student(count - 2, FALSE_ALARM) * float(error[k]) * duration, float(floor[k]))
-        result.append(Trend(change, bool(beyond)))
-    return result
+    change = slope * duration
+    return Trend(change, np.abs(change) > np.maximum(_student(freedom, FALSE_ALARM) * error * duration, floor))
 
 
 def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..records import StrapdownRecord
-from ..records.allan import allan_deviation
+from ..records.noise import allan_deviation
 from ..strapdown.rests import Rests
 from ..strapdown.sampling import rates_of
 from .choosing_pictures import power_of_ten

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..records.reading import TableRun
+from ..records import PositionRecord
 from ..summaries import open_targets
 from .calibration_pictures import residuals
 from .calibration_sections import joint_set_sections, levelling_sections, rest_sections
@@ -20,21 +20,21 @@ from .target_sections import target_section
 TONES: dict[str, Tone] = {"consistent": "good"}
 
 
-def calibration_page(result: Calibration, run: TableRun) -> str:
+def calibration_page(result: Calibration, record: PositionRecord) -> str:
     """The page as HTML: verdict, record, model, residuals, targets, evidence, what next, provenance."""
     return render_page(
-        f"Calibration of {run.record.path.name}",
+        f"Calibration of {record.path.name}",
         calibration_verdict(result),
         [
-            measured_section(run.record, result, rests=len(run.rests) if run.raw is not None else None),
+            measured_section(record, result, rests=len(record.rests) if record.raw is not None else None),
             model_section(result, calibrated_values(result)),
-            residual_section(result, run.record.position),
+            residual_section(result, record.position),
             target_section(result),
-            *witness_section(result, run.record.position),
+            *witness_section(result, record.position),
             *next_sections(result.linearised, result.next_positions),
             *levelling_sections(result),
             *joint_set_sections(result),
-            *rest_sections(run),
+            *rest_sections(record),
         ],
         tone=TONES.get(result.verdict, "attention"),
         key=key_figures(result),

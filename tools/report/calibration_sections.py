@@ -5,7 +5,7 @@ import numpy as np
 from ..calibration import Calibration
 from ..calibration.correction import ARCSEC, correction_of, face_readings, levelling
 from ..calibration.joint_set import joint_sets
-from ..records.reading import TableRun
+from ..records import PositionRecord
 from ..summaries import is_corrected
 from .cells import Cell
 from .joint_set_pictures import joint_set
@@ -66,23 +66,23 @@ def levelling_sections(result: Calibration) -> list[Section]:
     ]
 
 
-def rest_sections(run: TableRun) -> list[Section]:
+def rest_sections(record: PositionRecord) -> list[Section]:
     """The rests of a raw record that were left out, each with its picture and its reason."""
-    if run.raw is None:
+    if record.raw is None:
         return []
-    refused = [rest for rest in run.rests if rest.refused is not None]
+    refused = [rest for rest in record.rests if rest.refused is not None]
     if not refused:
         return []
-    kept = len(run.rests) - len(refused)
-    pictures = refused_rests(run.raw, run.rests)
-    duration = [float(np.ptp(run.raw.time_s[rest.first : rest.last + 1])) for rest in refused]
+    kept = len(record.rests) - len(refused)
+    pictures = refused_rests(record.raw, record.rests)
+    duration = [float(np.ptp(record.raw.time_s[rest.first : rest.last + 1])) for rest in refused]
     rows = [
-        [int(run.raw.row[rest.first]), int(run.raw.row[rest.last]), lasts, rest.refused]
+        [int(record.raw.row[rest.first]), int(record.raw.row[rest.last]), lasts, rest.refused]
         for rest, lasts in zip(refused, duration, strict=True)
     ]
     first = Section(
         "Rests that were left out",
-        [f"{len(run.rests)} rests were found, {kept} are used, {len(refused)} are not."],
+        [f"{len(record.rests)} rests were found, {kept} are used, {len(refused)} are not."],
         pictures[0],
         "Angles and readings, less their medians, during the rests that were refused.",
         Table(["first row", "last row", "lasts [s]", "why"], rows),

@@ -10,8 +10,7 @@ from matplotlib.patches import Patch
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..records import RawRecord
-from ..records.rests import Rest
-from ..records.stops import without_turns
+from ..records.rests import Rest, without_turns
 from .svg import drawing, plain, svg_text
 from .theme import AXES, BAND, DASHES, WIDTH
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from ..records.allan import allan_deviation
-from ..records.noise import SCATTER_FACTOR
+from ..records.noise import SCATTER_FACTOR, allan_deviation
 from .rests import Rests
 
 FLICKER_TO_ALLAN = 2.0 * math.log(2.0)

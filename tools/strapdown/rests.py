@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import StrapdownRecord
-from ..records.allan import deviation_at_dwell
-from ..records.noise import SCATTER_FACTOR
+from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from .clipping import clipped_rests
 from .reading_steps import reading_steps
 from .sampling import GAP, Sampling, rates_of

@@ -1,0 +1,488 @@
+"""Records from wherever they are: recognised by their columns, checked, in SI and radians.
+
+A reader is a generator: it yields every fault that it finds and returns the columns of the rows that have none.
+`read_record` raises the first, `trihedron check` lists them all.
+"""
+
+import csv
+import hashlib
+import io
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
+from itertools import compress
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias, TypeVar, overload, runtime_checkable
+
+import numpy as np
+import polars as pl
+
+from ..errors import InputError, nearest_file
+from ..progress import tracked
+from .columns import (
+    ANGLES,
+    APPROACH,
+    FORCE,
+    INCREMENT,
+    KINDS,
+    MOUNTING,
+    POSITION,
+    QUATERNION,
+    RATE,
+    RAW,
+    TABLE_KINDS,
+    TEMPERATURE,
+    Columns,
+    Kind,
+    Layout,
+    RecordError,
+    extra_warning,
+    faults,
+    quoted,
+    recognise,
+    warnings,
+)
+from .kinds import PositionRecord, RawRecord, StrapdownRecord
+from .rests import position_record_of
+
+LARGE = 30_000_000
+"""From so many bytes on reading shows its progress."""
+PART = 16384
+"""Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
+ROUNDED_ANGLE = 1e-5
+"""Half a last digit [deg] of angles up to which their digits are roundings."""
+MAGIC = b"PAR1"
+"""What a Parquet file begins with."""
+
+Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
+Faults: TypeAlias = Generator[RecordError, None, Columns | None]
+"""Every fault of a file; what it returns are the columns of the rows without, None where there are none."""
+Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
+Other = TypeVar("Other", PositionRecord, StrapdownRecord)
+
+_DIGITS = re.compile(r"\s*[+-]?(\d*)\.?(\d*)(?:[eE][+-]?\d+)?\s*")
+# Corrupt files make polars' native code write to standard error, or end the process.
+_PROBE = """
+import io, sys
+import polars as pl
+try:
+    pl.read_parquet(io.BytesIO(sys.stdin.buffer.read()))
+except (Exception, pl.exceptions.PanicException) as error:
+    print((str(error).strip() or type(error).__name__).splitlines()[0])
+    sys.exit(1)
+"""
+
+
+@runtime_checkable
+class Recorded(Protocol):
+    """What holds a position record, a simulation say."""
+
+    def position_record(self) -> PositionRecord:
+        """That record; raises InputError where there is none."""
+        ...
+
+
+Source: TypeAlias = str | Path | pl.DataFrame | Record | Recorded
+"""What holds a record: a file, a table in memory, a record, a simulation."""
+
+
+@overload
+def read_record(source: Source) -> Record: ...
+@overload
+def read_record(source: Source, wanted: type[Wanted], /) -> Wanted: ...
+@overload
+def read_record(source: Source, wanted: type[Wanted], other: type[Other], /) -> Wanted | Other: ...
+def read_record(source: Source, *wanted: Any) -> Any:
+    """Read a record from a CSV or a Parquet file, a table in memory, or whatever else holds one.
+
+    Parameters
+    ----------
+    source : path, DataFrame, record or Simulation
+        the kind of record is recognised by its columns, the kind of file by its first bytes
+    wanted : PositionRecord, StrapdownRecord
+        which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
+        is a record of the table, gyros or not, and a raw record is averaged over its rests
+
+    Raises
+    ------
+    InputError
+        when it cannot be used: the file, the row (as an editor counts lines) and the column are named; or when it is
+        of another kind, or no rest can be found in it
+    """
+    table = PositionRecord in wanted
+    if isinstance(source, PositionRecord | RawRecord | StrapdownRecord):
+        found = source
+    elif isinstance(source, Recorded):
+        found = source.position_record()
+    else:
+        found = _parsed(source, TABLE_KINDS if table else KINDS)
+    if table and isinstance(found, RawRecord):
+        found = position_record_of(found)
+    if not wanted or isinstance(found, wanted):
+        return found
+    if table:
+        what = "is a strapdown record; a position record or a raw record (alpha_deg, beta_deg) is needed"
+        raise RecordError(found.path, None, None, what)
+    raise InputError(f"{found.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
+
+
+def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind]) -> Record:
+    if isinstance(source, pl.DataFrame):
+        path, written = Path("table"), io.BytesIO()
+        source.write_parquet(written)
+        data = written.getvalue()
+    else:
+        path = Path(source)
+        data = _contents(path)
+    # a table in memory cannot be corrupt
+    found = all_faults(path, data, kinds, trusted=isinstance(source, pl.DataFrame))
+    try:
+        raise next(found)
+    except StopIteration as done:
+        columns: Columns = done.value
+    said = extra_warning(columns) + warnings(columns)
+    return replace(_record(columns), warnings=said, sha256=hashlib.sha256(data).hexdigest())
+
+
+def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
+    """Everything that is wrong with the columns and numbers of a record's file.
+
+    Parameters
+    ----------
+    path : Path
+        for messages
+    data : bytes
+        the whole file
+    kinds : sequence of Kind
+        in the order of preference
+    trusted : bool
+        whether the bytes of a Parquet file were made by this process, so that they cannot be corrupt
+
+    Yields
+    ------
+    RecordError
+        first those of the table and of its fields, in the order of the rows; then those of the numbers
+
+    Returns
+    -------
+    Columns or None
+        of the rows whose fields have no fault; None where there are none, or no table at all
+    """
+    try:
+        if data.startswith(MAGIC):
+            columns = _read_parquet(path, data, kinds, trusted=trusted)
+        elif path.suffix.lower() == ".parquet":
+            raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
+        else:
+            columns = yield from _read_csv(path, data, kinds)
+    except RecordError as error:
+        yield error
+        return None
+    if columns is not None:
+        yield from faults(columns)
+    return columns
+
+
+def _contents(path: Path) -> bytes:
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: is a directory; the file of a record is needed")
+        if not path.exists():
+            raise InputError(f"{path}: no such file{nearest_file(path)}")
+        if not path.is_file():
+            raise InputError(f"{path}: is not a regular file; the file of a record is needed")
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if not data:
+        raise InputError(f"{path}: is empty; a header and at least one row are needed")
+    return data
+
+
+def _record(columns: Columns) -> Record:
+    """The values of columns that have no faults."""
+    time, force = columns.numbers["time_s"], columns.group(FORCE)
+    temperature = columns.optional(TEMPERATURE)
+    path, row = columns.path, columns.row
+    if columns.layout.kind not in (POSITION, RAW):
+        quaternion = columns.group(QUATERNION) if QUATERNION[0] in columns.numbers else None
+        return StrapdownRecord(
+            time_s=time,
+            rate=columns.group(RATE) if RATE[0] in columns.numbers else None,
+            increment=columns.group(INCREMENT) if INCREMENT[0] in columns.numbers else None,
+            specific_force=force,
+            # a row of NaN where the attitude is not known
+            attitude=None
+            if quaternion is None
+            else quaternion / np.sqrt(np.square(quaternion).sum(axis=1, keepdims=True)),
+            temperature=temperature,
+            path=path,
+            row=row,
+        )
+    alpha, beta = np.deg2rad(columns.numbers["alpha_deg"]), np.deg2rad(columns.numbers["beta_deg"])
+    if columns.layout.kind is RAW:
+        return RawRecord(time, alpha, beta, force, temperature, path, row, (), columns.resolution)
+    # angles of few digits are settings, which the encoders reached
+    rounded = columns.angle_resolution <= ROUNDED_ANGLE
+    return PositionRecord(
+        position=columns.numbers["position"].astype(np.int64),
+        time_s=time,
+        alpha=alpha,
+        beta=beta,
+        specific_force=force,
+        temperature=temperature,
+        approach_alpha=columns.optional(APPROACH[0]),
+        approach_beta=columns.optional(APPROACH[1]),
+        mounting=columns.mounting,
+        resolution=columns.resolution,
+        angle_resolution=float(np.deg2rad(columns.angle_resolution)) if rounded else 0.0,
+        temperature_resolution=columns.temperature_resolution,
+        row=row,
+        path=path,
+    )
+
+
+def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
+    """CSV: UTF-8, comma, one header line, comments with `#`; raises RecordError where there is no table at all."""
+    lines = _lines(path, data)
+    written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
+    rows = np.flatnonzero(written) + 1
+    body = list(compress(lines, written))
+    if not body:
+        raise RecordError(path, None, None, "is empty; a header and at least one row are needed")
+    header_row = int(rows[0])
+    names = [name.strip() for name in _fields(path, header_row, body[0])]
+    layout = recognise(path, names, header_row, kinds)
+    if len(body) == 1:
+        raise RecordError(path, header_row, None, "no rows follow the header")
+    place = {name: names.index(name) for name in sorted(layout.present, key=names.index)}
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
+    mounting: list[str] = []
+    kept: list[np.ndarray] = []
+    digits = dict.fromkeys(layout.numbers, 0)
+    for start in tracked(range(1, len(body), PART), "reading", show=len(data) >= LARGE):
+        some, where = body[start : start + PART], rows[start : start + PART]
+        taken = _taken(some, len(names), place)
+        if taken is None:
+            whole = np.ones(len(some), dtype=bool)
+            for k, line in enumerate(some):
+                for fault in _faults_of_line(path, int(where[k]), line, len(names), place):
+                    whole[k] = False
+                    yield fault
+            where = where[whole]
+            taken = _taken(list(compress(some, whole)), len(names), place)
+            assert taken is not None, f"{path}: a row was refused without a fault"
+        texts, numbers = taken
+        for name in layout.numbers:
+            parts[name].append(numbers[name])
+            if start == 1:
+                digits[name] = max(map(significant_digits, texts[name]), default=0)
+        mounting += [text.strip() for text in texts.get(MOUNTING, ())]
+        kept.append(where)
+    if not sum(map(len, kept)):
+        return None
+    values = {name: np.concatenate(part) for name, part in parts.items()}
+
+    def resolution(*columns: str) -> float:
+        """Half a last digit; 0 where there are no such columns."""
+        if columns[0] not in values:
+            return 0.0
+        largest = max(float(np.abs(values[name]).max()) for name in columns)
+        return written_resolution(largest, max(digits[name] for name in columns))
+
+    return Columns(
+        path,
+        layout,
+        values,
+        tuple(mounting) if MOUNTING in place else None,
+        np.concatenate(kept),
+        resolution(*FORCE),
+        resolution(*ANGLES),
+        resolution(TEMPERATURE),
+    )
+
+
+def significant_digits(text: str) -> int:
+    """How many digits of a number are written, leading zeros not counted: 4 for "-0.01230"."""
+    found = _DIGITS.fullmatch(text)
+    return len((found[1] + found[2]).lstrip("0")) if found else 0
+
+
+def written_resolution(largest: float, digits: int) -> float:
+    """Half a last digit of the largest number in a column that is written with so many significant digits.
+
+    It is half a unit of the last decimal where the number of decimals is fixed, and the largest rounding
+    error where the number of significant digits is.
+    """
+    if largest == 0.0 or digits == 0:
+        return 0.0
+    return 0.5 * 10.0 ** (math.floor(math.log10(largest)) - digits + 1)
+
+
+def _lines(path: Path, data: bytes) -> list[str]:
+    """The lines as an editor counts them; the byte order mark is dropped."""
+    zero = data.find(b"\0")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise RecordError(path, None, None, "is UTF-16; save it as UTF-8")
+    if zero >= 0:
+        raise RecordError(path, None, None, f"is a binary file (byte {zero} is 0); a CSV or Parquet file is needed")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # the codec counts from behind the byte order mark
+        at = error.start + (3 if data.startswith(b"\xef\xbb\xbf") else 0)
+        row = data[:at].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
+        what = f"byte {at} (0x{data[at]:02x}) is not UTF-8; save the file as UTF-8"
+        raise RecordError(path, row, None, what) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _fields(path: Path, row: int, line: str) -> list[str]:
+    try:
+        return next(csv.reader([line], strict=True, skipinitialspace=True))
+    except csv.Error as error:
+        if "unexpected end" in str(error):
+            raise RecordError(path, row, None, 'a quote (") is not closed on its line') from error
+        raise RecordError(path, row, None, f"not a row of comma-separated fields ({error})") from error
+
+
+def _taken(
+    lines: list[str], width: int, place: dict[str, int]
+) -> tuple[dict[str, tuple[str, ...]], dict[str, np.ndarray]] | None:
+    """Texts and numbers of the columns in their places; None when a line has a fault."""
+    if not lines:
+        return dict.fromkeys(place, ()), dict.fromkeys(place, np.zeros(0))
+    try:
+        fields = list(csv.reader(lines, strict=True, skipinitialspace=True))
+    except csv.Error:
+        return None
+    if len(fields) != len(lines) or set(map(len, fields)) != {width}:
+        return None
+    columns = list(zip(*fields, strict=True))
+    texts = {name: columns[k] for name, k in place.items()}
+    numbers = {}
+    for name, column in texts.items():
+        if name == MOUNTING:
+            if any(_name_fault(text) for text in column):
+                return None
+            continue
+        values = _numbers(column, may_be_empty=name in QUATERNION)
+        if values is None:
+            return None
+        numbers[name] = values
+    return texts, numbers
+
+
+def _faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str, int]) -> Iterator[RecordError]:
+    """Everything that is wrong with the fields of a row."""
+    try:
+        fields = _fields(path, row, line)
+    except RecordError as error:
+        yield error
+        return
+    if len(fields) != width:
+        yield RecordError(path, row, None, f"{len(fields)} fields, where the header has {width} columns")
+        return
+    for name, k in place.items():
+        fault = _name_fault(fields[k]) if name == MOUNTING else _number_fault(fields[k], name in QUATERNION)
+        if fault:
+            yield RecordError(path, row, name, fault)
+
+
+def _numbers(texts: Sequence[str], may_be_empty: bool) -> np.ndarray | None:
+    """The texts as finite numbers; None when one of them is not."""
+    joined = "".join(texts)
+    # float() takes 1_000 and the digits of every script
+    if "_" in joined or not joined.isascii():
+        return None
+    empty = 0
+    if may_be_empty:
+        empty = sum(not text.strip() for text in texts)
+        texts = [text if text.strip() else "nan" for text in texts]
+    try:
+        values = np.array([float(text) for text in texts])
+    except ValueError:
+        return None
+    return values if np.count_nonzero(np.isfinite(values)) == len(values) - empty else None
+
+
+def _number_fault(text: str, may_be_empty: bool) -> str | None:
+    if not text.strip():
+        return None if may_be_empty else "the field is empty; a number is needed"
+    if _numbers([text], may_be_empty=False) is not None:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if math.isinf(value):
+        return f"{quoted(text)} is infinite; a finite number is needed"
+    if math.isnan(value):
+        return f"{quoted(text)} is not a number; a finite number is needed"
+    comma = "; write a decimal point, not a comma" if re.fullmatch(r"\s*[+-]?\d+,\d+\s*", text) else ""
+    return f"{quoted(text)} is not a number; a decimal number is needed{comma}"
+
+
+def _name_fault(text: str, signs: str = "letters, digits and signs") -> str | None:
+    if not text.strip():
+        return "the field is empty; a name is needed"
+    return None if text.strip().isprintable() else f"{quoted(text)} is not a name; {signs} are needed"
+
+
+def _read_parquet(path: Path, data: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
+    """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
+    if not trusted:
+        # another process reads it first
+        done = subprocess.run([sys.executable, "-I", "-c", _PROBE], input=data, capture_output=True, check=False)
+        if done.returncode:
+            raise _unreadable(path, done.stdout.decode("utf-8", "replace"))
+    try:
+        layout: Layout = recognise(path, list(pl.read_parquet_schema(io.BytesIO(data))), None, kinds)
+        frame = pl.read_parquet(io.BytesIO(data), columns=list(layout.present))
+    except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as error:
+        raise _unreadable(path, str(error)) from error
+    if frame.height == 0:
+        raise RecordError(path, None, None, "has no rows; at least one is needed")
+    numbers = {name: _parquet_numbers(path, frame[name]) for name in layout.numbers}
+    resolution = 0.0
+    if any(frame[name].dtype == pl.Float32 for name in FORCE):
+        # half a last binary digit of readings that are kept in single precision
+        largest = max(float(np.abs(frame[name].to_numpy()).max()) for name in FORCE)
+        resolution = 0.5 * float(np.spacing(np.float32(largest)))
+    mounting = _parquet_names(path, frame[MOUNTING]) if MOUNTING in layout.present else None
+    return Columns(path, layout, numbers, mounting, np.arange(1, frame.height + 1), resolution)
+
+
+def _unreadable(path: Path, reason: str) -> RecordError:
+    lines = reason.strip().splitlines() or ["it is corrupt"]
+    return RecordError(path, None, None, f"is not a readable Parquet file ({lines[0][:120]})")
+
+
+def _parquet_numbers(path: Path, series: pl.Series) -> np.ndarray:
+    if not series.dtype.is_numeric():
+        raise RecordError(path, None, series.name, f"holds {series.dtype}; numbers are needed")
+    empty = series.is_null().to_numpy()
+    if empty.any() and series.name not in QUATERNION:
+        row = int(np.argmax(empty)) + 1
+        raise RecordError(path, row, series.name, "the field is empty; a number is needed")
+    values = np.array(series.cast(pl.Float64).to_numpy())
+    wrong = ~np.isfinite(values) & ~empty
+    if wrong.any():
+        row = int(np.argmax(wrong)) + 1
+        what = f"{values[row - 1]} is not a finite number; a finite number is needed"
+        raise RecordError(path, row, series.name, what)
+    return values
+
+
+def _parquet_names(path: Path, series: pl.Series) -> tuple[str, ...]:
+    if series.dtype not in (pl.String, pl.Categorical, pl.Enum):
+        raise RecordError(path, None, series.name, f"holds {series.dtype}; names are needed")
+    names = [(name or "").strip() for name in series.cast(pl.String).to_list()]
+    for row, name in enumerate(names, 1):
+        fault = _name_fault(name, "letters and digits")
+        if fault:
+            raise RecordError(path, row, series.name, fault)
+    return tuple(names)
