@@ -98,7 +98,6 @@ def test_results_show_themselves(run, hidden, tmp_path):
         th.apply(calibration, tmp_path / "r.csv"),
         th.check(tmp_path / "c.json"),
         hidden,
-        run.positions,
     ]
     for result in results:
         assert isinstance(result, Shown)

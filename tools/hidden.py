@@ -186,7 +186,7 @@ class HiddenRecord(Shown):
 
     def lines(self) -> list[str]:
         """The record alone."""
-        return self.record.lines()
+        return str(self.record).split("\n")
 
     def to_polars(self) -> "DataFrame":
         """The record."""
