@@ -14,6 +14,7 @@ are (1.3) and (1.11).
 """
 
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +37,9 @@ TARGETS = (
 
 SYMMETRIC_PAIRS = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
 """Scale targets of an accelerometer for positive and negative input, equal for a symmetric block."""
+
+ORTHOGONALITY_TOLERANCE = 1e-9
+"""To which rows of a mounting's matrix must be unit vectors, perpendicular to one another."""
 
 _OFF_DIAGONAL = {name: (int(name[6]) - 1, int(name[7]) - 1) for name in ELEMENTARY if name.startswith("gamma_")}
 _PLUS, _MINUS = slice(3, 9, 2), slice(4, 9, 2)
@@ -78,6 +82,37 @@ def small_turn(vector: ArrayLike) -> NDArray:
         cosine = cosine * square + c
     generator = hat(vector)
     return np.eye(3) + sine * generator + cosine * (generator @ generator)
+
+
+def checked_rotation(matrix: Any) -> NDArray:
+    """A proper rotation (3, 3) from nested sequences of numbers.
+
+    Raises
+    ------
+    ValueError
+        what is wrong with any other
+    """
+    rows = matrix.tolist() if isinstance(matrix, np.ndarray) else matrix
+    if isinstance(rows, list | tuple):
+        rows = [row.tolist() if isinstance(row, np.ndarray) else row for row in rows]
+    shaped = isinstance(rows, list | tuple) and len(rows) == 3
+    if not (shaped and all(isinstance(row, list | tuple) and len(row) == 3 for row in rows)):
+        raise ValueError("the matrix must be three rows of three numbers")
+    if any(isinstance(x, bool) or not isinstance(x, int | float) for row in rows for x in row):
+        raise ValueError("the matrix must hold numbers only")
+    # compared as they are: an integer may be too large for a float
+    if not all(abs(x) <= 2 for row in rows for x in row):
+        raise ValueError("every element of a rotation matrix lies between -1 and 1")
+    q = np.array(rows, dtype=float)
+    defect = np.abs(q @ q.T - np.eye(3))
+    i, j = np.unravel_index(int(defect.argmax()), (3, 3))
+    if defect[i, j] > ORTHOGONALITY_TOLERANCE:
+        what = f"row {i + 1} has length {np.linalg.norm(q[i]):.10g}" if i == j else f"rows {i + 1} and {j + 1} are not"
+        what = what if i == j else f"{what} perpendicular (product {float(q[i] @ q[j]):.3g})"
+        raise ValueError(f"the matrix is not orthogonal to {ORTHOGONALITY_TOLERANCE:g}: {what}; give more digits?")
+    if np.linalg.det(q) < 0:
+        raise ValueError("the matrix has determinant -1, a reflection; a mounting is a rotation")
+    return q
 
 
 def up(alpha: ArrayLike, beta: ArrayLike, kappa: ArrayLike = 0.0, epsilon: ArrayLike = 0.0) -> NDArray:

@@ -8,11 +8,10 @@ import numpy as np
 from trihedron.fmus import components
 from trihedron.fmus.composition import extend
 from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.parameters import component_parameters
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name
-from trihedron.tools.calibration.linearisation import Linearisation, linearise
-from trihedron.tools.calibration.parametrisation import Positions, parametrise
-from trihedron.tools.calibration.result import component_parameters
+from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.diagnosis.circumstances import Circumstances
 from trihedron.tools.diagnosis.disturbance import rows_at
 
@@ -26,7 +25,7 @@ SENSES = RNG.choice([-1.0, 1.0], (ROWS, 2))
 APPROACH = 1e-3
 """From so far [rad] the table comes to each position."""
 TRUTH = RNG.uniform(-0.005, 0.005, len(TARGETS))
-PARAMETERS = component_parameters(dict(zip(TARGETS, TRUTH, strict=True)), np.eye(3), G)
+PARAMETERS = component_parameters(dict(zip(TARGETS, TRUTH, strict=True)), G, np.eye(3))
 Values = Sequence[Sequence[float]]
 
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simulated_bench import record
+from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.calibration.mountings import PRESETS, read_mounting
-from trihedron.tools.calibration.parametrisation import parametrise
 from trihedron.tools.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights
 from trihedron.tools.errors import InputError
 

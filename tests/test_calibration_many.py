@@ -11,7 +11,7 @@ from trihedron.models.bench import target_values
 from trihedron.tools.bounded import programmes
 from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.joint_set import joint_sets
+from trihedron.tools.calibration.estimates import joint_sets
 
 SIGMA = 1e-5
 

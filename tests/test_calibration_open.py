@@ -6,7 +6,7 @@ import pytest
 from simulated_bench import ALPHA, BETA, guaranteed, misses, random_bench, simulated
 from trihedron.models.bench import ELEMENTARY, target_values
 from trihedron.tools.calibration import calibrate, fit_record
-from trihedron.tools.calibration.parametrisation import Positions, predicted_input
+from trihedron.tools.calibration.model import Positions, predicted_input
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from simulated_bench import ALPHA, BETA, interval, misses, random_bench, record, simulated
+from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
-from trihedron.tools.calibration import bench_parameters, calibrate
+from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.mountings import PRESETS
 from trihedron.tools.errors import InputError
 
@@ -140,7 +141,7 @@ def test_bench_parameters_refuse_what_is_no_consistent_calibration():
         ({"parameters": 7}, "schema says"),
         ({"gravity_mps2": "g"}, "gravity_mps2"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(ValueError, match=said):
             bench_parameters({**good, **change})
 
 

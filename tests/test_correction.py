@@ -9,22 +9,24 @@ from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulate
 from table_runs import PROGRAMME, Bench
 from trihedron.fmus import components
 from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import TARGETS, target_values
-from trihedron.tools.applying import application_summary, apply_calibration, write_corrected
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import (
+    apply_calibration,
     corrected,
     correction_of,
-    equation_lines,
     error_bounds,
     face_readings,
     levelling,
     remaining_error,
+    write_corrected,
 )
-from trihedron.tools.calibration.reading_errors import corners
+from trihedron.tools.calibration.targets import corners
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import read_record, write_record
 from trihedron.tools.records.kinds import StrapdownRecord
+from trihedron.tools.summaries import application_summary, correction_equation
 
 SIGMA = 1e-5
 
@@ -82,10 +84,10 @@ def test_errors_at_the_corners_are_the_ends_of_linear_programmes():
         assert (entry.low, entry.high) == pytest.approx(
             (low[k, accelerometer - 1], high[k, accelerometer - 1]), abs=1e-15
         )
-    faces = {(e.accelerometer, e.input): e for e in result.reading_errors}
+    faces = {(e.accelerometer, *e.input): e for e in result.reading_errors}
     alone = {e.symbol: e for e in result.parameters}
     # X4 + X16 is measured directly: together they are known better than each by itself
-    both = faces[1, (1, 0, 0)]
+    both = faces[1, 1, 0, 0]
     widths = [e.high - e.low for e in (alone["X4"], alone["X16"], both) if e.high is not None and e.low is not None]
     assert widths[2] < 0.7 * (widths[0] + widths[1])
 
@@ -94,8 +96,6 @@ def test_the_correction_is_the_component():
     bench, result, correction = calibrated(4)
     component = components()["AccelerometerCompensation"]
     model, numbers = instantiate(component), references(component)
-    from trihedron.tools.calibration import bench_parameters
-
     for name, value in bench_parameters(result.to_json())[component.name].items():
         for k, number in enumerate(value if isinstance(value, list) else [value], 1):
             model.set(numbers[f"{name}[{k}]" if isinstance(value, list) else name], number)
@@ -111,7 +111,7 @@ def test_the_correction_is_the_component():
 def test_the_printed_equation_gives_the_corrected_readings():
     bench, _, correction = calibrated(3)
     reading = GRAVITY * block_readings(bench, directions(np.random.default_rng(2), 10))
-    lines = equation_lines(correction)
+    lines = correction_equation(correction)
     g = float(lines[0].split()[2])
     for row, expected in zip(reading, corrected(correction, reading), strict=True):
         names = {"g": g, "f1": row[0], "f2": row[1], "f3": row[2]}
@@ -152,7 +152,7 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
     for name, at in (("positions", "positions"), ("raw", "rests"), ("strapdown", "rows")):
         path, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
         done = apply_calibration(file, path)
-        assert done.at == at
+        assert done.levelled_at == at
         write_corrected(done, out)
         before, after = read_record(path), read_record(out)
         assert type(before) is type(after)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.calibration.parametrisation import Positions, parametrise, predicted_reading
+from trihedron.tools.calibration.model import Positions, parametrise, predicted_reading
 from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.tools.diagnosis.disturbance import rows_at
 from trihedron.tools.diagnosis.senses import input_senses

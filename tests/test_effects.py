@@ -14,8 +14,7 @@ from trihedron.models.bench import TARGETS, target_reading
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows, parameter_name, place_from_mapping
 from trihedron.models.effects.definition import turned
 from trihedron.models.effects.outlier import place_of
-from trihedron.tools.calibration.linearisation import linearise
-from trihedron.tools.calibration.parametrisation import Positions, parametrise
+from trihedron.tools.calibration.model import Positions, linearise, parametrise
 from trihedron.tools.diagnosis.circumstances import Circumstances
 from trihedron.tools.diagnosis.disturbance import added_bound, rows_at, signature_columns
 from trihedron.tools.diagnosis.intervals import effect_intervals

@@ -5,7 +5,7 @@ from fmpy.ssp.ssd import read_ssv
 
 from trihedron.fmus import components
 from trihedron.fmus.in_process import parameter_starts
-from trihedron.fmus.parameter_set import parameter_set
+from trihedron.fmus.parameters import parameter_set
 
 BLOCK = components()["AccelerometerBlock"]
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planning_reference import random_mounting
-from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.planning.certificate import ROUNDING, ceiling
 from trihedron.tools.planning.forms import Sheet, clearance, dual_forms, sheets, value
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trihedron.models.regressors import regressors
-from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.cli import main
 
 

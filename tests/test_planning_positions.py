@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from trihedron.models.bench import TARGETS
 from trihedron.models.regressors import admissible, regressors
-from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.calibration.targets import convention_targets
 from trihedron.tools.planning.forms import sheets, x_from_targets
 from trihedron.tools.planning.improvement import improve

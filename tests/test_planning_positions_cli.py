@@ -10,7 +10,7 @@ import pytest
 
 from trihedron.tools.bench_run import run_scenario
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.parametrisation import parametrise
+from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.calibration.targets import convention_targets
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets

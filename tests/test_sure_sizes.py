@@ -11,7 +11,7 @@ from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.calibration.linearisation import Linearisation
+from trihedron.tools.calibration.model import Linearisation
 from trihedron.tools.calibration.procedure import fit_record
 from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
 from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns

@@ -47,6 +47,7 @@ def calibrate(
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
     from . import library
     from .records import PositionRecord, read_record
+    from .summaries import calibration_summary
 
     run = read_record(record, PositionRecord)
     result = library.calibrate(
@@ -60,14 +61,14 @@ def calibrate(
         targets=target,
         priors=prior,
     )
-    said = answer(result.lines(), json, result.json_text())
+    said = answer(calibration_summary(result).split("\n"), json, result.json_text())
     if report is not None:
         from .printing import write_report
         from .report.calibration_page import calibration_page
 
         write_report(report, calibration_page(result, run))
     if ssv is not None:
-        from .calibration.parameter_file import write_parameter_set
+        from .calibration.correction import write_parameter_set
 
         write_parameter_set(result, ssv)
     return said
@@ -92,10 +93,11 @@ def apply(
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
     from . import library
-    from .applying import application_summary, write_corrected
+    from .records import write_record
+    from .summaries import application_summary
 
     result = library.apply(calibration, record, noise_bound=noise_bound)
     text = application_summary(result, latitude_deg)
     if out is not None:
-        write_corrected(result, out)
+        write_record(result.record, out)
     return answer(text, json, result.to_json())

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ..models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ..models.effects.outlier import place_of
 from .bounded.programmes import chebyshev_radius
-from .calibration.linearisation import Linearisation, linearise
-from .calibration.parametrisation import Positions, parametrise
+from .calibration.model import Linearisation, Positions, linearise, parametrise
 from .diagnosis.circumstances import Circumstances, senses_of
 from .diagnosis.disturbance import coefficient_count, rows_at, signature_columns
 from .errors import InputError, nearest

@@ -16,12 +16,13 @@ from .errors import InputError
 from .exporting import Exported, export
 from .installation import Installation, doctor
 from .records import PositionRecord, Source, StrapdownRecord, read_record
+from .result import Result
 from .templates import new
 
 if TYPE_CHECKING:
-    from .applying import Application
     from .attitude import AttitudeRun
     from .calibration import Calibration
+    from .calibration.correction import Application
     from .campaign.campaign import Done
     from .diagnosis import Diagnosis
     from .hidden import HiddenRecord
@@ -247,7 +248,7 @@ def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_
     InputError
         for a calibration that is not consistent, or a record that cannot be used
     """
-    from .applying import apply_calibration
+    from .calibration.correction import apply_calibration
 
     return apply_calibration(calibration, Path(record), noise_bound=noise_bound)
 
@@ -291,3 +292,15 @@ def run_campaign(path: str | Path, out: str | Path | None = None, **options: Any
     from .campaign.campaign import run_campaign as run
 
     return run(Path(path), None if out is None else Path(out), **options)
+
+
+def _shown(result: Result, medium: str) -> str:
+    """What a person sees of a result: text, or the page of a notebook."""
+    from .shown import page_html
+    from .summaries import text_of
+
+    text = text_of(result)
+    return text if medium == "text" else page_html(text.split("\n"), getattr(result, "to_polars", lambda: None)())
+
+
+Result.shown = _shown

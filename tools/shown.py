@@ -29,9 +29,13 @@ class Shown:
         return str(self)
 
     def _repr_html_(self) -> str:
-        lines = list(self.lines())
-        said = f"<p><strong>{escape(lines[0])}</strong></p>" if lines else ""
-        return f"<div>{said}{table_html(self.to_polars())}</div>"
+        return page_html(list(self.lines()), self.to_polars())
+
+
+def page_html(lines: Sequence[str], frame: "DataFrame | None") -> str:
+    """A result in a notebook: its first line, and its table where it has one."""
+    said = f"<p><strong>{escape(lines[0])}</strong></p>" if lines else ""
+    return f"<div>{said}{'' if frame is None else table_html(frame)}</div>"
 
 
 def table_html(frame: "DataFrame") -> str:

@@ -1,10 +1,18 @@
 """What commands print for people."""
 
+import math
 import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
 
 from ..models.effects import CATALOGUE
 from .calibration import Calibration
+from .calibration.correction import ARCSEC, Application, Correction, correction_of, face_readings, levelling
 from .diagnosis import Cause, Diagnosis
+from .errors import InputError
+from .result import Result
 
 VERDICTS = {
     "consistent": "consistent: the model explains the record within the noise bound",
@@ -17,6 +25,19 @@ VERDICTS = {
 
 MOST_SETS = 6
 """So many sets that remain are printed."""
+
+
+def text_of(result: Result) -> str:
+    """What a person reads of a result; the first line is the verdict."""
+    if isinstance(result, Calibration):
+        return calibration_summary(result)
+    if isinstance(result, Application):
+        return application_summary(result)
+    return result.json_text()
+
+
+LATITUDE_DEG = 55.75
+"""Where the azimuth's error is told when nothing else is asked for."""
 
 
 def calibration_summary(result: Calibration) -> str:
@@ -106,8 +127,6 @@ def is_corrected(result: Calibration) -> bool:
 
 def levelling_lines(result: Calibration) -> list[str]:
     """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
-    from .calibration.correction import ARCSEC, correction_of, face_readings, levelling
-
     if not is_corrected(result):
         return []
     correction = correction_of(result.to_json(), "calibration")
@@ -118,15 +137,58 @@ def levelling_lines(result: Calibration) -> list[str]:
     ]
 
 
+def application_summary(result: Application, latitude_deg: float = LATITUDE_DEG) -> str:
+    """The equation with its numbers, and what the correction is worth for an alignment.
+
+    Raises
+    ------
+    InputError
+        for a latitude at which there is no azimuth to find
+    """
+    if not abs(latitude_deg) <= 89.0:
+        raise InputError(f"--latitude-deg {latitude_deg:g}: must be from -89 to 89; there is no azimuth at a pole")
+    gained = result.levelling
+    worst = int(np.argmax(gained.before))
+    before, after = gained.worst
+    azimuth = abs(math.tan(math.radians(latitude_deg)))
+    lines = correction_equation(result.correction)
+    lines += [
+        f"{len(gained.before)} {result.levelled_at}; largest error of the vertical, in arcseconds:",
+        f"  as read {before / ARCSEC:.2f} ({result.levelled_at.removesuffix('s')} {worst + 1}), "
+        f"corrected at most {after / ARCSEC:.2f}, guaranteed",
+        f"  its part in the azimuth of a gyrocompass at latitude {latitude_deg:g}°: "
+        f"as read up to {azimuth * before / ARCSEC:.2f}, corrected at most {azimuth * after / ARCSEC:.2f}",
+    ]
+    if result.levelled_at == "rows":
+        lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    return "\n".join(lines)
+
+
+def correction_equation(correction: Correction) -> list[str]:
+    """The correction as equations with their numbers, readings f to inputs n."""
+    lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
+    for p in range(3):
+        terms = [f"f{p + 1}/g", _term(-correction.bias[p], "")]
+        terms += [_term(-correction.gamma[p, c], f" n{c + 1}") for c in range(p)]
+        plus, minus = (f"{scale[p]:.12g}" for scale in (correction.plus, correction.minus))
+        lines.append(f"n{p + 1} = ({' '.join(terms)}) / ({plus} where n{p + 1} > 0, {minus} elsewhere)")
+    return lines
+
+
+def _term(value: float, of: str) -> str:
+    return f"{'-' if value < 0.0 else '+'} {abs(value):.12g}{of}"
+
+
 def witness_lines(result: Calibration) -> list[str]:
     """The measurements that prove a falsification."""
     if not result.witness:
         return []
-    shown = ", ".join(f"{position}/{axis}" for position, axis in result.witness)
+    shown = ", ".join(f"{reading.position}/{reading.accelerometer}" for reading in result.witness)
     return [f"proved by position/accelerometer: {shown}"]
 
 
-def position_text(position: dict) -> str:
+def position_text(position: Mapping[str, Any]) -> str:
     """A proposed table position."""
     text = f"alpha {position['alpha_deg']:g}°, beta {position['beta_deg']:g}°"
     if "mounting" in position:

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from trihedron.models.effects import POSITION_EFFECTS, Effect, EffectPlace
-from trihedron.tools.calibration.linearisation import Linearisation, linearise
-from trihedron.tools.calibration.parametrisation import Positions, parametrise
+from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.diagnosis.circumstances import Circumstances
 from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
 from trihedron.tools.diagnosis.predictions import acted_on

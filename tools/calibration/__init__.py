@@ -6,6 +6,6 @@
 """
 
 from .procedure import calibrate, fit_record
-from .result import Calibration, bench_parameters
+from .result import Calibration
 
-__all__ = ["Calibration", "bench_parameters", "calibrate", "fit_record"]
+__all__ = ["Calibration", "calibrate", "fit_record"]

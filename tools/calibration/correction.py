@@ -3,17 +3,32 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from ...fmus import components
+from ...fmus.parameters import calibrated_block, checked_number, parameter_set
 from ..errors import InputError, unreadable
-from .reading_errors import corners
-from .values import calibrated_block, checked_calibration, number
+from ..records import (
+    PositionRecord,
+    RawRecord,
+    StrapdownRecord,
+    read_record,
+)
+from ..records.rests import average_rests, find_rests
+from ..result import Result
+from ..writing import whole_file
+from .result import Calibration
+from .targets import corners
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 ARCSEC = math.radians(1 / 3600)
 
@@ -64,32 +79,35 @@ def read_correction(path: Path) -> Correction:
 
 def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
     """The correction of a calibration's object; an InputError, which begins with `where`, for what gives none."""
-    block: Any = calibrated_block(calibration, where)
-    gamma = np.zeros((3, 3))
-    for row, column in ((2, 1), (3, 1), (3, 2)):
-        gamma[row - 1, column - 1] = block[f"gamma_{row}{column}"]
-    plus, minus = 1.0 + np.array(block["scale_error_plus"]), 1.0 + np.array(block["scale_error_minus"])
-    if not (min(plus.min(), minus.min()) > 0.0 and block["gravity"] > 0.0):
-        raise InputError(f"{where}: a scale factor or the gravity is not positive; the block has no inverse")
-    low, high = _reading_errors(checked_calibration(calibration, where), where)
-    return Correction(float(block["gravity"]), plus, minus, gamma, np.array(block["bias"]), low, high)
+    try:
+        block: Any = calibrated_block(calibration)
+        gamma = np.zeros((3, 3))
+        for row, column in ((2, 1), (3, 1), (3, 2)):
+            gamma[row - 1, column - 1] = block[f"gamma_{row}{column}"]
+        plus, minus = 1.0 + np.array(block["scale_error_plus"]), 1.0 + np.array(block["scale_error_minus"])
+        if not min(plus.min(), minus.min()) > 0.0:
+            raise ValueError("a scale factor or the gravity is not positive; the block has no inverse")
+        low, high = _reading_errors(calibration)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
+    return Correction(block["gravity"], plus, minus, gamma, np.array(block["bias"]), low, high)
 
 
-def _reading_errors(calibration: Mapping[str, Any], where: str) -> tuple[NDArray, NDArray]:
+def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray]:
     """Lower and upper ends (3, 3, 3, 3) of the `corners` in a calibration's object; NaN at other inputs."""
     ends = np.full((2, 3, 3, 3, 3), np.nan)
     try:
         entries = calibration["reading_errors"]
         given = {(e["accelerometer"], tuple(e["input"])): (e["low"], e["high"]) for e in entries}
     except (KeyError, TypeError) as error:
-        raise InputError(f"{where}: its reading_errors are not as the schema says; calibrate again") from error
+        raise ValueError("its reading_errors are not as the schema says; calibrate again") from error
     wanted = corners()
     if len(entries) != len(wanted) or not all(corner in given for corner in wanted):
-        raise InputError(f"{where}: its reading_errors are not complete; calibrate again")
+        raise ValueError("its reading_errors are not complete; calibrate again")
     for p, n in wanted:
-        low, high = (number(end, f"{where}: reading_errors, accelerometer {p}, input {list(n)}") for end in given[p, n])
+        low, high = (checked_number(end, f"reading_errors, accelerometer {p}, input {list(n)}") for end in given[p, n])
         if not -1.0 <= low <= high <= 1.0:
-            raise InputError(f"{where}: its reading_errors are not low <= high, between -1 and 1; calibrate again")
+            raise ValueError("its reading_errors are not low <= high, between -1 and 1; calibrate again")
         ends[(slice(None), p - 1, *(x + 1 for x in n))] = low, high
     return ends[0], ends[1]
 
@@ -216,16 +234,127 @@ def face_readings(correction: Correction) -> tuple[list[str], NDArray]:
     return names, n * scale + n @ correction.gamma.T + correction.bias
 
 
-def equation_lines(correction: Correction) -> list[str]:
-    """The correction as equations with their numbers, readings f to inputs n."""
-    lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
-    for p in range(3):
-        terms = [f"f{p + 1}/g", _term(-correction.bias[p], "")]
-        terms += [_term(-correction.gamma[p, c], f" n{c + 1}") for c in range(p)]
-        plus, minus = (f"{scale[p]:.12g}" for scale in (correction.plus, correction.minus))
-        lines.append(f"n{p + 1} = ({' '.join(terms)}) / ({plus} where n{p + 1} > 0, {minus} elsewhere)")
-    return lines
+class LevellingError(Result):
+    """The greatest error of the vertical [rad]."""
+
+    as_read: float
+    corrected_at_most: float
 
 
-def _term(value: float, of: str) -> str:
-    return f"{'-' if value < 0.0 else '+'} {abs(value):.12g}{of}"
+class Application(Result):
+    """A corrected record: the correction's numbers, and what it is worth for levelling.
+
+    Attributes
+    ----------
+    gravity_mps2, scale_plus, scale_minus, gamma, bias_g
+        of the `Correction`
+    rows : int
+        of the record
+    levelled_at : str
+        where the vertical was looked at: "positions", "rests" or "rows"
+    levelling_error : LevellingError
+    correction : Correction
+        not published
+    record : PositionRecord, RawRecord or StrapdownRecord
+        with corrected specific force; not published
+    levelling : Levelling
+        at each position, rest or row; not published
+    """
+
+    schema_: Literal["trihedron.correction/1"] = Field(default="trihedron.correction/1", alias="schema")
+    gravity_mps2: float
+    scale_plus: list[float]
+    scale_minus: list[float]
+    gamma: list[list[float]]
+    bias_g: list[float]
+    rows: int
+    levelled_at: Literal["positions", "rests", "rows"]
+    levelling_error: LevellingError = Field(alias="levelling_error_rad")
+    warnings: list[str]
+    correction: Correction = Field(default=None, exclude=True)
+    record: PositionRecord | RawRecord | StrapdownRecord = Field(default=None, exclude=True)
+    levelling: Levelling = Field(default=None, exclude=True)
+
+    def to_polars(self) -> "DataFrame":
+        """The corrected readings: time_s, f1_mps2, f2_mps2, f3_mps2."""
+        import polars as pl
+
+        force = {f"f{p + 1}_mps2": self.record.specific_force[:, p] for p in range(3)}
+        return pl.DataFrame({"time_s": self.record.time_s, **force})
+
+
+def apply_calibration(calibration: str | Path | Calibration, record: Path, *, noise_bound: float = 0.0) -> Application:
+    """Correct the readings of a record by a calibration's file.
+
+    Parameters
+    ----------
+    calibration : Path or Calibration
+        of `trihedron calibrate --json`, or the value
+    record : Path
+        position, raw or strapdown record
+    noise_bound : float
+        bound of the averaged readings' own errors [g], for what remains after the correction
+
+    Raises
+    ------
+    InputError
+        for a calibration that is not consistent, or a record that cannot be used
+    """
+    if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
+        raise InputError(f"--noise-bound {noise_bound:g}: must be a fraction of g from 0 to 0.01, as 1e-5")
+    if isinstance(calibration, str | Path):
+        correction = read_correction(Path(calibration))
+    else:
+        correction = correction_of(calibration.to_json(), "calibration")
+    measured = read_record(record)
+    at, still = "positions" if isinstance(measured, PositionRecord) else "rows", measured
+    if isinstance(measured, RawRecord):
+        rests = find_rests(measured)
+        if any(rest.refused is None for rest in rests):
+            at, still = "rests", average_rests(measured, rests)
+    better = corrected(correction, measured.specific_force)
+    if not np.isfinite(better).all():
+        raise InputError(f"{record}: the corrected readings are not finite")
+    gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
+    before, after = gained.worst
+    return Application(
+        gravity_mps2=correction.gravity,
+        scale_plus=correction.plus.tolist(),
+        scale_minus=correction.minus.tolist(),
+        gamma=correction.gamma.tolist(),
+        bias_g=correction.bias.tolist(),
+        rows=len(measured),
+        levelled_at=at,
+        levelling_error=LevellingError(as_read=before, corrected_at_most=after),
+        warnings=list(measured.warnings),
+        correction=correction,
+        record=replace(measured, specific_force=better),
+        levelling=gained,
+    )
+
+
+def write_parameter_set(result: Calibration, path: Path) -> None:
+    """Write the calibrated block as an .ssv file; both components have all of its parameters.
+
+    Raises
+    ------
+    InputError
+        when the calibration is not consistent, or a value is beyond what the components take; nothing is written
+    """
+    try:
+        block = calibrated_block(result.to_json())
+    except ValueError as error:
+        raise InputError(f"--ssv {path}: {error}") from error
+    component = components()["AccelerometerBlock"]
+    for variable in component.interface:
+        value = block.get(variable.name, [])
+        for number in value if isinstance(value, list) else [value]:
+            least, most = variable.minimum, variable.maximum
+            if (least is not None and number < least) or (most is not None and number > most):
+                raise InputError(f"--ssv {path}: {variable.name} = {number:g} is beyond what the component takes")
+    about = "an accelerometer block"
+    if result.provenance is not None:
+        about = f"{result.provenance.record} (SHA-256 {result.provenance.sha256 or 'none'})"
+    text = f"Calibration of {about}, noise bound {result.noise_bound:g} g, case (A1)"
+    with whole_file(path) as beside:
+        beside.write_bytes(parameter_set(component, block, text))

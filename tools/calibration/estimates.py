@@ -1,18 +1,28 @@
-"""Each target's value, guaranteed error and exact interval, and the verdict's radius, at the fit."""
+"""What readings leave possible, at the fit: radius, values, guaranteed errors, exact intervals, pairs of targets."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
 from ..progress import tracked
-from .linearisation import NOT_OUTSIDE, Linearisation
-from .result import Estimate
-from .targets import Target
+from .model import NOT_OUTSIDE, Linearisation
+from .result import Estimate, FeasibleSet, number_or_none
+from .targets import Target, convention_targets
 
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds."""
+GROUPS = (
+    ("accelerometer 1", ("X4", "X5", "X16")),
+    ("accelerometer 2", ("X9", "X10", "X6+X8", "X17")),
+    ("accelerometer 3", ("X14", "X15", "X7+X12", "X11+X13", "X18")),
+    ("table and mounting", ("X1", "X2", "X3", "X13", "-X12", "X8")),
+)
+"""Targets whose errors hang together: those of each accelerometer, those of the bench."""
+SAME = 1e-6
+"""A direction that gains no more than this part of the set's size gives no new vertex."""
 
 
 def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
@@ -62,52 +72,50 @@ def estimate_targets(here: Linearisation, wanted: list[Target], intervals: NDArr
     list of Estimate
         with None for what the measurements do not determine
     """
-    estimates = [Estimate(t.symbol, t.name, t.unit, None, None, None, None) for t in wanted]
-    if here.span.shape[1] == 0:
-        return estimates
-    reduced = Polytope(here.jacobian @ here.span, here.bound)
-    reduced.confine(-here.bound, here.bound)
+    numbers = np.full((len(wanted), 4), np.nan)
+    numbers[:, 2:] = intervals[: len(wanted)]
     known = _determined_rows(here, [t.weights for t in wanted])
-    for k in tracked(known, "guaranteed errors", show=takes_long(here)):
-        t = wanted[k]
-        error, _, phi = reduced.maximise(here.span.T @ t.weights)
-        value = float(t.weights @ here.point + phi @ here.residual)
-        ends = (None if np.isnan(end) else float(end) for end in intervals[k])
-        estimates[k] = Estimate(t.symbol, t.name, t.unit, value, error, *ends)
-    return estimates
+    reduced = Polytope(here.jacobian @ here.span, here.bound)
+    if known:
+        reduced.confine(-here.bound, here.bound)
+    for k in tracked(known, "guaranteed errors", show=_takes_long(here)):
+        weights = wanted[k].weights
+        error, _, phi = reduced.maximise(here.span.T @ weights)
+        numbers[k, :2] = weights @ here.point + phi @ here.residual, error
+    keys = ("estimate", "guaranteed_error", "low", "high")
+    return [
+        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(number_or_none, row), strict=True)))
+        for t, row in zip(wanted, numbers, strict=True)
+    ]
 
 
-def exact_intervals(here: Linearisation, weights: NDArray, centre: NDArray, slack: float) -> NDArray:
+def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
     """The least and the greatest weights'X that the measurements leave possible.
 
-    The ends are those of the linear programmes about the centre, moved outwards by what the remainder of the
+    The ends are those of the linear programmes about the Chebyshev centre, moved outwards by what the remainder of the
     linearisation can do: the greatest that it is at any of the vertices, weighted by each programme's duals.
 
     Parameters
     ----------
-    here : Linearisation
-        at the fit
+    feasible : FeasibleSet
     weights : (K, P) array
-    centre : (P,) array
-        the Chebyshev centre
-    slack : float
-        what a reading may be wrong by beside its noise (its last digit), as a fraction of g
 
     Returns
     -------
     (K, 2) array
         NaN where the measurements do not determine it
     """
+    here, centre = feasible.linearised, feasible.centre
     intervals = np.full((len(weights), 2), np.nan)
     if here.span.shape[1] == 0:
         return intervals
-    feasible, residual = feasible_set(here, centre, slack)
+    polytope, residual = _steps_of(feasible)
     tops = {}
     remainder = np.zeros(len(residual))
     known = _determined_rows(here, weights)
-    for k in tracked(known, "exact intervals", show=takes_long(here)):
+    for k in tracked(known, "exact intervals", show=_takes_long(here)):
         for side, sense in enumerate((-1.0, 1.0)):
-            value, step, phi = feasible.maximise(here.span.T @ (sense * weights[k]))
+            value, step, phi = polytope.maximise(here.span.T @ (sense * weights[k]))
             step = here.span @ step
             left = residual - here.residual_at(centre + step) - here.jacobian @ step
             remainder = np.maximum(remainder, np.abs(left))
@@ -121,32 +129,82 @@ def exact_intervals(here: Linearisation, weights: NDArray, centre: NDArray, slac
     return intervals
 
 
-def feasible_set(here: Linearisation, centre: NDArray, slack: float) -> tuple[Polytope, NDArray]:
-    """The steps from the centre, in coordinates of `span`, that keep every residual within its bound.
-
-    Returns
-    -------
-    polytope : Polytope
-    residual : (M,) array
-        exact, at the centre
-    """
-    residual = here.residual_at(centre)
-    room = np.maximum(here.bound + slack, np.abs(residual)) * (1.0 + RELATIVE_TOLERANCE)
+def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:
+    """Steps from the centre, in coordinates of `span`, that keep residuals within bounds; the residuals (M,) there."""
+    here = feasible.linearised
+    residual = here.residual_at(feasible.centre)
+    room = np.maximum(here.bound + feasible.slack, np.abs(residual)) * (1.0 + RELATIVE_TOLERANCE)
     polytope = Polytope(here.jacobian @ here.span, here.bound)
     polytope.confine(residual - room, residual + room)
     return polytope, residual
 
 
 def _determined_rows(here: Linearisation, weights: Iterable[NDArray]) -> list[int]:
-    return [k for k, row in enumerate(weights) if is_determined(here, row)]
+    return [k for k, row in enumerate(weights) if _is_determined(here, row)]
 
 
-def takes_long(here: Linearisation) -> bool:
+def _takes_long(here: Linearisation) -> bool:
     """Whether there are so many measurements that progress is worth showing."""
     return len(here.bound) >= MANY_MEASUREMENTS
 
 
-def is_determined(here: Linearisation, weights: NDArray) -> bool:
+def _is_determined(here: Linearisation, weights: NDArray) -> bool:
     """Whether the measurements determine weights'X."""
     outside = float(np.linalg.norm(weights - here.span @ (here.span.T @ weights)))
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
+
+
+@dataclass(frozen=True)
+class PairSet:
+    """What readings leave possible of two targets: vertices (V, 2) in order, about the origin of the estimates."""
+
+    first: Target
+    second: Target
+    vertices: NDArray
+
+
+def joint_sets(feasible: FeasibleSet) -> dict[str, list[PairSet]]:
+    """The pairwise projections of the feasible set, group by group; targets that readings leave open are left out."""
+    here = feasible.linearised
+    polytope, _ = _steps_of(feasible)
+    known = {
+        t.symbol.split("@")[0]: t
+        for t in reversed(convention_targets(here.parametrisation, "A1"))
+        if _is_determined(here, t.weights)
+    }
+    wanted = []
+    for group, symbols in GROUPS:
+        targets = [known[symbol] for symbol in symbols if symbol in known]
+        wanted += [(group, first, second) for i, second in enumerate(targets) for first in targets[:i]]
+    result: dict[str, list[PairSet]] = {}
+    for group, first, second in tracked(wanted, "joint feasible set", show=_takes_long(here)):
+        weights = np.array([first.weights, second.weights])
+        middle = weights @ feasible.centre
+        result.setdefault(group, []).append(PairSet(first, second, middle + _polygon(polytope, weights @ here.span)))
+    return result
+
+
+def _polygon(polytope: Polytope, weights: NDArray) -> NDArray:
+    """Vertices of a polytope's projection {weights x}: from four on, each edge is pushed out until it holds."""
+    size = np.array([sum(polytope.maximise(sign * row)[0] for sign in (-1.0, 1.0)) for row in weights])
+    scale = np.where(size > 0.0, size, 1.0)
+    rows = weights / scale[:, None]
+
+    def furthest(direction: NDArray) -> NDArray:
+        return rows @ polytope.maximise(direction @ rows)[1]
+
+    vertices = [furthest(np.array(d)) for d in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))]
+    k = 0
+    while k < len(vertices) and len(vertices) < 100:
+        here, after = vertices[k], vertices[(k + 1) % len(vertices)]
+        edge = after - here
+        if np.abs(edge).max() <= SAME:
+            k += 1
+            continue
+        outwards = np.array([edge[1], -edge[0]])
+        found = furthest(outwards)
+        if (found - here) @ outwards > SAME * np.linalg.norm(outwards):
+            vertices.insert(k + 1, found)
+        else:
+            k += 1
+    return np.array(vertices) * scale

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...models.bench import checked_rotation
 from ..errors import InputError, nearest
 from ..records import PositionRecord
-
-ORTHOGONALITY_TOLERANCE = 1e-9
 
 
 def frame_turn(axis: int, angle: float) -> NDArray:
@@ -36,39 +35,12 @@ PRESETS: dict[str, NDArray] = {
 axes 3 and 2; `tripod` has all three axes equally inclined; `skew` is turned by 20°, 30°, 40° about axes 3, 2, 1."""
 
 
-def checked_rotation(matrix: Any, where: str) -> NDArray:
-    """A proper rotation (3, 3) from nested lists, or an InputError that says what is wrong with it.
-
-    Parameters
-    ----------
-    matrix : nested sequence
-        what was given
-    where : str
-        what the message begins with
-    """
-    rows = matrix.tolist() if isinstance(matrix, np.ndarray) else matrix
-    if isinstance(rows, list | tuple):
-        rows = [row.tolist() if isinstance(row, np.ndarray) else row for row in rows]
-    shaped = isinstance(rows, list | tuple) and len(rows) == 3
-    if not (shaped and all(isinstance(row, list | tuple) and len(row) == 3 for row in rows)):
-        raise InputError(f"{where}: the matrix must be three rows of three numbers")
-    if any(isinstance(x, bool) or not isinstance(x, int | float) for row in rows for x in row):
-        raise InputError(f"{where}: the matrix must hold numbers only")
-    # compared as they are: an integer may be too large for a float
-    if not all(abs(x) <= 2 for row in rows for x in row):
-        raise InputError(f"{where}: every element of a rotation matrix lies between -1 and 1")
-    q = np.array(rows, dtype=float)
-    defect = np.abs(q @ q.T - np.eye(3))
-    i, j = np.unravel_index(int(defect.argmax()), (3, 3))
-    if defect[i, j] > ORTHOGONALITY_TOLERANCE:
-        what = f"row {i + 1} has length {np.linalg.norm(q[i]):.10g}" if i == j else f"rows {i + 1} and {j + 1} are not"
-        what = what if i == j else f"{what} perpendicular (product {float(q[i] @ q[j]):.3g})"
-        raise InputError(
-            f"{where}: the matrix is not orthogonal to {ORTHOGONALITY_TOLERANCE:g}: {what}; give more digits?"
-        )
-    if np.linalg.det(q) < 0:
-        raise InputError(f"{where}: the matrix has determinant -1, a reflection; a mounting is a rotation")
-    return q
+def checked_mounting(matrix: Any, where: str) -> NDArray:
+    """A proper rotation (3, 3) from nested lists, or an InputError that begins with `where`."""
+    try:
+        return checked_rotation(matrix)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def read_mounting_file(path: Path) -> dict[str, NDArray]:
@@ -96,7 +68,7 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
         if unknown or "matrix" not in table:
             wrong = f"has the unknown key '{unknown[0]}'" if unknown else "has no matrix"
             raise InputError(f"{where} {wrong}; write matrix = [[...], [...], [...]]")
-        mountings[name] = checked_rotation(table["matrix"], where)
+        mountings[name] = checked_mounting(table["matrix"], where)
     return mountings
 
 
@@ -109,7 +81,7 @@ def mountings_of(given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
         for an unreadable file, or a matrix that is no rotation
     """
     if not isinstance(given, str):
-        return {name: checked_rotation(q, f"mounting '{name}'") for name, q in given.items()}
+        return {name: checked_mounting(q, f"mounting '{name}'") for name, q in given.items()}
     return {given: PRESETS[given]} if given in PRESETS else read_mounting_file(Path(given))
 
 
@@ -165,7 +137,7 @@ def select(
                 f"{record.path}: row {row}, column mounting: {source} has no mounting '{name}' "
                 f"({nearest(name, tuple(known))}); give a TOML file with [{name}] matrix = [[...], [...], [...]]"
             )
-    return {name: checked_rotation(known[name], f"mounting '{name}'") for name in names}
+    return {name: checked_mounting(known[name], f"mounting '{name}'") for name in names}
 
 
 def mounting_names(record: PositionRecord) -> tuple[str, ...] | None:

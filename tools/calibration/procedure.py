@@ -6,31 +6,49 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...fmus.parameters import GRAVITIES
+from ...models.bench import SYMMETRIC_PAIRS
+from ...models.regressors import admissible
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
-from .duplicates import contradiction
 from .estimates import chebyshev_centre, estimate_targets, exact_intervals
-from .fit import fit
-from .linearisation import Linearisation
+from .model import Linearisation, Parametrisation, Positions, fit, parametrise, reading_jacobian
 from .mountings import mounting_names, mountings_of, read_mounting, select
-from .next_positions import next_positions, repeats
-from .parametrisation import Positions, parametrise
-from .priors import asked_priors, parameter_limits, with_priors
-from .reading_errors import error_weights, reading_errors
-from .result import Calibration, Estimate, FeasibleSet, Provenance
-from .targets import asked_targets, convention_targets
-from .values import GRAVITIES
+from .result import (
+    Calibration,
+    Estimate,
+    FeasibleSet,
+    KnownBefore,
+    OpenTarget,
+    Provenance,
+    Reading,
+    ReadingError,
+    TablePosition,
+    number_or_none,
+)
+from .targets import (
+    asked_priors,
+    asked_targets,
+    convention_targets,
+    corners,
+    error_weights,
+    parameter_limits,
+    with_priors,
+)
 
 STANDARD_BOUNDS = (3e-3, 1e-2)
 SCALE_FACTORS = (0.5, 1.5)
 """What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
-SCALE_TARGETS = dict(zip(("X4", "X5", "X9", "X10", "X14", "X15"), (1, 1, 2, 2, 3, 3), strict=True))
 NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
 ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
+GRID_STEP_DEG = 15
+WELL_DETERMINED = 2.0
+"""Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
+MAX_POSITIONS = 24
 
 
 def calibrate(
@@ -113,58 +131,64 @@ def calibrate(
     try:
         radius, centre, duals = chebyshev_centre(bounded)
         contradicted = radius > radius_limit(sigma, resolution)
-        if not contradicted:
-            intervals = exact_intervals(bounded, weights, centre, slack)
+        feasible = None if contradicted else FeasibleSet(bounded, centre, slack)
+        if feasible is not None:
+            intervals = exact_intervals(feasible, weights)
         estimates = estimate_targets(bounded, wanted, intervals)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
     _check_scale_factors(record, estimates)
-    missing = tuple(estimate for estimate in estimates if estimate.estimate is None)
+    missing = [estimate for estimate in estimates if estimate.estimate is None]
     # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.
     falsified = contradicted and noise.complete
     unbounded = contradicted and not noise.complete
-    verdict = "insufficient" if missing or unbounded else "falsified" if falsified else "consistent"
-    witness: tuple[tuple[int, int], ...] = ()
+    witness = []
     if falsified:
         proof = (np.abs(duals) * bounded.bound > 1e-9)[: len(here.bound)]
-        witness = tuple(
-            (int(record.position[i]), int(axis))
+        witness = [
+            Reading(position=int(record.position[i]), accelerometer=int(axis))
             for i, axis in zip(here.position[proof], here.accelerometer[proof], strict=True)
-        )
+        ]
     mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
     if unbounded:
         mend += repeats(here)
-    coarse = []
+    warnings = [*record.warnings, *_remarks(here, falsified and bool(missing), unbounded)]
     if not contradicted and radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
-        coarse = [
+        warnings.append(
             f"the readings are written too coarsely for this noise bound: half a last digit is {resolution:.2g} g, and "
             f"the verdict and the intervals allow for it, so that a radius of {radius:.3f} falsifies nothing"
-        ]
-    repeated = []
+        )
     if here.deficient and noise.complete:
         # what the readings leave open hides it from the radius
-        found = contradiction(here, record.position, 2.0 * (sigma + slack) * (1.0 + RELATIVE_TOLERANCE))
-        repeated = [] if found is None else [found]
+        found = _contradiction(here, record.position, 2.0 * (sigma + slack) * (1.0 + RELATIVE_TOLERANCE))
+        warnings += [] if found is None else [found]
+    errors = zip(corners(), intervals[len(wanted) :], strict=True)
     return Calibration(
-        verdict,
-        sigma,
-        noise.basis,
-        float(gravity),
-        convention,
-        baseline,
-        len(record.position),
-        len(here.residual),
-        radius,
-        witness,
-        tuple(estimates),
-        missing,
-        tuple(mend),
-        (*record.warnings, *_remarks(here, falsified and bool(missing), unbounded), *coarse, *repeated),
-        here,
-        tuple((prior.text.rpartition("=")[0], prior.limit) for prior in known_before),
-        reading_errors(intervals[len(wanted) :]),
-        Provenance(record.path.name, record.sha256, (float(bounds[0]), float(bounds[1]))),
-        None if contradicted else FeasibleSet(bounded, centre, slack),
+        verdict="insufficient" if missing or unbounded else "falsified" if falsified else "consistent",
+        noise_bound=sigma,
+        noise_bound_basis=noise.basis,
+        gravity=float(gravity),
+        convention="A2" if convention == "A2" else "A1",
+        baseline="symmetric" if p.symmetric else "asymmetric",
+        mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
+        positions=len(record.position),
+        measurements=len(here.residual),
+        radius=radius,
+        witness=witness,
+        parameters=estimates,
+        priors=[KnownBefore(expression=x.text.rpartition("=")[0], limit=x.limit) for x in known_before],
+        reading_errors=[
+            ReadingError(accelerometer=accelerometer, input=list(n), low=number_or_none(low), high=number_or_none(high))
+            for (accelerometer, n), (low, high) in errors
+        ],
+        provenance=Provenance(
+            record=record.path.name, sha256=record.sha256, bounds=[float(bounds[0]), float(bounds[1])]
+        ),
+        missing=[OpenTarget(symbol=gap.symbol, name=gap.name) for gap in missing],
+        next_positions=mend,
+        warnings=warnings,
+        linearised=here,
+        feasible=feasible,
     )
 
 
@@ -235,7 +259,8 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) 
     """Refuse readings of an accelerometer that cannot have any usual scale factor."""
     least, most = SCALE_FACTORS
     for estimate in estimates:
-        if estimate.symbol not in SCALE_TARGETS or estimate.low is None or estimate.high is None:
+        axis = next((p for p, pair in enumerate(SYMMETRIC_PAIRS, 1) if estimate.symbol in pair), None)
+        if axis is None or estimate.low is None or estimate.high is None:
             continue
         if 1.0 + estimate.high >= least and 1.0 + estimate.low <= most:
             continue
@@ -243,7 +268,7 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) 
         hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
         hint = hint if factor < least else "are --gravity and the unit right"
         raise InputError(
-            f"{record.path}: column f{SCALE_TARGETS[estimate.symbol]}_mps2: reads {factor:.3f} times what the table "
+            f"{record.path}: column f{axis}_mps2: reads {factor:.3f} times what the table "
             f"gives, where {least:g} to {most:g} is possible; {hint}, or is --mounting another?"
         )
 
@@ -274,3 +299,91 @@ def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[st
             "that hold over a rest: repeat positions, or give --noise-bound"
         )
     return remarks
+
+
+def _contradiction(here: Linearisation, number: NDArray, limit: float) -> str | None:
+    """One sentence on the worst contradiction between readings at exactly the same angles in the same mounting.
+
+    Parameters
+    ----------
+    here : Linearisation
+    number : (N,) array of int
+        the record's position numbers
+    limit : float
+        how far two such readings may be apart, as a fraction of g
+    """
+    at = here.positions
+    _, label = np.unique(np.stack([at.alpha, at.beta, at.mounting], axis=1), axis=0, return_inverse=True)
+    label = label.reshape(-1)
+    order = np.argsort(label, kind="stable")
+    starts = np.flatnonzero(np.diff(label[order], prepend=-1))
+    reading = here.reading[order]
+    spread = np.maximum.reduceat(reading, starts) - np.minimum.reduceat(reading, starts)
+    group, axis = np.unravel_index(int(np.argmax(spread)), spread.shape)
+    if spread[group, axis] <= limit:
+        return None
+    rows = order[label[order] == label[order[starts[group]]]]
+    values = here.reading[rows, axis]
+    first, second = sorted((int(number[rows[values.argmin()]]), int(number[rows[values.argmax()]])))
+    return (
+        f"positions {first} and {second} are the same, but accelerometer {axis + 1} reads {spread[group, axis]:.2g} g "
+        "differently there, more than two noise bounds: no model explains that"
+    )
+
+
+def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, float]) -> list[TablePosition]:
+    """A few positions that, added to those measured, determine every target.
+
+    Chosen one by one from a coarse grid, the one that adds most information (the determinant) first; only readings
+    whose sign is certain by (1.7) count.
+
+    Parameters
+    ----------
+    here : Linearisation
+        what was measured
+    weights : (T, P) array
+        the targets
+    bounds : (float, float)
+        u^max and v^0max of (1.7)
+
+    Returns
+    -------
+    list of dict
+        alpha_deg, beta_deg, and mounting where there are several
+    """
+    p = here.parametrisation
+    degrees = np.arange(0, 360, GRID_STEP_DEG)
+    alpha_deg, beta_deg, mounting = (
+        grid.ravel() for grid in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij")
+    )
+    grid = Positions(np.radians(alpha_deg), np.radians(beta_deg), mounting)
+    rows = reading_jacobian(p, here.point, grid)
+    rows = np.where(admissible(grid.alpha, grid.beta, p.matrices[mounting], bounds=bounds)[..., None], rows, 0.0)
+    information = here.jacobian.T @ here.jacobian
+    chosen: list[TablePosition] = []
+    while len(chosen) < MAX_POSITIONS and not _determines(information, weights):
+        spread = np.linalg.inv(information + 1e-8 * np.eye(len(information)))
+        gain = np.linalg.slogdet(np.eye(3) + rows @ spread @ rows.transpose(0, 2, 1))[1]
+        best = int(np.argmax(np.round(gain, 9)))
+        information = information + rows[best].T @ rows[best]
+        chosen.append(_table_position(p, alpha_deg[best], beta_deg[best], mounting[best]))
+    return chosen
+
+
+def repeats(here: Linearisation, count: int = 4) -> list[TablePosition]:
+    """Positions of the record, spread over it, that would tell the noise if they were measured again."""
+    p, at = here.parametrisation, here.positions
+    rows = np.unique(np.linspace(0, len(at.alpha) - 1, count).round().astype(int))
+    return [_table_position(p, np.degrees(at.alpha[k]), np.degrees(at.beta[k]), at.mounting[k]) for k in rows]
+
+
+def _table_position(p: Parametrisation, alpha_deg: float, beta_deg: float, mounting: int) -> TablePosition:
+    position = TablePosition(alpha_deg=float(alpha_deg), beta_deg=float(beta_deg))
+    if len(p.mountings) > 1:
+        position["mounting"] = p.mountings[mounting]
+    return position
+
+
+def _determines(information: NDArray, weights: NDArray) -> bool:
+    spread = np.linalg.inv(information + 1e-8 * np.eye(len(information)))
+    return bool((np.einsum("tp,pq,tq->t", weights, spread, weights) < WELL_DETERMINED**2).all())

@@ -1,16 +1,20 @@
-"""What is asked for: linear combinations of the paper's X, by convention or as a person writes them."""
+"""What is asked for and what is known beforehand: linear combinations of the paper's X, as a person writes them.
 
+Targets of the convention, other combinations, errors of readings at the corners of the input, priors |a'X| ≤ limit.
+"""
+
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ..errors import InputError, nearest
-from .parametrisation import MOUNTING_TARGETS, Parametrisation
+from .model import MOUNTING_TARGETS, Linearisation, Parametrisation, determined
 
 NAMES = {
     "X1": ("outer-axis-tilt", "rad"),
@@ -60,6 +64,15 @@ IN_TARGETS = {
     "X12": {"-X12": -1.0},
 }
 """The X that are no targets of case (A1) themselves, by those that are."""
+
+MISALIGNMENT_TARGETS = ((), ("X6+X8",), ("X7+X12", "X11+X13"))
+BIAS_TARGETS = ("X16", "X17", "X18")
+"""Targets of each accelerometer beside its scale factors, `SYMMETRIC_PAIRS`; Γ lower triangular."""
+
+LEAST_LIMIT = 1e-12
+"""The tightest prior, as the least noise bound: below is rounding."""
+FROM_BOUNDS = "bounds"
+"""The prior that stands for all: each parameter within u^max or v^0max of (1.7)."""
 
 NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 SYMBOL = re.compile(r"X\d+", re.ASCII)
@@ -132,8 +145,8 @@ def _common_unit(weights: NDArray, p: Parametrisation) -> str:
     return units.pop() if len(units) == 1 else "mixed"
 
 
-def expression_weights(expression: str, p: Parametrisation) -> NDArray:
-    """Weights (P,) of a linear combination of X1..X18 written with + - * / and parentheses.
+def expression_weights(expression: str, p: Parametrisation, option: str = "--target") -> NDArray:
+    """Weights (P,) of a linear combination of X1..X18 written with + - * / and parentheses, as given to an option.
 
     With several mountings, X6, X7, X8, X11, X12, X13 differ by mounting and are written X8@name, unless the mounting
     drops out of the combination (X6+X8).
@@ -143,7 +156,7 @@ def expression_weights(expression: str, p: Parametrisation) -> NDArray:
     InputError
         one line that says what is wrong with the expression
     """
-    where = f"--target {expression[:60]!r}"
+    where = f"{option} {expression[:60]!r}"
     if len(expression) > MAX_EXPRESSION:
         raise InputError(f"{where}: longer than {MAX_EXPRESSION} characters")
     results = [_Expression(expression, where, p, k).weights() for k in range(len(p.mountings))]
@@ -206,7 +219,7 @@ class _Expression:
             elif weights.any() and others.any():
                 self._refuse("multiplies two parameters; a target is linear, as 2*X4")
             constant, weights = constant * more, weights * more + others * constant
-            if not (isfinite(constant) and np.isfinite(weights).all()):
+            if not (math.isfinite(constant) and np.isfinite(weights).all()):
                 self._refuse("its numbers are too large")
         return constant, weights
 
@@ -229,7 +242,7 @@ class _Expression:
                 return value
             if number := NUMBER.match(self._text, self._at):
                 self._at = number.end()
-                if not isfinite(float(number[0])):
+                if not math.isfinite(float(number[0])):
                     self._refuse("its numbers are too large")
                 return float(number[0]), np.zeros(len(self._p.symbols))
             if symbol := SYMBOL.match(self._text, self._at):
@@ -265,3 +278,104 @@ class _Expression:
         for target, factor in IN_TARGETS.get(symbol, {symbol: 1.0}).items():
             weights[TARGETS.index(target)] += factor
         return weights @ self._p.selection[mounting]
+
+
+def corners() -> list[tuple[int, tuple[int, int, int]]]:
+    """Accelerometer and input for every combination of −1, 0, 1 that its reading depends on (Γ lower triangular)."""
+    return [(p, (*own, 0, 0)[:3]) for p in (1, 2, 3) for own in product((-1, 0, 1), repeat=p)]
+
+
+def error_weights(p: Parametrisation) -> NDArray:
+    """Weights (39, P) of (Γ n + b) of each of the `corners`, by the parameters of the fit."""
+    rows = np.zeros((len(corners()), len(TARGETS)))
+    for row, (accelerometer, n) in zip(rows, corners(), strict=True):
+        own = accelerometer - 1
+        plus, minus = SYMMETRIC_PAIRS[own]
+        row[TARGETS.index(plus if n[own] > 0 else minus)] += n[own]
+        for c, target in enumerate(MISALIGNMENT_TARGETS[own]):
+            row[TARGETS.index(target)] += n[c]
+        row[TARGETS.index(BIAS_TARGETS[own])] += 1.0
+    # the block is the same in every mounting
+    return rows @ p.selection[0]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """|weights'X| ≤ limit, and how it was written."""
+
+    text: str
+    weights: NDArray
+    limit: float
+
+
+@dataclass(frozen=True)
+class WithPriors(Linearisation):
+    """A linearisation with a row for each prior after those of the measurements: 0 = weights'X within its limit.
+
+    `residual`, `jacobian`, `bound` and `span` count the priors; `reading`, `position`, `accelerometer` do not.
+    """
+
+    prior: NDArray
+
+    def residual_at(self, point: NDArray) -> NDArray:
+        """Exact residuals (M + K,) at another point; a prior's is what is left to zero."""
+        return np.append(super().residual_at(point), -self.prior @ point)
+
+
+def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, float]) -> list[Prior]:
+    """Priors as a person writes them: "X16=1e-3", "X4-X5=2e-4", or "bounds" for all by (1.7).
+
+    Raises
+    ------
+    InputError
+        for another form, or a limit that is not positive
+    """
+    priors = []
+    for text in texts:
+        if text.strip() == FROM_BOUNDS:
+            every = zip(p.symbols, np.eye(len(p.symbols)), parameter_limits(p.symbols, bounds), strict=True)
+            priors += [Prior(f"{s}={limit:g}", weights, float(limit)) for s, weights, limit in every if limit > 0.0]
+            continue
+        expression, equals, limit = text.rpartition("=")
+        where = f"--prior {text[:60]!r}"
+        if not equals:
+            raise InputError(f"{where}: write a combination and its greatest size, as X16=1e-3, or {FROM_BOUNDS}")
+        try:
+            value = float(limit)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{where}: {limit.strip()[:20]!r} is not a positive number; write X16=1e-3")
+        if value < LEAST_LIMIT:
+            raise InputError(f"{where}: {value:g} is below {LEAST_LIMIT:g}, the least that can be used")
+        priors.append(Prior(" ".join(text.split()), expression_weights(expression, p, "--prior"), value))
+    return priors
+
+
+def parameter_limits(symbols: Sequence[str], bounds: tuple[float, float], priors: Sequence[Prior] = ()) -> NDArray:
+    """How large each parameter (P,) may be: u^max or v^0max of (1.7), or what a prior on it alone says."""
+    limits = np.array([bounds[0] if symbol in ("X1", "X2", "X3") else bounds[1] for symbol in symbols])
+    said: dict[int, float] = {}
+    for prior in priors:
+        if np.count_nonzero(prior.weights) == 1:
+            k = int(np.argmax(np.abs(prior.weights)))
+            said[k] = min(said.get(k, math.inf), prior.limit / abs(prior.weights[k]))
+    for k, limit in said.items():
+        limits[k] = limit
+    return limits
+
+
+def with_priors(here: Linearisation, priors: Sequence[Prior]) -> Linearisation:
+    """The linearisation with the priors' rows; itself when there are none."""
+    if not priors:
+        return here
+    rows = np.array([prior.weights for prior in priors])
+    jacobian = np.vstack([here.jacobian, rows])
+    values = vars(here) | {
+        "residual": np.append(here.residual, -rows @ here.point),
+        "jacobian": jacobian,
+        "bound": np.append(here.bound, [prior.limit for prior in priors]),
+        # a direction that a prior bounds is bounded, however loosely
+        "span": determined(jacobian, float(here.bound.min())),
+    }
+    return WithPriors(**values, prior=rows)

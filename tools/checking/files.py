@@ -120,7 +120,7 @@ def _check_campaign(path: Path, text: str, data: dict[str, Any]) -> Check:
 
 
 def _check_mountings(path: Path, text: str, data: dict[str, Any]) -> Check:
-    from ..calibration.mountings import checked_rotation
+    from ..calibration.mountings import checked_mounting
 
     findings = Findings(toml_lines(text))
     for name, table in data.items():
@@ -128,5 +128,5 @@ def _check_mountings(path: Path, text: str, data: dict[str, Any]) -> Check:
             if key != "matrix":
                 findings.add(f"{name}.{key}: unknown key; write matrix = [[...], [...], [...]]", (name, key))
         with findings.of((name, "matrix")):
-            checked_rotation(table["matrix"], f"[{name}]")
+            checked_mounting(table["matrix"], f"[{name}]")
     return Check(path, "file of mountings", findings.problems(), summary=(f"mountings {', '.join(data)}",))

@@ -5,37 +5,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=0)]
-Axis = Literal["asymmetric", "symmetric"]
 
 
 class _Object(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True, frozen=True)
-
-
-class Reading(_Object):
-    """A reading that proves something."""
-
-    position: Annotated[int, Field(ge=1)]
-    accelerometer: Annotated[int, Field(ge=1, le=3)]
-
-
-class Target(_Object):
-    """An estimate with its guaranteed error and exact interval."""
-
-    symbol: str
-    name: str
-    unit: str
-    estimate: Number | None
-    guaranteed_error: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
-    low: Number | None
-    high: Number | None
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "Target":
-        if self.low is not None and self.high is not None and self.low > self.high:
-            raise ValueError(f"low = {self.low!r} is above high = {self.high!r}")
-        return self
 
 
 class TablePosition(_Object):
@@ -43,23 +16,6 @@ class TablePosition(_Object):
 
     alpha_deg: Number
     beta_deg: Number
-
-
-class CalibrationFile(_Object):
-    """Schema trihedron.calibration/1."""
-
-    schema_: Literal["trihedron.calibration/1"] = Field(alias="schema")
-    verdict: Literal["consistent", "falsified", "insufficient"]
-    noise_bound: Annotated[float, Field(gt=0.0, lt=1.0)]
-    gravity_mps2: Annotated[float, Field(ge=4.9, le=14.7)]
-    convention: Literal["A1", "A2"]
-    baseline: Axis
-    positions: Count
-    measurements: Count
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-    witness: list[Reading]
-    parameters: Annotated[list[Target], Field(min_length=1)]
-    next_positions: list[TablePosition] = []
 
 
 class EffectParameter(_Object):

@@ -8,11 +8,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from ...fmus.parameters import target_estimates
 from ..errors import InputError, nearest
 from ..field_problems import field_problems
 from .findings import Findings
 from .published import (
-    CalibrationFile,
     DiagnosisFile,
     PositionPlanFile,
     TargetPlanFile,
@@ -56,7 +56,12 @@ def _line(text: str, location: tuple[str, ...]) -> int | None:
 def _model(kind: str, content: Mapping[str, Any]) -> type[BaseModel]:
     if kind == "plan":
         return TargetPlansFile if "plans" in content else TargetPlanFile if "target" in content else PositionPlanFile
-    return CalibrationFile if kind == "calibration" else DiagnosisFile
+    if kind == "diagnosis":
+        return DiagnosisFile
+    # `import trihedron` does not wait for the calibration
+    from ..calibration import Calibration
+
+    return Calibration
 
 
 def _check(path: Path, text: str, content: dict[str, Any], kind: str) -> Check:
@@ -90,14 +95,13 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
 def _check_calibration(content: dict[str, Any], findings: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     from ..calibration.correction import correction_of
-    from ..calibration.values import target_estimates
 
     try:
         if content["verdict"] == "consistent" and "reading_errors" in content:
             correction_of(content, "calibration")
         else:
-            target_estimates(content, "calibration")
-    except InputError as error:
+            target_estimates(content)
+    except (InputError, ValueError) as error:
         said = str(error).removeprefix("calibration: ")
         place = next(
             (k for k, entry in enumerate(content["parameters"]) if said.startswith(f"{entry['symbol']}:")), None

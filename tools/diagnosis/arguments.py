@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...models.effects import CATALOGUE
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from .circumstances import Circumstances
 from .disturbance import rows_at
 from .extended_fit import ExtendedFit

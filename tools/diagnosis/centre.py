@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.regressors import admissible, nominal_input
 from ..bounded.sets import Problem
-from ..calibration.linearisation import Linearisation, linearise
-from ..calibration.open_signs import widening
-from ..calibration.parametrisation import predicted_input
+from ..calibration.model import Linearisation, linearise, predicted_input, widening
 from .circumstances import Circumstances
 from .disturbance import coefficient_count, disturbed, rows_at, signature_columns
 from .extended_fit import ASTRAY, least_squares_step

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..calibration.linearisation import Linearisation
-from ..calibration.parametrisation import Positions, reading_jacobian
+from ..calibration.model import Linearisation, Positions, reading_jacobian
 from .circumstances import Circumstances
 from .disturbance import rows_at, signature_columns
 

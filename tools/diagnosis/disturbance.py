@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import CATALOGUE, EffectPlace, Rows
-from ..calibration.linearisation import Linearisation
-from ..calibration.parametrisation import Positions, predicted_input, predicted_reading
+from ..calibration.model import Linearisation, Positions, predicted_input, predicted_reading
 from .circumstances import Circumstances
 from .senses import input_senses
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.rows import Variant
 from ..bounded.programmes import chebyshev_radius
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from .circumstances import Circumstances
 from .disturbance import is_linear, rows_at
 from .extended_model import acting, coefficient_blocks, model_at

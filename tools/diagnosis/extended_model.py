@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.rows import Variant
-from ..calibration.linearisation import Linearisation
-from ..calibration.parametrisation import predicted_reading, reading_jacobian
+from ..calibration.model import Linearisation, predicted_reading, reading_jacobian
 from .circumstances import Circumstances
 from .disturbance import acts_on_table, added_bound, disturbed, rows_at, signature_columns
 from .variants import bench_slopes, variants_seen

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus import build
+from ...fmus.parameters import component_parameters
 from ...models.bench import TARGETS
 from ...models.effects import CATALOGUE, EffectPlace
-from ..calibration.linearisation import Linearisation
-from ..calibration.result import component_parameters
+from ..calibration.model import Linearisation
 from ..orchestrator import simulate
 from ..scenario import Scenario
 from .circumstances import Circumstances
@@ -39,7 +39,7 @@ def simulate_rows(
         mine = np.flatnonzero(here.positions.mounting == index)
         if np.isin(mine, rows).any():
             values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
-            parameters = component_parameters(values, p.matrices[index], gravity)
+            parameters = component_parameters(values, gravity, p.matrices[index])
             scenario = extended_scenario(
                 parameters, effect_entries(fit), commands[mine], moved[mine], circumstances.selected(mine)
             )

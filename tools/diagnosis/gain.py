@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.linearisation import Linearisation, linearise
-from ..calibration.parametrisation import Positions
+from ..calibration.model import Linearisation, Positions, linearise
 from .circumstances import Circumstances
 from .disturbance import added_bound, disturbed, rows_at
 from .extended_fit import ExtendedFit, fit_nearest

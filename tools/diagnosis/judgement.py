@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from .extended_fit import ExtendedFit, least_squares_step
 from .gain import MAX_LEVERAGE
 

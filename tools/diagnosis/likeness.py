@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from .circumstances import Circumstances
 from .classes import column_space
 from .disturbance import rows_at, signature_columns

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Polytope, SolverError
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from ..calibration.result import Calibration
 from .circumstances import Circumstances
 from .disturbance import added_bound, disturbed, is_linear, rows_at, signature_columns

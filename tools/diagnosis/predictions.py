@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.restricted import CONTEXT_SIZE, INPUT
-from ..calibration.linearisation import Linearisation, linearise
-from ..calibration.parametrisation import Positions
+from ..calibration.model import Linearisation, Positions, linearise
 from .circumstances import Circumstances
 from .disturbance import is_linear, rows_at, signature_columns
 from .extended_fit import ExtendedFit

@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.outlier import place_of
 from ..bounded.programmes import SolverError
-from ..calibration.linearisation import Linearisation
-from ..calibration.next_positions import repeats
-from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty
+from ..calibration.model import Linearisation
+from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty, repeats
 from ..calibration.result import Calibration
 from ..errors import InputError
 from ..records import PositionRecord
@@ -80,7 +79,7 @@ def diagnose(
         # With no more measurements than parameters every record fits.
         enough = nominal.verdict == "consistent" and len(here.residual) > here.span.shape[1]
         if not enough:
-            proposed = nominal.next_positions or tuple(repeats(here))
+            proposed = tuple(nominal.next_positions or repeats(here))
             return Diagnosis("insufficient", nominal, record.position, next_positions=proposed)
         nominal_fit = fit_extended(here, circumstances, ())
         return Diagnosis(

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.linearisation import Linearisation
-from ..calibration.parametrisation import predicted_input
+from ..calibration.model import Linearisation, predicted_input
 from .circumstances import Circumstances
 
 LENGTHS = (0.15, 0.35, 0.8, 2.0)

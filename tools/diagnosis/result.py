@@ -176,7 +176,7 @@ class Diagnosis(Shown):
             "baseline": {
                 "radius": self.baseline.radius,
                 "falsified": self.baseline.verdict == "falsified",
-                "witness": [{"position": n, "accelerometer": p} for n, p in self.baseline.witness],
+                "witness": [reading.to_json() for reading in self.baseline.witness],
             },
             "causes": [cause.to_json() for cause in self.causes],
             "extended": {"radius": self.findings[0].fit.radius} if self.findings else None,
@@ -199,7 +199,7 @@ class Diagnosis(Shown):
         if self.verdict == "unexplained":
             content["residual_structure"] = list(self.residual_structure)
         if self.verdict == "insufficient":
-            content["missing"] = [{"symbol": gap.symbol, "name": gap.name} for gap in self.baseline.missing]
+            content["missing"] = [gap.to_json() for gap in self.baseline.missing]
         content["warnings"] = list(self.baseline.warnings)
         return content
 

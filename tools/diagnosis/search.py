@@ -11,7 +11,7 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ...models.effects.outlier import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import MAX_SET, Problem, sets_of_size
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from ..progress import tracked
 from .arguments import left_open
 from .centre import TOO_MUCH, Centre, anchors, centre_of, moved, problem_at, slack_at

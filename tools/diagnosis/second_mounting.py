@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.model import Linearisation, Positions, linearise, parametrise
 from ..calibration.mountings import PRESETS
-from ..calibration.parametrisation import Positions, parametrise
 from .classes import column_space, residual_spaces
 
 WORTH_IT = 0.6

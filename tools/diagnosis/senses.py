@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.parametrisation import Parametrisation, Positions, predicted_input
+from ..calibration.model import Parametrisation, Positions, predicted_input
 from .circumstances import Circumstances
 
 INPUT_CHANGE = 1e-4

@@ -11,8 +11,7 @@ from scipy.linalg import block_diag
 
 from ...models.regressors import admissible
 from ..bounded.programmes import least_largest
-from ..calibration.linearisation import Linearisation
-from ..calibration.parametrisation import Positions
+from ..calibration.model import Linearisation, Positions
 from .circumstances import Circumstances
 from .disturbance import added_bound, rows_at
 from .extended_fit import ExtendedFit

@@ -19,7 +19,7 @@ from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.outlier import place_of
 from ...models.restricted import CONTEXT_SIZE, INPUT
 from ..bounded.programmes import chebyshev_radius
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from .circumstances import Circumstances
 from .disturbance import added_bound, rows_at, signature_columns
 

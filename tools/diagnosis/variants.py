@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.rows import Variant
-from ..calibration.linearisation import Linearisation
-from ..calibration.parametrisation import Positions, direction_jacobian, predicted_input
+from ..calibration.model import Linearisation, Positions, direction_jacobian, predicted_input
 from .disturbance import added_bound, is_linear, signature_columns
 
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import ELEMENTARY, elementary, elementary_reading
 from ...models.effects import POSITION_EFFECTS
-from ..calibration.linearisation import Linearisation, linearise
+from ..calibration.model import Linearisation, Positions, linearise, parametrise
 from ..calibration.mountings import PRESETS
-from ..calibration.parametrisation import Positions, parametrise
 from ..calibration.procedure import fit_record
 from ..diagnosis.circumstances import Circumstances, circumstances_of
 from ..diagnosis.classes import Classes, classes_of

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ...models.effects.outlier import place_of
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from ..diagnosis.circumstances import Circumstances
 from ..diagnosis.classes import Classes
 from ..diagnosis.disturbance import coefficient_count

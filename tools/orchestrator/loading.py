@@ -9,7 +9,7 @@ from typing import Any
 from ...fmus import component_names
 from ...fmus.native.compiler import BuildError
 from ...models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, said_of
 from ..scenario import FmuSetting, Scenario
 from .archive import UnpackedFmu, unpack
 from .built import component_fmu
@@ -86,11 +86,8 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
         if setting.parameters_from is not None:
             content = sources.read(setting.parameters_from)
             component = setting.component or interface.model
-            try:
+            with said_of(f"fmus.{name}.parameters_from"):
                 calibrated = calibrated_parameters(content, setting.parameters_from, component)
-            except InputError as error:
-                reason = str(error).replace("parameters_from: ", "", 1)
-                raise InputError(f"fmus.{name}.parameters_from: {reason}") from error
         values = resolve_parameters(interface, setting.parameters, calibrated, of_effects)
         loaded[name] = Loaded(fmu, interface, values)
     return loaded

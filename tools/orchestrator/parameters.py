@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from ...fmus.parameters import bench_parameters
 from ..errors import InputError, nearest, said_of
 from .interface import Interface, Value, Variable, spread
 
@@ -78,17 +79,16 @@ def calibrated_parameters(content: bytes, label: str, component: str) -> Mapping
     InputError
         not such a file, a calibration that has no estimate, or nothing about this component
     """
-    # Only a scenario that asks for it pays for loading the calibration.
-    from ..calibration.result import bench_parameters
-
     try:
         data = json.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{label}: is not JSON ({error})") from error
     if not isinstance(data, dict):
         raise InputError(f"{label}: is not a calibration result (schema trihedron.calibration/1)")
-    with said_of(label):
+    try:
         found = bench_parameters(data)
+    except ValueError as error:
+        raise InputError(f"{label}: {error}") from error
     if component not in found:
         raise InputError(f"{label}: says nothing about {component}; {nearest(component, list(found))}")
     return found[component]

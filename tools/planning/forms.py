@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...models.bench import TARGETS
 from ...models.regressors import ASYMMETRIC_SLOTS
-from ..calibration.parametrisation import Parametrisation
+from ..calibration.model import Parametrisation
 from ..calibration.targets import IN_TARGETS
 from ..errors import InputError
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.parametrisation import Parametrisation
+from ..calibration.model import Parametrisation
 from ..calibration.targets import Target
 from .continuum import Continuum
 from .forms import basis, sheets_of_mountings

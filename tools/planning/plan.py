@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..calibration.model import Parametrisation, parametrise
 from ..calibration.mountings import mountings_of
-from ..calibration.parametrisation import Parametrisation, parametrise
 from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import tracked

@@ -7,7 +7,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.parametrisation import parametrise
+from ..calibration.model import parametrise
 from ..calibration.targets import expression_weights
 from .forms import clearance, sheets, value
 from .plan import plan_targets

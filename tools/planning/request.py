@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..calibration.model import parametrise
 from ..calibration.mountings import mountings_of
-from ..calibration.parametrisation import parametrise
 from ..calibration.targets import convention_targets
 from ..errors import InputError
 from ..progress import shown_status

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..calibration import Calibration
 from ..calibration.correction import ARCSEC, correction_of, face_readings, levelling
-from ..calibration.joint_set import joint_sets
+from ..calibration.estimates import joint_sets
 from ..records import PositionRecord
 from ..summaries import is_corrected
 from .cells import Cell

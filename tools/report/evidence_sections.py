@@ -38,7 +38,7 @@ def centred(residual: NDArray, bound: NDArray, fit: ExtendedFit | None) -> NDArr
 
 def proved(result: Calibration, numbers: NDArray) -> NDArray:
     """Readings (N, 3) of bool that prove a falsification; `numbers` are the record's own of its rows."""
-    witness = set(result.witness)
+    witness = {(reading.position, reading.accelerometer) for reading in result.witness}
     proof = np.zeros((len(result.linearised.reading), 3), dtype=bool)
     for i, axis in np.ndindex(*proof.shape):
         proof[i, axis] = (int(numbers[i]), axis + 1) in witness

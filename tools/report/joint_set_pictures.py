@@ -20,7 +20,7 @@ class Named(Protocol):
 
 
 class Pair(Protocol):
-    """Two targets and what is left possible of them; `trihedron.tools.calibration.joint_set.PairSet` is one."""
+    """Two targets and what is left possible of them; `trihedron.tools.calibration.estimates.PairSet` is one."""
 
     @property
     def first(self) -> Named: ...

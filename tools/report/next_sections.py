@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.linearisation import Linearisation
+from ..calibration.model import Linearisation
 from .cells import Cell
 from .direction_pictures import next_directions
 from .page import Download, Section, Table

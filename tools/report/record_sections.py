@@ -81,8 +81,8 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
     for name, matrix in zip(p.mountings, p.matrices, strict=True):
         rows = "; ".join(" ".join(f"{value:.6g}" for value in row) for row in np.asarray(matrix))
         given[f"mounting {name}"] = minus(rows)
-    for expression, limit in result.priors:
-        given[f"known beforehand, {expression}"] = f"at most {limit:g}"
+    for prior in result.priors:
+        given[f"known beforehand, {prior.expression}"] = f"at most {prior.limit:g}"
     return given | dict(more or {}) | versions()
 
 

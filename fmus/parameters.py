@@ -1,0 +1,252 @@
+"""Parameters of components from a calibration: as values, and as an SSP 1.0 parameter set that other tools read.
+
+A calibration is the published object of schema trihedron.calibration/1. What is refused is refused by a ValueError that
+does not name the file: who has read it says which it was.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..models.bench import SYMMETRIC_PAIRS, checked_rotation
+from .component import Component
+from .model_description import number
+from .units import UNITS
+
+CALIBRATION = "trihedron.calibration/1"
+GRAVITIES = (4.9, 14.7)
+"""[m/s²]: half and one and a half times the standard, as readings are taken to be."""
+CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
+
+VALUES = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+
+Parameters = dict[str, float | list[float]]
+"""Variable -> value in the variable's unit, or list of values for an array."""
+
+
+def bench_parameters(calibration: Any) -> dict[str, Parameters]:
+    """The parameters that make the simulated bench predict as it was calibrated, by component.
+
+    Δβ, α* and Δg cannot be told from other parameters: they are set to zero, and what they do stands in the others.
+
+    Raises
+    ------
+    ValueError
+        for another schema, a result that is not consistent, or several mountings
+    """
+    content = _consistent(calibration)
+    mountings = content.get("mountings")
+    if not isinstance(mountings, Mapping) or len(mountings) != 1:
+        raise ValueError("the calibration must have exactly one mounting to give parameters")
+    (name, matrix), *_ = mountings.items()
+    try:
+        mounting = checked_rotation(matrix)
+    except ValueError as error:
+        raise ValueError(f"mounting '{name}': {error}") from error
+    with _complete():
+        gravity = _gravity(content)
+        return component_parameters(target_estimates(content), gravity, mounting)
+
+
+def component_parameters(targets: Mapping[str, float], gravity: float, mounting: ArrayLike) -> dict[str, Parameters]:
+    """The components' parameters for given values of the 18 targets of case (A1), by component.
+
+    Parameters
+    ----------
+    targets : mapping
+        symbol -> value, for every one of `trihedron.models.bench.TARGETS`
+    gravity : float
+        the model's g [m/s²]
+    mounting : (3, 3) array
+        Q
+    """
+    table: Parameters = {
+        "kappa": targets["X1"],
+        "epsilon": targets["X3"],
+        "alpha_offset": targets["X2"],
+        "beta_offset": 0.0,
+        "alpha_star": 0.0,
+        "gravity": gravity,
+        "gravity_error": 0.0,
+        "mounting": np.asarray(mounting, dtype=float).ravel().tolist(),
+        "mounting_error": [targets["X13"], targets["-X12"], targets["X8"]],
+    }
+    block = _block(targets, gravity)
+    return {"TurntableMotion": table, "AccelerometerBlock": block, "AccelerometerCompensation": dict(block)}
+
+
+def calibrated_block(calibration: Any) -> Parameters:
+    """Parameters of the block, and of its compensation; mountings do not matter.
+
+    Raises
+    ------
+    ValueError
+        for what is no consistent calibration
+    """
+    content = _consistent(calibration)
+    with _complete():
+        return _block(target_estimates(content), _gravity(content))
+
+
+def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
+    """Estimates by the symbols of case (A1), whatever the calibration's convention and baseline.
+
+    Raises
+    ------
+    ValueError
+        when an entry is not as its schema says
+    KeyError
+        for a combination that is needed and missing
+    """
+    value: dict[str, float] = {}
+    try:
+        for entry in calibration["parameters"]:
+            symbol = str(entry["symbol"])
+            if symbol in value:
+                raise ValueError(f"the calibration has {symbol} twice")
+            if entry["estimate"] is not None:
+                value[symbol] = checked_number(entry["estimate"], symbol)
+                _check_interval(entry, value[symbol], symbol)
+    except TypeError as error:
+        raise ValueError("the calibration's parameters are not as its schema says") from error
+    if calibration.get("convention") == "A2":
+        value |= {whole: 2 * value[f"({whole})/2"] for whole in ("X6+X8", "X7+X12", "X11+X13")}
+        if "(X8-X6)/2" in value:
+            value |= {
+                "X8": value["(X8-X6)/2"] + value["(X6+X8)/2"],
+                "-X12": value["(X7-X12)/2"] - value["(X7+X12)/2"],
+                "X13": value["(X13-X11)/2"] + value["(X11+X13)/2"],
+            }
+    if calibration.get("baseline") == "symmetric":
+        if doubled := [minus for _, minus in SYMMETRIC_PAIRS if minus in value]:
+            raise ValueError(f"its baseline is symmetric, which has no {doubled[0]}; was it edited?")
+        value |= {minus: value[plus] for plus, minus in SYMMETRIC_PAIRS}
+    return value
+
+
+def checked_number(value: Any, what: str) -> float:
+    """The value, when it is a number of a possible size; else a ValueError that begins with what it is."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
+        shown = repr(value)
+        raise ValueError(f"{what} is {shown if len(shown) <= 40 else shown[:37] + '...'}, not a number")
+    return float(value)
+
+
+def _consistent(calibration: Any) -> Mapping[str, Any]:
+    """The calibration, when it is a consistent one; a ValueError else."""
+    if not isinstance(calibration, Mapping) or calibration.get("schema") != CALIBRATION:
+        found = calibration.get("schema") if isinstance(calibration, Mapping) else None
+        raise ValueError(f"the schema is {found!r}; a calibration has '{CALIBRATION}'")
+    verdict = calibration.get("verdict")
+    if verdict != "consistent":
+        raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters")
+    for key, known in CASES.items():
+        if calibration.get(key) not in known:
+            raise ValueError(f"its {key} is {calibration.get(key)!r}; it must be {' or '.join(known)}")
+    return calibration
+
+
+def _gravity(calibration: Mapping[str, Any]) -> float:
+    gravity = checked_number(calibration["gravity_mps2"], "gravity_mps2")
+    if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
+        raise ValueError(f"gravity_mps2 is {gravity:g}; {GRAVITIES[0]:g} to {GRAVITIES[1]:g} is possible")
+    return gravity
+
+
+@contextmanager
+def _complete() -> Iterator[None]:
+    """Says which key or target of a calibration is missing."""
+    try:
+        yield
+    except KeyError as error:
+        raise ValueError(f"the calibration lacks {error.args[0]!r}") from error
+
+
+def _block(targets: Mapping[str, float], gravity: float) -> Parameters:
+    """The block's parameters; X1, X2, X3, X8, -X12 and X13 are the bench's and the mounting's: not looked at."""
+    return {
+        "gravity": gravity,
+        "scale_error_plus": [targets["X4"], targets["X9"], targets["X14"]],
+        "scale_error_minus": [targets["X5"], targets["X10"], targets["X15"]],
+        "gamma_21": targets["X6+X8"],
+        "gamma_31": targets["X7+X12"],
+        "gamma_32": targets["X11+X13"],
+        "gamma_12": 0.0,
+        "gamma_13": 0.0,
+        "gamma_23": 0.0,
+        "bias": [targets["X16"], targets["X17"], targets["X18"]],
+    }
+
+
+def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str) -> None:
+    """Refuse an estimate that its own interval and guaranteed error exclude; where they are given."""
+    ends = [entry.get(key) for key in ("low", "high", "guaranteed_error")]
+    if any(end is None for end in ends):
+        return
+    said = [f"{symbol}: {key}" for key in ("low", "high", "error")]
+    low, high, error = (checked_number(end, what) for end, what in zip(ends, said, strict=True))
+    room = error + 1e-9
+    if not low <= high or estimate - room > high or estimate + room < low:
+        raise ValueError(f"{symbol}: its estimate, guaranteed error, low and high exclude one another; was it edited?")
+
+
+def parameter_set(component: Component, values: Mapping[str, float | list[float]], description: str) -> bytes:
+    """The SSP 1.0 ParameterSet of some of a component's real parameters.
+
+    Parameters
+    ----------
+    component : Component
+        decides names, units and order
+    values : mapping
+        variable -> value in the variable's unit, or list of values for an array
+    description : str
+        where the values come from
+
+    Returns
+    -------
+    bytes
+        XML in UTF-8; the same values give the same bytes
+
+    Raises
+    ------
+    ValueError
+        for what is no real parameter of the component, or an array of another length
+    """
+    known = {v.name: v for v in component.interface if v.causality == "parameter" and v.type == "real"}
+    if unknown := [name for name in values if name not in known]:
+        raise ValueError(f"{component.name} has no real parameter {unknown[0]}")
+    root = Element(
+        "ssv:ParameterSet",
+        {"xmlns:ssv": VALUES, "xmlns:ssc": COMMON, "version": "1.0", "name": component.name},
+        description=description,
+    )
+    parameters = SubElement(root, "ssv:Parameters")
+    used = []
+    for variable in known.values():
+        if variable.name not in values:
+            continue
+        value = values[variable.name]
+        scalars = value if isinstance(value, list) else [value]
+        if len(scalars) != len(variable.elements):
+            raise ValueError(f"{variable.name} has {len(variable.elements)} elements, not {len(scalars)}")
+        used += [variable.unit]
+        for name, scalar in zip(variable.elements, scalars, strict=True):
+            parameter = SubElement(parameters, "ssv:Parameter", name=name)
+            SubElement(parameter, "ssv:Real", value=number(scalar), unit=variable.unit)
+    units = SubElement(root, "ssv:Units")
+    for name in sorted(set(used)):
+        unit = UNITS[name]
+        base = {key: str(power) for key, power in unit.exponents.items()}
+        if unit.factor != 1.0:
+            base["factor"] = number(unit.factor)
+        if unit.offset != 0.0:
+            base["offset"] = number(unit.offset)
+        SubElement(SubElement(units, "ssc:Unit", name=name), "ssc:BaseUnit", base)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
