@@ -20,7 +20,6 @@ from trihedron.tools.calibration.correction import (
     face_readings,
     levelling,
     remaining_error,
-    write_corrected,
 )
 from trihedron.tools.calibration.targets import corners
 from trihedron.tools.errors import InputError
@@ -153,7 +152,7 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
         path, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
         done = apply_calibration(file, path)
         assert done.levelled_at == at
-        write_corrected(done, out)
+        write_record(done.record, out)
         before, after = read_record(path), read_record(out)
         assert type(before) is type(after)
         np.testing.assert_array_equal(after.specific_force, corrected(correction, before.specific_force))
