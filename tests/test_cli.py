@@ -40,7 +40,7 @@ def test_every_command_has_help_with_an_example(command, capsys):
 def test_version(capsys):
     status, out, _ = run(capsys, "--version")
     assert status == 0
-    assert out.strip() == trihedron.tools.__version__
+    assert out.strip() == trihedron.__version__
 
 
 @pytest.mark.parametrize(
@@ -171,4 +171,4 @@ def test_the_program_is_found_under_its_name():
     said = subprocess.run(
         [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=60
     ).stdout
-    assert said.strip() == trihedron.tools.__version__
+    assert said.strip() == trihedron.__version__

@@ -20,6 +20,7 @@ from .bench_run import run_scenario
 from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
 from .diagnosis.extension import export_extended
+from .files import write_text
 from .hidden import write_hidden_record
 from .hidden_cases import NOISE_BOUND
 from .records import PositionRecord, StrapdownRecord, read_record
@@ -29,7 +30,6 @@ from .report.run_sections import attitude_section, run_section
 from .report.target_sections import calibration_section
 from .scenario import Scenario, read_scenario
 from .summaries import calibration_summary, diagnosis_summary
-from .writing import write_text
 
 STATIC_CALIBRATION = "static-calibration.toml"
 MEASURED_RECORD = "broad-03.strapdown.csv"

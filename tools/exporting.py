@@ -11,9 +11,9 @@ from ..fmus import build, component_names, components
 from ..fmus.native.compiler import BuildError, chosen_platforms
 from ..models.effects import CATALOGUE, EffectPlace
 from .errors import InputError, nearest
+from .files import whole_folder
 from .progress import tracked
 from .shown import Shown
-from .writing import whole_folder
 
 if TYPE_CHECKING:
     from polars import DataFrame

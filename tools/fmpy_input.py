@@ -11,8 +11,8 @@ import polars as pl
 from .attitude.measured import starting_attitude
 from .attitude.sampling import increments_from
 from .errors import InputError
+from .files import whole_file
 from .records import RawRecord, StrapdownRecord, read_record
-from .writing import whole_file
 
 UNIFORM = 1e-3
 """How far a row's time may be off a uniform one, in steps."""

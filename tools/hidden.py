@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from ..fmus.units import STANDARD_GRAVITY
 from ..models.effects import CATALOGUE
 from .errors import InputError
+from .files import write_text
 from .hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
 from .orchestrator import simulate
 from .records import PositionRecord, RawRecord, write_record
 from .records.rests import average_rests, find_rests
 from .scenario import Scenario
 from .shown import Shown
-from .writing import write_text
 
 if TYPE_CHECKING:
     from polars import DataFrame

@@ -1,33 +1,34 @@
 """What `import trihedron as th` gives: a function for each thing that the program does.
 
-Every command is a thin layer over one of these. Results print themselves, show themselves in a notebook, and go to
-polars by `to_polars`; those of a published schema go to JSON by `to_json`.
+Each is documented here, once: the command of the same name takes its options, their defaults and their words from it.
+Results print themselves and show themselves in a notebook; those of a published schema go to JSON by `to_json`. What a
+function needs is imported when it is called: `--help`, a mistake and a notebook's first line need none of it.
 """
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from numpy.typing import ArrayLike
-
-from .bench_run import Simulation, simulate
-from .checking import Check, check
-from .errors import InputError
-from .exporting import Exported, export
-from .installation import Installation, doctor
-from .records import PositionRecord, Source, StrapdownRecord, read_record
-from .result import Result
-from .templates import new
+from . import showing
+from .errors import InputError, nearest
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from .attitude import AttitudeRun
+    from .bench_run import Simulation as Simulation
     from .calibration import Calibration
     from .calibration.correction import Application
     from .campaign.campaign import Done
+    from .checking import Check as Check
     from .diagnosis import Diagnosis
+    from .exporting import Exported as Exported
     from .hidden import HiddenRecord
+    from .installation import Installation as Installation
     from .planning.common_plan import CommonPlan
     from .planning.plan import Plans
+    from .records import Source
     from .strapdown.inspection import Inspection
     from .strapdown.result import StrapdownDiagnosis
 
@@ -53,17 +54,190 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
+_TYPES = {"Check": ".checking", "Exported": ".exporting", "Installation": ".installation", "Simulation": ".bench_run"}
+"""Where the types of results are defined that a user's annotations name."""
+
+
+def __getattr__(name: str) -> Any:
+    if name in _TYPES:
+        return getattr(import_module(_TYPES[name], __package__), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def simulate(
+    scenario: "str | Path | Mapping[str, Any]",
+    *,
+    out: str | Path | None = None,
+    step: float | None = None,
+    coupling: Literal["jacobi", "iterate"] | None = None,
+    progress: bool = False,
+) -> "Simulation":
+    """Run a scenario: couple its FMUs, record the run, average its rests.
+
+    Parameters
+    ----------
+    scenario : path, mapping or Scenario
+        The scenario file (TOML), or an .ssp; from Python also what would stand in the file.
+    out : path, optional
+        Folder for the results; by default <scenario>-run in the current folder, from Python none.
+    step : float, optional
+        Length of a step [s] of an .ssp, where it does not say one or another is wanted.
+    coupling : str, optional
+        How cycles of connections of an .ssp are taken; without it they are refused.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> run = th.simulate("scenarios/table-attitude.toml")
+    >>> run["q0"].max()
+    """
+    from .bench_run import simulate as run
+
+    return run(scenario, out=out, step=step, coupling=coupling, progress=progress)
+
+
+def export(
+    *components: str,
+    fmi: Literal[2, 3] = 2,
+    flavour: Literal["python", "native"] = "python",
+    platform: str | None = None,
+    effects: Sequence[str] = (),
+    out: str | Path = Path("fmus-exported"),
+) -> "Exported":
+    """Write components as FMUs; all of them when none is named.
+
+    Parameters
+    ----------
+    components : str
+        Names of components.
+    fmi : int
+        FMI version; 3 needs --flavour native.
+    flavour : str
+        What the FMU runs: Python by PythonFMU, or machine code.
+    platform : str, optional
+        Of the native flavour: host (the default), all, or a name as aarch64-linux.
+    effects : sequence of str
+        Extend by an effect, as "quadratic accelerometer-3"; may be repeated.
+    out : path
+        Folder for the FMUs.
+
+    Raises
+    ------
+    InputError
+        no such component, effect or platform, or a folder that cannot be written
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.export("AccelerometerBlock", out="fmus", effects=["quadratic accelerometer-3"])  # doctest: +SKIP
+    """
+    from .exporting import export as write
+
+    return write(*components, out=out, flavour=flavour, fmi=fmi, platform=platform, effects=effects)
+
+
+def plan(
+    *targets: str,
+    grid: float | None = 1.0,
+    admissible: Literal["paper", "tables"] = "paper",
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    convention: Literal["A1", "A2"] = "A1",
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    progress: bool = False,
+) -> "Plans":
+    """Find the table positions and weights that estimate each target best, with the proof that none are better.
+
+    Parameters
+    ----------
+    targets : str
+        A target, as X4 or X4-X5; may be repeated. All of the convention without it.
+    grid : float or None
+        Step of the grid of positions [deg]; 1 by default. None: all angles.
+    admissible : str
+        (1.7) as printed, or with the bias rows, as the published tables were computed.
+    bounds : (float, float)
+        u^max and v0^max of (1.7): when the sign of an input is certain.
+    convention : str
+        A1: Γ lower triangular; A2: symmetric.
+    baseline : str
+        Two scale factors for each accelerometer, or one.
+    mounting : str or mapping
+        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        for options that cannot be used, and a grid that cannot determine a target
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
+    """
+    from .planning.plan import Plans, plan_targets
+
+    return Plans(
+        tuple(
+            plan_targets(
+                targets,
+                grid=grid,
+                admissible=admissible,
+                bounds=bounds,
+                convention=convention,
+                baseline=baseline,
+                mounting=mounting,
+                progress=progress,
+            )
+        )
+    )
+
+
+def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "CommonPlan":
+    """One set of `count` positions for all targets, with what is proven of every other set.
+
+    Parameters
+    ----------
+    count : int
+        Number of positions.
+    progress : bool
+        Show bars on standard error, where that is a terminal.
+    options
+        The fields of `trihedron.tools.planning.request.Request`.
+
+    Raises
+    ------
+    InputError
+        for options that cannot be used
+    """
+    from .planning.common_plan import plan_positions as search
+    from .planning.request import Request
+
+    known = list(Request.__dataclass_fields__)
+    for name in options:
+        if name not in known:
+            raise InputError(f"plan_positions: there is no option {name}; {nearest(name, known)}")
+    return search(count, Request(**options), progress=progress)
 
 
 def calibrate(
-    record: Source,
+    record: "Source",
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
     convention: Literal["A1", "A2"] = "A1",
     baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
     bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: str | Mapping[str, ArrayLike] = "identity",
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
     targets: Sequence[str] = (),
     priors: Sequence[str] = (),
 ) -> "Calibration":
@@ -72,13 +246,23 @@ def calibrate(
     Parameters
     ----------
     record : path, DataFrame, record or Simulation
-        a position record, or a raw record, whose rests are averaged
+        Position record or raw record, CSV or Parquet.
     noise_bound : float, optional
-        σ, the bound of one averaged reading's error, as a fraction of g; without it the record must tell
+        σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.
     gravity : float
-        model value [m/s²]
-    convention, baseline, bounds, mounting, targets, priors
-        as in `trihedron.tools.calibration.calibrate`
+        Model value of gravity [m/s²].
+    convention : str
+        A1: Γ lower triangular; A2: symmetric.
+    baseline : str
+        Two scale factors for each accelerometer, or one.
+    bounds : (float, float)
+        u^max and v0^max of (1.7): when the sign of an input is certain.
+    mounting : str or mapping
+        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    targets : sequence of str
+        Another combination, as X4-X5; may be repeated.
+    priors : sequence of str
+        What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.
 
     Raises
     ------
@@ -93,9 +277,11 @@ def calibrate(
     'consistent'
     """
     from .calibration import calibrate as solve
+    from .records import PositionRecord
+    from .records import read_record as read
 
     return solve(
-        read_record(record, PositionRecord),
+        read(record, PositionRecord),
         noise_bound=noise_bound,
         gravity=gravity,
         convention=convention,
@@ -108,21 +294,38 @@ def calibrate(
 
 
 def diagnose(
-    record: Source,
+    record: "Source",
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
     baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
     bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: str | Mapping[str, ArrayLike] = "identity",
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     progress: bool = False,
 ) -> "Diagnosis | StrapdownDiagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
 
-    Parameters are those of `calibrate`; `progress` shows a bar on standard error, where that is a terminal. Of a
-    strapdown record `baseline` is "calibrated" or "nominal", as in `strapdown.diagnosis.diagnose_strapdown`,
-    and `rates` says what a rate means; its bounds come from the record.
+    Parameters
+    ----------
+    record : path, DataFrame, record or Simulation
+        Position record, raw record or strapdown record, CSV or Parquet.
+    noise_bound : float, optional
+        σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell. The bounds of a
+        strapdown record come from the record.
+    gravity : float
+        Model value of gravity [m/s²].
+    baseline : str, optional
+        Of a position record: asymmetric (the default) or symmetric scale factors. Of a strapdown record: the gyros
+        calibrated (the default where gravity is the reference) or nominal (where the true attitude is known).
+    bounds : (float, float)
+        u^max and v0^max of (1.7): when the sign of an input is certain.
+    mounting : str or mapping
+        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    rates : str
+        What a rate in a strapdown record means.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------
@@ -134,7 +337,10 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    run = read_record(record, PositionRecord, StrapdownRecord)
+    from .records import PositionRecord, StrapdownRecord
+    from .records import read_record as read
+
+    run = read(record, PositionRecord, StrapdownRecord)
     if isinstance(run, StrapdownRecord):
         from .strapdown.diagnosis import diagnose_strapdown
 
@@ -156,92 +362,90 @@ def diagnose(
     )
 
 
-def plan(*targets: str, progress: bool = False, **options: Any) -> "Plans":
-    """The table positions and weights that estimate each target best, with the proof that none are better.
-
-    Parameters
-    ----------
-    targets : str
-        as "X4" or "X4-X5"; all of the convention when none is named
-    progress : bool
-        show a bar on a terminal
-    options
-        grid, admissible, bounds, convention, baseline, mounting of `trihedron.tools.planning.plan.plan_targets`
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
-    """
-    from .planning.plan import Plans, plan_targets
-
-    return Plans(tuple(plan_targets(targets, progress=progress, **options)))
-
-
-def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "CommonPlan":
-    """One set of `count` positions for all targets, with what is proven of every other set.
-
-    Parameters
-    ----------
-    count : int
-    progress : bool
-        show bars on a terminal
-    options
-        the fields of `trihedron.tools.planning.request.Request`
-
-    Raises
-    ------
-    InputError
-        for options that cannot be used
-    """
-    from .errors import nearest
-    from .planning.common_plan import plan_positions as search
-    from .planning.request import Request
-
-    known = list(Request.__dataclass_fields__)
-    for name in options:
-        if name not in known:
-            raise InputError(f"plan_positions: there is no option {name}; {nearest(name, known)}")
-    return search(count, Request(**options), progress=progress)
-
-
-def inspect(record: Source, *, gravity: float = 9.80665) -> "Inspection":
+def inspect(record: "Source", *, gravity: float = 9.80665) -> "Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
+
+    Parameters
+    ----------
+    record : path, DataFrame or record
+        Strapdown record, CSV or Parquet.
+    gravity : float
+        Model value of gravity [m/s²].
 
     Raises
     ------
     InputError
         for a record of a table, or gravity that is none
     """
+    from .records import StrapdownRecord
+    from .records import read_record as read
     from .strapdown.inspection import inspect_record
 
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
-    return inspect_record(read_record(record, StrapdownRecord), gravity=gravity)
+    return inspect_record(read(record, StrapdownRecord), gravity=gravity)
 
 
-def attitude_of_record(record: Source, **options: Any) -> "AttitudeRun":
+def attitude_of_record(
+    record: "Source",
+    *,
+    algorithm: str = "two-sample-rodrigues",
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    rate_divisor: int = 1,
+    gyro_bias: Sequence[float] | None = None,
+    out: Path | None = None,
+    progress: bool = False,
+) -> "AttitudeRun":
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
 
-    Options are those of `trihedron.tools.attitude.attitude_of_record`: algorithm, rates, gyro_bias, rate_divisor, out,
-    progress.
+    Parameters
+    ----------
+    record : path, DataFrame or record
+        Strapdown record, CSV or Parquet.
+    algorithm : str
+        Name of the attitude algorithm; with --compare every one is run.
+    rates : str
+        What a rate in the record means.
+    rate_divisor : int
+        Add up so many increments to one: a slower gyro.
+    gyro_bias : sequence of 3 float, optional
+        Rate that is taken out of every sample [rad/s].
+    out : path, optional
+        Folder for the computed attitude, or for the comparison.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
     from .attitude import attitude_of_record as run
+    from .records import StrapdownRecord
+    from .records import read_record as read
 
-    return run(read_record(record, StrapdownRecord), **options)
+    return run(
+        read(record, StrapdownRecord),
+        algorithm=algorithm,
+        rates=rates,
+        rate_divisor=rate_divisor,
+        gyro_bias=gyro_bias,
+        out=out,
+        progress=progress,
+    )
 
 
 def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_bound: float = 0.0) -> "Application":
-    """Correct the readings of a record by a calibration.
+    """Correct the readings of a record by a calibration; print the equation and what it is worth for levelling.
 
     Parameters
     ----------
     calibration : path or Calibration
-        the file of `trihedron calibrate --json`, or the value
+        The result of `trihedron calibrate --json`.
     record : path
-        position, raw or strapdown record
+        Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
-        bound of the readings' own errors [g], for what remains after the correction
+        Bound of the readings' own errors, a fraction of g, for the bound.
 
     Raises
     ------
@@ -259,11 +463,11 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     Parameters
     ----------
     seed : int
-        decides truth, effect, size and noise
+        Decides truth, effect, size and noise.
     effects : str
-        draw from these only
+        Draw from these only.
     baseline : str
-        "symmetric" lets scale-asymmetry be hidden
+        "symmetric" lets scale-asymmetry be hidden.
 
     Raises
     ------
@@ -284,17 +488,114 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     return hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
 
 
-def run_campaign(path: str | Path, out: str | Path | None = None, **options: Any) -> "Done":
-    """Carry out a campaign: thousands of runs from one file.
+def run_campaign(
+    campaign: str | Path,
+    out: str | Path | None = None,
+    *,
+    jobs: int | None = None,
+    engine: Literal["local", "dask"] = "local",
+    scheduler: str | None = None,
+    resume: bool = False,
+    progress: bool = False,
+) -> "Done":
+    """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
 
-    Options are those of `trihedron.tools.campaign.campaign.run_campaign`: jobs, engine, scheduler, resume, progress.
+    Parameters
+    ----------
+    campaign : path
+        The campaign file (TOML).
+    out : path, optional
+        Folder for the results; by default <campaign>-campaign in the current folder.
+    jobs : int, optional
+        Worker processes; by default as many as there are cores.
+    engine : str
+        Processes of this machine, or a Dask cluster (extra `cluster`).
+    scheduler : str, optional
+        Of --engine dask: address of its scheduler; without it, a local cluster.
+    resume : bool
+        Go on with what the folder holds already.
+    progress : bool
+        Show how far it is on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line; what was computed until then is kept
+    KeyboardInterrupt
+        Ctrl-C; the folder is whole, and `resume` goes on
     """
     from .campaign.campaign import run_campaign as run
 
-    return run(Path(path), None if out is None else Path(out), **options)
+    folder = None if out is None else Path(out)
+    return run(Path(campaign), folder, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=progress)
 
 
-def _shown(result: Result, medium: str) -> str:
+def read_record(record: "Source", *wanted: type) -> Any:
+    """Read a position, raw or strapdown record, CSV or Parquet: which it is, its columns say.
+
+    Raises
+    ------
+    InputError
+        whatever is wrong with the file, in one line that names row and column
+    """
+    from .records import read_record as read
+
+    return read(record, *wanted)
+
+
+def check(file: str | Path) -> "Check":
+    """Say everything that is wrong with a file, with lines; nothing is run.
+
+    Parameters
+    ----------
+    file : path
+        Scenario, campaign, record, programme, calibration, diagnosis, plan, mounting, FMU, SSP.
+
+    Raises
+    ------
+    InputError
+        no file that can be read
+    """
+    from .checking import check as look
+
+    return look(file)
+
+
+def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> list[Path]:
+    """Write a file to fill in: a scenario that runs as it is, or a record with its columns explained.
+
+    Parameters
+    ----------
+    kind : str
+        scenario, record, raw-record, strapdown-record or mounting.
+    file : path, optional
+        The file; KIND.toml or KIND.csv without it.
+    positions : int
+        Positions of a scenario or record, 6 to 30.
+
+    Raises
+    ------
+    InputError
+        for another kind, a file that is there already, or a number of positions without a plan
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.new("scenario", "bench.toml")  # doctest: +SKIP
+    """
+    from .templates import new as write
+
+    return write(kind, file, positions=positions)
+
+
+def doctor() -> "Installation":
+    """Say what is installed and for which platforms FMUs can be exported, and try a run."""
+    from .installation import doctor as look
+
+    return look()
+
+
+def _shown(result: Any, medium: str) -> str:
     """What a person sees of a result: text, or the page of a notebook."""
     from .shown import page_html
     from .summaries import text_of
@@ -303,4 +604,4 @@ def _shown(result: Result, medium: str) -> str:
     return text if medium == "text" else page_html(text.split("\n"), getattr(result, "to_polars", lambda: None)())
 
 
-Result.shown = _shown
+showing.shown = _shown

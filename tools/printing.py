@@ -8,8 +8,7 @@ import tempfile
 from pathlib import Path
 
 from .errors import InputError
-from .outputs import ordinary_file
-from .writing import whole_file, write_text
+from .files import ordinary_file, whole_file, write_text
 
 CONVERTERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 """Programs that print a page to PDF, the first that is found."""

@@ -8,6 +8,8 @@ from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_serializ
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from . import showing
+
 
 class _Published(GenerateJsonSchema):
     """Takes what no JSON can hold: it stands in fields for the program alone."""
@@ -34,8 +36,6 @@ class Result(BaseModel):
 
     omitted: ClassVar[frozenset[str]] = frozenset()
     """Keys that are left out of the JSON where they hold nothing."""
-    shown: ClassVar[Callable[["Result", str], str] | None] = None
-    """(result, "text" or "notebook") -> what a person sees; set by what stands above, `trihedron.tools.library`."""
 
     @classmethod
     def published(cls) -> dict[str, Any]:
@@ -64,12 +64,10 @@ class Result(BaseModel):
         return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
     def __str__(self) -> str:
-        shown = Result.shown
-        return super().__str__() if shown is None else shown(self, "text")
+        return super().__str__() if showing.shown is None else showing.shown(self, "text")
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str | None:
-        shown = Result.shown
-        return None if shown is None else shown(self, "notebook")
+        return None if showing.shown is None else showing.shown(self, "notebook")

@@ -18,15 +18,15 @@ from case_study_tables import (
     picture_lines,
     table,
 )
+from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.errors import InputError
-from trihedron.tools.exit_status import exit_status
+from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 from trihedron.tools.strapdown.gain import ARCMIN
 from trihedron.tools.strapdown.judging import is_stable
 from trihedron.tools.strapdown.result import StrapdownDiagnosis
 from trihedron.tools.strapdown.summary import sentence_of
-from trihedron.tools.writing import write_text
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")

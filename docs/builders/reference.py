@@ -11,10 +11,10 @@ from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.units import UNITS
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.files import write_text
 from trihedron.tools.hidden import measure
 from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.report.diagnosis_sections import residual_sections
-from trihedron.tools.writing import write_text
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ..files import write_text
 from ..progress import progress_bar
-from ..writing import write_text
 from .angles import angle_between, attitudes_of_angles
 from .compiled_runs import run_algorithm, sample_motion
 from .conditions import EXACT

@@ -11,9 +11,9 @@ import polars as pl
 
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ..errors import InputError
+from ..files import write_text
 from ..progress import progress_bar
 from ..records import StrapdownRecord
-from ..writing import write_text
 from .measured import attitude_of_record
 from .run import AttitudeRun, attitude_error
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..writing import whole_folder, write_text
+from ..files import whole_folder, write_text
 from .published import TABLES
 from .reproduction import ReproducedRow, Reproduction
 from .unexplained import TOLERANCE, not_reproduced, sentence_for

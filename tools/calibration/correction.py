@@ -15,6 +15,7 @@ from pydantic import Field
 from ...fmus import components
 from ...fmus.parameters import calibrated_block, checked_number, parameter_set
 from ..errors import InputError, unreadable
+from ..files import whole_file
 from ..records import (
     PositionRecord,
     RawRecord,
@@ -23,7 +24,6 @@ from ..records import (
 )
 from ..records.rests import average_rests, find_rests
 from ..result import Result
-from ..writing import whole_file
 from .result import Calibration
 from .targets import corners
 

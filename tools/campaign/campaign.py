@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..files import write_text
 from ..shown import Shown
-from ..writing import write_text
 from .computing import summarise
 from .engines import LostCluster, engine_of
 from .execution import Clock, Tally, execute

@@ -12,7 +12,7 @@ from typing import Any
 import polars as pl
 
 from ..errors import InputError
-from ..writing import whole_file, write_text
+from ..files import whole_file, write_text
 from .file import Campaign, parse_campaign
 from .kinds import Columns
 from .order import Order, versions

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..files import write_text
 from ..records import write_record
-from ..writing import write_text
 from .cases import draw_case, draw_clean
 
 RECORD_DECIMALS = 9

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..files import write_text
 from ..hidden_suite.summary import MOST_LISTED, NOTHING, confusion, kinds
-from ..writing import write_text
 from .outcomes import StrapdownOutcome
 from .suite import StrapdownSuite
 

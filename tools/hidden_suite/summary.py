@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..writing import write_text
+from ..files import write_text
 from .outcomes import KINDS, Counted, Outcome
 from .suite import Suite
 

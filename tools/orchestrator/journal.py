@@ -15,7 +15,7 @@ from typing import Any
 import polars as pl
 
 from ..errors import InputError, reason
-from ..writing import whole_folder
+from ..files import whole_folder
 
 INCOMPLETE = "run.incomplete"
 FLUSH_SECONDS = 5.0

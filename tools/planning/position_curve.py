@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..writing import whole_folder
+from ..files import whole_folder
 from .common_plan import MOST_POSITIONS, starting_positions
 from .places import Places
 from .pool import pool_of

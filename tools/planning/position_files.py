@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files import whole_folder
 from ..orchestrator.tables import read_table
 from ..records.columns import LIMITS
-from ..writing import whole_folder
 from .common_plan import CommonPlan
 from .places import Places
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..writing import whole_file
+from ..files import whole_file
 from .columns import QUATERNION
 from .kinds import PositionRecord, RawRecord, StrapdownRecord
 

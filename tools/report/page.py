@@ -12,7 +12,7 @@ from urllib.parse import quote
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from ..writing import whole_file
+from ..files import whole_file
 from .cells import Cell, look, typeset, written
 from .svg import plain
 

@@ -189,7 +189,7 @@ def pictures(result: StrapdownDiagnosis) -> dict[str, str]:
 
 def write_pictures(result: StrapdownDiagnosis, folder: Path, stem: str) -> list[Path]:
     """Write the pictures as <stem>-<name>.svg into a folder."""
-    from ..writing import write_text
+    from ..files import write_text
 
     written = []
     for name, svg in pictures(result).items():

@@ -12,13 +12,13 @@ from ...fmus.native.compiler import BuildError, chosen_platforms
 from ...models.effects import place_from_mapping
 from ..errors import InputError
 from ..exporting import Flavour
+from ..files import whole_file
 from ..orchestrator.connections import check_single_sources, resolve_connections
 from ..orchestrator.grid import make_grid
 from ..orchestrator.interface import spread
 from ..orchestrator.loading import Loaded, Sources, load
 from ..orchestrator.parameters import calibrated_parameters
 from ..scenario import FmuSetting, Scenario
-from ..writing import whole_file
 from .namespaces import STRUCTURE
 from .parameters import WrittenSet, mapping_xml, parameter_set_xml
 from .self_contained import PROGRAMME, self_contained

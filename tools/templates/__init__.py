@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from ..errors import InputError, nearest
+from ..files import write_text
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
-from ..writing import write_text
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]
 TEMPLATES: tuple[str, ...] = get_args(Template)

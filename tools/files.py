@@ -78,3 +78,29 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all."""
     with whole_file(path) as beside:
         beside.write_text(text, encoding="utf-8", newline="\n")
+
+
+def ordinary_file(_: object, path: Path | None) -> None:
+    """Refuse the name of a device or a pipe: a file that appears whole takes the place of what stands there."""
+    if path is None:
+        return
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: is not a regular file; give the name of a file")
+    _in_a_folder(path)
+
+
+def ordinary_folder(_: object, path: Path | None) -> None:
+    """Refuse the name of a folder where a file stands, before anything is computed for it."""
+    if path is None:
+        return
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: is a file; give the name of a folder")
+    _in_a_folder(path)
+
+
+def _in_a_folder(path: Path) -> None:
+    for above in path.parents:
+        if above.is_dir():
+            return
+        if above.exists():
+            raise InputError(f"{path}: cannot be written ({above} is a file)")

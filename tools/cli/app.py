@@ -1,27 +1,34 @@
-"""The command line: each command is a thin layer over one function of the library."""
+"""The program: its commands, what all of them share, how it is run."""
 
+import os
 import sys
 
 from cyclopts import App, Parameter
 
-from . import threads  # noqa: F401  (before anything that imports numpy)
-from .answers import say
-from .attitude_commands import attitude
-from .calibration_commands import apply, calibrate
-from .campaign_commands import campaign, campaign_report
-from .demo_commands import demo
-from .diagnosis_commands import diagnose
-from .exit_status import exit_status
-from .export_commands import export
-from .file_commands import check, new
-from .fmpy_commands import fmpy_input
-from .hidden_commands import hidden
-from .installation_commands import add_completion, doctor, installed_version
-from .planning_commands import plan
-from .reproduce_commands import reproduce
-from .simulation_commands import simulate
-from .ssp_commands import export_ssp
-from .strapdown_commands import inspect
+from .answer import exit_status, say
+from .commands import (
+    add_completion,
+    apply,
+    attitude,
+    calibrate,
+    check,
+    demo,
+    diagnose,
+    doctor,
+    export,
+    export_ssp,
+    fmpy_input,
+    inspect,
+    installed_version,
+    new,
+    reproduce,
+    simulate,
+)
+from .studies import campaign, campaign_report, hidden, plan
+
+for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.
+    os.environ.setdefault(_threads, "1")
 
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
@@ -61,7 +68,3 @@ def main(arguments: list[str] | None = None) -> int:
     quiet = any(word in QUIET for word in words[:ours])
     kept = [word for place, word in enumerate(words) if place >= ours or word not in QUIET]
     return exit_status(lambda: say(lambda: app(kept, exit_on_error=False, print_error=False), quiet=quiet))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,385 @@
+"""The commands: each is a thin layer over one function of the library, whose options and words it takes."""
+
+import sys
+from contextlib import redirect_stdout
+from importlib.metadata import version
+from io import StringIO
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import App, Parameter
+
+from .. import library
+from .answer import STANDARD_OUTPUT, Answer, answer
+from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
+
+reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
+
+
+def installed_version() -> str:
+    """The version of the distribution, looked up when it is asked for."""
+    return version("trihedron")
+
+
+@takes(library.simulate)
+def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
+    """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
+    distinct_files({"the scenario": scenario, "--json": json})
+    from ..bench_run import run_into_folder
+
+    done = run_into_folder(scenario, options.pop("out", None), progress=True, **options)
+    return answer("\n".join(str(file) for file in done.files), json, done.to_json())
+
+
+@takes(library.export)
+def export(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFile = None, **options: Any) -> Answer:
+    """Example: trihedron export TurntableMotion AccelerometerBlock --flavour native --fmi 3 --out fmus"""
+    return answer(library.export(*components, fmi=2 if fmi == "2" else 3, **options), json)
+
+
+def export_ssp(
+    scenario: Path,
+    /,
+    *,
+    out: Annotated[Path, Parameter(name="--out")],
+    flavour: Literal["python", "native"] | None = None,
+    fmi: int = 2,
+    platform: str | None = None,
+    json: JsonFile = None,
+) -> Answer:
+    """Write the system of a scenario as an .ssp (SSP 1.0), which OMSimulator, FMPy and `trihedron simulate` open.
+
+    Its position programme becomes a component, constants become parameters.
+
+    Example: trihedron export-ssp scenarios/static-calibration.toml --out static-calibration.ssp
+
+    Parameters
+    ----------
+    scenario
+        The scenario file (TOML).
+    out
+        The .ssp to write.
+    flavour
+        native: compiled, the default where there is a compiler; python: run by PythonFMU.
+    fmi
+        Version of FMI: 2, which the tools that open an .ssp run.
+    platform
+        Of native FMUs: host (the default), all, or a name such as x86_64-windows.
+    """
+    from ..scenario import read_scenario
+    from ..ssp.exporting import export_ssp as write
+
+    distinct_files({"the scenario": scenario, "--out": out, "--json": json})
+    path = write(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)
+    return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
+
+
+@takes(library.calibrate)
+def calibrate(
+    record: Path, /, *, json: JsonFile = None, ssv: File = None, report: ReportFile = None, **options: Any
+) -> Answer:
+    """Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
+
+    Parameters
+    ----------
+    ssv
+        Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
+    """
+    distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
+    from ..records import PositionRecord, read_record
+
+    run = read_record(record, PositionRecord)
+    result = library.calibrate(run, **options)
+    said = answer(result, json)
+    if report is not None:
+        from ..printing import write_report
+        from ..report.calibration_page import calibration_page
+
+        write_report(report, calibration_page(result, run))
+    if ssv is not None:
+        from ..calibration.correction import write_parameter_set
+
+        write_parameter_set(result, ssv)
+    return said
+
+
+@takes(library.apply)
+def apply(
+    calibration: Path,
+    record: Path,
+    /,
+    *,
+    out: File = None,
+    noise_bound: Number = 0.0,
+    latitude_deg: Number = 55.75,
+    json: JsonFile = None,
+) -> Answer:
+    """Example: trihedron apply calibration.json positions.csv --out corrected.csv
+
+    Parameters
+    ----------
+    out
+        Write the corrected record (CSV).
+    latitude_deg
+        For the error of the azimuth.
+    """
+    distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
+    from ..records import write_record
+    from ..summaries import application_summary
+
+    result = library.apply(calibration, record, noise_bound=noise_bound)
+    text = application_summary(result, latitude_deg)
+    if out is not None:
+        write_record(result.record, out)
+    return answer(text, json, result.to_json())
+
+
+@takes(library.diagnose)
+def diagnose(
+    record: Path,
+    /,
+    *,
+    json: JsonFile = None,
+    report: ReportFile = None,
+    export: Annotated[Folder, Parameter(name="--export")] = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
+
+    Parameters
+    ----------
+    export
+        Write the extended FMUs into this folder.
+    """
+    distinct_files({"the record": record, "--json": json, "--report": report})
+    from ..records import PositionRecord, StrapdownRecord, read_record
+
+    run = read_record(record, PositionRecord, StrapdownRecord)
+    result = library.diagnose(run, **options, progress=True)
+    if report is not None:
+        from ..printing import write_report
+        from ..report.diagnosis_sections import diagnosis_page
+        from ..report.strapdown_page import strapdown_page
+
+        page: Any = strapdown_page if isinstance(run, StrapdownRecord) else lambda r: diagnosis_page(r, run)
+        write_report(report, page(result))
+    files: list[Path] = []
+    if export is not None and result.verdict == "explained":
+        from ..diagnosis.extension import export_extended
+        from ..strapdown.gain import export_gyros
+
+        write = export_gyros if isinstance(run, StrapdownRecord) else export_extended
+        files = write([cause.place for cause in result.causes], export)
+    return answer(result, json, result.json_text(), files=files)
+
+
+@takes(library.inspect)
+def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **options: Any) -> Answer:
+    """Example: trihedron inspect mpu9150-0.strapdown.csv --allan allan.svg
+
+    Parameters
+    ----------
+    allan
+        Write the Allan deviation at rest as an SVG picture to this file.
+    """
+    distinct_files({"the record": record, "--json": json, "--allan": allan})
+    found = library.inspect(record, **options)
+    if allan is not None:
+        from ..files import write_text
+        from ..report.allan_pictures import allan_picture
+
+        write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))
+    return answer(found, json, found.json_text())
+
+
+@takes(library.attitude_of_record)
+def attitude(
+    record: Path,
+    /,
+    *,
+    compare: bool = False,
+    out: Folder = None,
+    json: JsonFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron attitude broad-03.strapdown.csv --algorithm adaptive-degree --out attitude
+
+    Parameters
+    ----------
+    compare
+        Run every algorithm and show them side by side.
+    """
+    distinct_files({"the record": record, "--json": json})
+    from ..attitude.comparison import compare_algorithms, comparison_json, comparison_text, write_comparison
+    from ..records import StrapdownRecord, read_record
+
+    measured = read_record(record, StrapdownRecord)
+    if compare:
+        options.pop("algorithm", None)
+        rows = compare_algorithms(measured, **options, progress=True)
+        if out is not None:
+            write_comparison(rows, out / "comparison.csv")
+        return answer(comparison_text(rows), json, comparison_json(rows))
+    return answer(library.attitude_of_record(measured, **options, out=out, progress=True), json)
+
+
+def fmpy_input(
+    record: Path,
+    /,
+    *,
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    out: File = Path("input.csv"),
+    json: JsonFile = None,
+) -> Answer:
+    """Write a record as the table of inputs that FMPy's simulate_fmu takes; print FMPy's command for it.
+
+    Example: trihedron fmpy-input motion.csv --out input.csv
+
+    Parameters
+    ----------
+    record
+        Strapdown record or raw record, CSV or Parquet.
+    rates
+        What a rate in the record means.
+    out
+        The table of inputs (CSV).
+    """
+    assert out is not None
+    distinct_files({"the record": record, "--out": out, "--json": json})
+    from ..fmpy_input import write_fmpy_input
+
+    made = write_fmpy_input(record, out, rates=rates)
+    return answer(made.command(out), json, made.to_json(out))
+
+
+@takes(library.check)
+def check(file: Path, /, *, json: JsonFile = None) -> Answer:
+    """Exit status 2 when something is.
+
+    Example: trihedron check bench.toml
+    """
+    distinct_files({"the file": file, "--json": json})
+    found = library.check(file)
+    return answer(found, json, complaint="" if found.good else found.verdict)
+
+
+@takes(library.new)
+def new(
+    kind: str,
+    file: File = None,
+    /,
+    *,
+    json: JsonFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron new scenario bench.toml
+
+    Example: trihedron new record measured.csv --positions 24
+    """
+    distinct_files({"the file": file, "--json": json})
+    files = [str(path) for path in library.new(kind, file, **options)]
+    return answer("\n".join(files), json, {"schema": "trihedron.new/1", "kind": kind, "files": files})
+
+
+@takes(library.doctor)
+def doctor(*, json: JsonFile = None) -> Answer:
+    """Example: trihedron doctor"""
+    found = library.doctor()
+    return answer(found, json, complaint="" if found.works else str(found).split("\n")[0], status=1)
+
+
+def demo(
+    *,
+    out: Annotated[Path, Folder] = Path("demo-results"),
+    seed: int = 2026,
+    show: Annotated[bool, Parameter(negative="--no-show")] = True,
+    json: JsonFile = None,
+) -> Answer:
+    """Run the whole loop, from simulation to measured data to a named cause, and open the page of results.
+
+    Example: trihedron demo --out demo-results
+
+    Parameters
+    ----------
+    out
+        Folder for everything that is made.
+    seed
+        Of the record with the hidden effect.
+    show
+        Open the page in a browser where there is a screen.
+    """
+    from ..demo import run_demo
+    from ..hidden import check_seed
+
+    check_seed(seed)
+    with redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):
+        page = run_demo(out, seed=seed, show=show)
+    files = sorted(str(path) for path in out.rglob("*") if path.is_file())
+    return answer("", json, {"schema": "trihedron.demo/1", "page": str(page), "seed": seed, "files": files})
+
+
+@reproduce.command
+def calibration(*, json: JsonFile = None) -> Answer:
+    """Compute the published calibration tables again, and say where they are wrong.
+
+    Example: trihedron reproduce calibration
+    """
+    from ..planning.published import check_published_calibration, published_summary
+
+    rows = check_published_calibration()
+    content = [{**vars(row), "remarks": list(row.remarks)} for row in rows]
+    return answer(published_summary(rows), json, {"schema": "trihedron.published-calibration/1", "rows": content})
+
+
+@reproduce.command(name="attitude")
+def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
+    """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
+
+    Example: trihedron reproduce attitude --out reproduced
+
+    Parameters
+    ----------
+    out
+        Folder for attitude.csv and attitude.svg.
+    """
+    written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
+    distinct_files({**written, "--json": json})
+    from ..attitude.reproduction import reproduce_attitude
+    from ..attitude.reproduction_output import reproduction_json, reproduction_summary, write_reproduction
+
+    result = reproduce_attitude(progress=True)
+    files = write_reproduction(result, out)
+    return answer("\n".join(reproduction_summary(result)), json, reproduction_json(result), files=files)
+
+
+@reproduce.command
+def word_length(*, json: JsonFile = None) -> Answer:
+    """Show what 32-bit arithmetic and 32-bit increments cost the update (22), and what mends it.
+
+    Example: trihedron reproduce word-length
+    """
+    from ..attitude.word_length import word_length_errors, word_length_summary
+
+    errors = word_length_errors(progress=True)
+    content = [{**vars(e), "error": float(e.error)} for e in errors]
+    return answer(
+        "\n".join(word_length_summary(errors)), json, {"schema": "trihedron.word-length/1", "errors_rad": content}
+    )
+
+
+def add_completion(app: App) -> None:
+    """Add the command that prints the completion of `app` for a shell."""
+
+    @app.command
+    def completion(
+        shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="Of which shell.")],
+        /,
+        *,
+        json: JsonFile = None,
+    ) -> Answer:
+        """Print the shell's completion of commands and options; put it where your shell looks for it.
+
+        Example: trihedron completion bash > ~/.local/share/bash-completion/completions/trihedron
+        """
+        script = app.generate_completion(prog_name="trihedron", shell=shell)
+        return answer(script.rstrip("\n"), json, {"schema": "trihedron.completion/1", "shell": shell, "script": script})

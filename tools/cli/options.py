@@ -1,0 +1,115 @@
+"""Options of commands: from the library's functions with their words, and what only a command line needs."""
+
+import inspect
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from ..files import ordinary_file, ordinary_folder
+from ..printing import report_file
+
+Command = TypeVar("Command", bound=Callable[..., object])
+
+
+def json_file(_: object, path: Path | None) -> None:
+    """Refuse an option where the name of a file for JSON should stand; "-" is standard output."""
+    if path is not None and str(path).startswith("-") and str(path) != "-":
+        raise InputError(f"--json {path}: is an option; give the name of a file, or - for standard output")
+    if str(path) != "-":
+        ordinary_file(None, path)
+
+
+def distinct_files(files: dict[str, Path | None]) -> None:
+    """Refuse a result that would be written over the record or over another result."""
+    given = [(name, path) for name, path in files.items() if path is not None]
+    for k, (name, path) in enumerate(given):
+        for other, before in given[:k]:
+            if os.path.realpath(path) == os.path.realpath(before):
+                raise InputError(f"{name} {path}: is {other} too; give another name")
+
+
+File = Annotated[Path | None, Parameter(validator=ordinary_file)]
+Folder = Annotated[Path | None, Parameter(name="--out", validator=ordinary_folder)]
+JsonFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--json",
+        allow_leading_hyphen=True,
+        help="Write the result as JSON to this file; - is standard output, in place of the text.",
+        validator=json_file,
+    ),
+]
+ReportFile = Annotated[
+    Path | None,
+    Parameter(name="--report", help="Write a page with pictures to this file, .html or .pdf.", validator=report_file),
+]
+Number = Annotated[float, Parameter(allow_leading_hyphen=True)]
+
+TYPES: dict[str, Any] = {
+    "bounds": Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)],
+    "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],
+    "fmi": Literal["2", "3"],
+    "gravity": Number,
+    "grid": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
+    "jobs": Annotated[int | None, Parameter(allow_leading_hyphen=True)],
+    "mounting": str,
+    "noise_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
+    "out": Folder,
+    "positions": Annotated[int, Parameter(allow_leading_hyphen=True)],
+    "priors": Annotated[tuple[str, ...], Parameter(name="--prior", allow_leading_hyphen=True)],
+    "targets": Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)],
+}
+"""How options of the library are typed at a terminal, where that is not how Python has them."""
+NOT_TYPED = ("progress", "gyro_bias")
+"""What a terminal does not give: a command shows its progress, and a terminal has no arrays."""
+
+
+def takes(function: Callable[..., Any], *left_out: str) -> Callable[[Command], Command]:
+    """Give a command the options of a function of the library: names, types, defaults, words.
+
+    The command has its own parameters first, by position, and its own options last; what stands in it as ``**options``
+    goes to the function as it is. Its docstring holds the examples; the sentence and the parameters' words are the
+    function's.
+
+    Parameters
+    ----------
+    function : callable
+        of `trihedron.tools.library`, documented by numpydoc
+    left_out : str
+        its parameters that the command has none of
+    """
+
+    def given(command: Command) -> Command:
+        own = [p for p in inspect.signature(command).parameters.values() if p.kind is not p.VAR_KEYWORD]
+        without = {*(p.name for p in own), *NOT_TYPED, *left_out}
+        more = [
+            p.replace(annotation=TYPES.get(p.name, p.annotation))
+            for p in inspect.signature(function).parameters.values()
+            if p.kind is p.KEYWORD_ONLY and p.name not in without
+        ]
+        by_position = [p for p in own if p.kind is not p.KEYWORD_ONLY]
+        signature = inspect.Signature([*by_position, *more, *(p for p in own if p.kind is p.KEYWORD_ONLY)])
+        command.__signature__ = signature  # type: ignore[attr-defined]
+        sentence, words = described(function)
+        kept = {name: text for name, text in words.items() if name in signature.parameters}
+        examples, own_words = described(command)
+        lines = [f"{name}\n    {text}" for name, text in (kept | own_words).items()]
+        command.__doc__ = "\n\n".join([sentence, examples, "Parameters\n----------\n" + "\n".join(lines)])
+        return command
+
+    return given
+
+
+def described(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
+    """What stands before the sections of a numpydoc docstring, and the text of each parameter."""
+    head, *sections = re.split(r"\n\n(?=\w+\n-{3,}\n)", inspect.getdoc(function) or "")
+    body = next((text.split("\n", 2)[2] for text in sections if text.startswith("Parameters\n")), "")
+    words: dict[str, str] = {}
+    for name, text in re.findall(r"(?m)^(\w+)(?: :.*)?\n((?:    .*\n?)+)", body):
+        words[name] = " ".join(text.split())
+    return head, words

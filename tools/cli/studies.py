@@ -1,0 +1,445 @@
+"""The commands that plan measurements, hide effects and carry out campaigns: each has several uses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from .. import library
+from ..errors import InputError
+from .answer import Answer, answer
+from .options import File, Folder, JsonFile, ReportFile, distinct_files, takes
+
+WORSE = 3
+"""Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
+Whole = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
+Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
+
+
+@dataclass(frozen=True)
+class PositionOptions:
+    """Options of a common set of positions; None where not given."""
+
+    positions: Annotated[Whole, Parameter(help="One set of so many positions for all targets.")] = None
+    curve: Annotated[
+        tuple[int, int] | None,
+        Parameter(allow_leading_hyphen=True, help="Cost against the number of positions, from LOW to HIGH."),
+    ] = None
+    check: Annotated[
+        Path | None,
+        Parameter(help="Compare bias and noise of a plan at the angles that were set: planned_..., alpha_deg, ..."),
+    ] = None
+    criterion: Annotated[
+        Literal["worst", "mean"] | None, Parameter(help="Which ratio of cost to optimum is made small; worst.")
+    ] = None
+    reserve: Annotated[Real, Parameter(help="Readings still count with setting errors up to that [deg]; 0.")] = None
+    resolution: Annotated[Real, Parameter(help="Round positions to multiples of this [deg].")] = None
+    keep_out: Annotated[
+        tuple[str, ...] | None, Parameter(help="Angles not to use: alpha:LOW:HIGH or beta:LOW:HIGH [deg].")
+    ] = None
+    order: Annotated[
+        Literal["tour", "random"] | None, Parameter(help="Shortest tour, or at random against drift; tour.")
+    ] = None
+    repeat: Annotated[Whole, Parameter(help="Measure so many positions a second time.")] = None
+    detect: Annotated[
+        tuple[str, ...] | None,
+        Parameter(help="An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show."),
+    ] = None
+    extra: Annotated[Whole, Parameter(help="Extra positions for --detect; 6.")] = None
+    mountings: Annotated[
+        tuple[str, ...] | None,
+        Parameter(
+            consume_multiple=(1, None), help="Several mountings, presets or TOML files: the set is split over them."
+        ),
+    ] = None
+    seed: Annotated[Whole, Parameter(help="Of search and random order; 0.")] = None
+    starts: Annotated[Whole, Parameter(help="Local searches; 30.")] = None
+    cuts: Annotated[Whole, Parameter(help="Cuts sought for the lower bound; 40. 0: no bound.")] = None
+    dwell: Annotated[Real, Parameter(help="Time at each position [s], for --out; 20.")] = None
+    noise_bound: Annotated[Real, Parameter(help="σ, as a fraction of g, for --check; 1e-5.")] = None
+    out: Annotated[Folder, Parameter(help="Folder for programme, table list, operator's page, picture.")] = None
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given, by their field names."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
+
+
+NO_POSITIONS = PositionOptions()
+SEARCH = ("criterion", "reserve", "keep_out", "seed", "starts", "cuts", "mountings")
+FOR = {
+    "positions": (*SEARCH, "resolution", "order", "repeat", "detect", "extra", "dwell", "out"),
+    "curve": (*SEARCH, "out"),
+    "check": ("noise_bound",),
+}
+"""Which options go with which of the three uses of a common set."""
+IN_REQUEST = {"reserve": "reserve_deg", "resolution": "resolution_deg"}
+
+
+@takes(library.plan)
+def plan(
+    *,
+    targets: Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)] = (),
+    grid: Real = None,
+    continuum: bool = False,
+    json: JsonFile = None,
+    report: ReportFile = None,
+    picture: File = None,
+    common: Annotated[PositionOptions, Parameter(name="*")] = NO_POSITIONS,
+    **options: Any,
+) -> Answer:
+    """Or one set of N positions for all targets; what sets of more positions gain; or what setting errors do to a plan.
+
+    Example: trihedron plan --target X4 --continuum --picture X4.svg
+
+    Example: trihedron plan --positions 12 --reserve 0.1 --out plan12
+
+    Parameters
+    ----------
+    grid
+        Step of the grid of positions [deg]; 1 by default.
+    continuum
+        All angles in place of a grid.
+    picture
+        Write the paper's figure, for one target, to this SVG file.
+    """
+    distinct_files({"--json": json, "--report": report, "--picture": picture})
+    others = {"--target": targets, "--grid": grid, "--continuum": continuum, "--picture": picture}
+    use = use_of(common.given(), others, options)
+    if use == "positions":
+        return _positions(common, options, json, report)
+    if use is not None:
+        if report is not None:
+            raise InputError(f"--report: does not go with --{use}; it is the page of --target or --positions")
+        return (_curve if use == "curve" else _check)(common, options, json)
+    if continuum and grid is not None:
+        raise InputError("--grid and --continuum: give one of the two")
+    if picture is not None and len(targets) != 1:
+        raise InputError("--picture: is of one target; give one --target")
+    step = None if continuum else 1.0 if grid is None else grid
+    plans = library.plan(*targets, grid=step, **options, progress=True)
+    if report is not None or picture is not None:
+        from ..files import write_text
+        from ..printing import write_report
+        from ..report.plan_page import plan_page, plan_picture
+
+        if report is not None:
+            write_report(report, plan_page(plans.plans))
+        if picture is not None:
+            write_text(picture, plan_picture(plans[0]))
+    return answer(plans, json, plans.json_text())
+
+
+def use_of(given: Mapping[str, Any], others: Mapping[str, object], options: Mapping[str, Any]) -> str | None:
+    """Which use of a common set is asked for; None where it is plans of single targets.
+
+    Raises
+    ------
+    InputError
+        for options that do not go together
+    """
+    uses = [name for name in FOR if name in given]
+    if len(uses) > 1:
+        raise InputError(f"--{uses[0]} and --{uses[1]}: give one of the two")
+    if not uses:
+        if given:
+            raise InputError(f"--{_dashed(next(iter(given)))}: goes with --positions, --curve or --check")
+        return None
+    use = uses[0]
+    for name in given:
+        if name != use and name not in FOR[use]:
+            raise InputError(f"--{_dashed(name)}: does not go with --{use}")
+    for name, value in others.items():
+        if value:
+            raise InputError(f"{name}: does not go with --{use}; a common set serves all targets, at any angles")
+    if "mountings" in given and options.get("mounting", "identity") != "identity":
+        raise InputError("--mounting and --mountings: give one of the two")
+    return use
+
+
+def _dashed(name: str) -> str:
+    return name.replace("_", "-")
+
+
+def _request(common: PositionOptions, options: Mapping[str, Any]) -> Any:
+    from ..planning.request import Request
+
+    given = {IN_REQUEST.get(k, k): v for k, v in common.given().items()}
+    own = {k: v for k, v in given.items() if k in Request.__dataclass_fields__}
+    basis = {name: value for name, value in options.items() if name != "mounting"}
+    return Request(**{"mountings": (options.get("mounting", "identity"),), **basis, **own})
+
+
+def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path | None, report: Path | None) -> Answer:
+    from ..planning.common_plan import plan_positions
+    from ..planning.position_files import DWELL_S, checked_dwell, write_plan
+    from ..printing import write_report
+    from ..report.position_page import operator_page
+
+    assert common.positions is not None
+    dwell = checked_dwell(DWELL_S if common.dwell is None else common.dwell)
+    found = plan_positions(common.positions, _request(common, options), progress=True)
+    files = write_plan(found, common.out, dwell_s=dwell) if common.out is not None else []
+    if report is not None:
+        write_report(report, operator_page(found, dwell))
+    return answer(found, json, found.json_text(), files=files)
+
+
+def _curve(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
+    from ..planning.position_curve import curve_summary, plan_curve, write_curve
+
+    assert common.curve is not None
+    points = plan_curve(*common.curve, _request(common, options), progress=True)
+    files = write_curve(points, common.out) if common.out is not None else []
+    content = {"schema": "trihedron.plan-curve/1", "points": [dict(vars(point)) for point in points]}
+    return answer(curve_summary(points), json, content, files=files)
+
+
+def _check(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
+    from ..planning.position_files import read_angles
+    from ..planning.request import requested_task
+    from ..planning.setting_check import check_settings, check_summary
+
+    assert common.check is not None
+    planned, actual = read_angles(common.check)
+    noise = 1e-5 if common.noise_bound is None else common.noise_bound
+    if not 0.0 < noise < 1.0:
+        raise InputError(f"--noise-bound {noise:g}: must be above 0 and below 1, a fraction of g")
+    task = requested_task(_request(common, options), progress=True)
+    found = check_settings(task, planned, actual, noise)
+    content = {
+        "schema": "trihedron.setting-check/1",
+        "advice": found.advice,
+        "lost_readings": found.lost,
+        "largest_error_deg": found.largest_deg,
+        "noise_bound": found.noise_bound,
+        "targets": [dict(vars(target)) for target in found.targets],
+    }
+    return answer(check_summary(found), json, content)
+
+
+@dataclass(frozen=True)
+class HiddenOptions:
+    """What is hidden, in one record or in many."""
+
+    seed: Annotated[int | None, Parameter(help="Decides truth, effect, size and noise; 0 by default.")] = None
+    secret: Annotated[
+        File,
+        Parameter(name="--answer", help="Of one record: where the secret goes; without it nobody will know."),
+    ] = None
+    effect: Annotated[
+        tuple[str, ...],
+        Parameter(name=("--effect", "--effects"), help="Draw from these effects only; may be repeated."),
+    ] = ()
+    clean: Annotated[bool, Parameter(help="Hide nothing.")] = False
+    cases: Annotated[
+        Whole,
+        Parameter(help="So many records are drawn, measured and diagnosed; more leave these as they are."),
+    ] = None
+    size: Annotated[
+        tuple[float, float] | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Of a suite: least and greatest size over that of sure detection, in place of those of the mode.",
+        ),
+    ] = None
+    out: Annotated[Folder, Parameter(help="Of a suite: folder for the results (JSON, CSV, page) and the records.")] = (
+        None
+    )
+    jobs: Annotated[int, Parameter(help="Of a suite: number of processes.")] = 1
+
+
+NOTHING_SAID = HiddenOptions()
+
+
+def hidden(
+    record: File = None,
+    /,
+    *,
+    what: Annotated[HiddenOptions, Parameter(name="*")] = NOTHING_SAID,
+    strapdown: bool = False,
+    baseline: Literal["asymmetric", "symmetric"] | None = None,
+    suite: str | None = None,
+    mode: Literal["clean", "single", "between", "pairs"] | None = None,
+    positions: tuple[int, int] | None = None,
+    noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
+    json: JsonFile = None,
+) -> Answer:
+    """Make a "measured" record with one hidden effect, or with --cases a suite: many records, diagnosed and counted.
+
+    Example: trihedron hidden measured.csv --seed 7 --answer answer.json
+
+    Example: trihedron hidden --cases 100 --seed 1 --mode single --out suite
+
+    Example: trihedron hidden --suite quick-single
+
+    Example: trihedron hidden moved.csv --strapdown --seed 7 --answer answer.json
+
+    Parameters
+    ----------
+    record
+        Where one position record is written (CSV).
+    strapdown
+        A record of gyros and accelerometers that are moved by hand, in place of one of a table's positions.
+    baseline
+        Of one record: whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
+    suite
+        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, or quick- before one of the
+        first four. It decides what is drawn, and, unless they are given, --cases and --seed.
+    mode
+        Of a suite: nothing hidden; one effect that every rival is surely excluded for (the default); one that is only
+        surely detected; two effects.
+    positions
+        Of a suite: fewest and most positions, 12 and 100 by default.
+    noise
+        Of a suite: uniform within σ, at ±σ everywhere, wandering within σ, or one after the other (the default).
+    """
+    if what.clean and (what.effect or mode not in (None, "clean")):
+        raise InputError(f"--clean and --{'effect' if what.effect else 'mode'}: give one of the two")
+    if strapdown:
+        only = {"--baseline": baseline, "--suite": suite, "--mode": mode, "--positions": positions, "--noise": noise}
+        _refuse(only, "is of records of a table's positions; leave it out with --strapdown")
+        return _strapdown_suite(record, what, json) if what.cases is not None else _one_strapdown(record, what, json)
+    drawn = {"--mode": mode, "--positions": positions, "--size": what.size, "--noise": noise}
+    if what.cases is None and suite is None:
+        _refuse({**drawn, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
+        return _one_record(record, what, json, baseline or "asymmetric")
+    only = {"the record": record, "--answer": what.secret, "--baseline": baseline}
+    _refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
+    from ..hidden_suite.cases import SuiteOptions
+    from ..hidden_suite.suite import NamedSuite, named_suite, run_suite
+    from ..hidden_suite.summary import write_suite
+
+    if suite is not None:
+        _refuse({**drawn, "--effect": what.effect or None, "--clean": what.clean or None}, "is what --suite decides")
+        named = named_suite(suite)
+    else:
+        chosen = "clean" if what.clean else mode or "single"
+        named = NamedSuite(SuiteOptions(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0)
+    done = run_suite(
+        named.options,
+        named.cases if what.cases is None else what.cases,
+        named.seed if what.seed is None else what.seed,
+        records=_records_folder(what.out),
+        jobs=what.jobs,
+        progress=True,
+    )
+    return answer(done, json, files=write_suite(done, what.out) if what.out is not None else ())
+
+
+def _one_record(record: Path | None, what: HiddenOptions, json: Path | None, baseline: str) -> Answer:
+    from ..hidden import write_hidden_record
+
+    if record is None:
+        raise InputError("hidden: give the file of one record, as measured.csv, or --cases for a suite")
+    distinct_files({"the record": record, "--answer": what.secret, "--json": json})
+    chosen = () if what.clean else what.effect or None
+    seed = what.seed or 0
+    write_hidden_record(record, seed, what.secret, effects=chosen, symmetric=baseline == "symmetric", progress=True)
+    return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
+
+
+def _one_strapdown(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
+    from ..hidden_strapdown.one_record import write_hidden_strapdown
+
+    _refuse({"--size": what.size, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
+    if record is None:
+        raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
+    distinct_files({"the record": record, "--answer": what.secret, "--json": json})
+    seed = what.seed or 0
+    write_hidden_strapdown(record, seed, what.secret, effects=what.effect, clean=what.clean)
+    return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
+
+
+def _strapdown_suite(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
+    from ..hidden_strapdown.cases import SIZES
+    from ..hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
+    from ..hidden_strapdown.summary import suite_json, suite_text, write_suite
+
+    _refuse({"the record": record, "--answer": what.secret}, "is of one record, --cases of many; give one of the two")
+    assert what.cases is not None
+    options = StrapdownOptions(clean=what.clean, effects=what.effect, sizes=what.size or SIZES)
+    records = _records_folder(what.out)
+    done = run_strapdown_suite(options, what.cases, what.seed or 0, records=records, jobs=what.jobs, progress=True)
+    files = write_suite(done, what.out) if what.out is not None else ()
+    return answer(suite_text(done), json, suite_json(done), files=files)
+
+
+def _refuse(given: Mapping[str, object], why: str) -> None:
+    """Refuse the first option that was given."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(f"{name}: {why}")
+
+
+def _records_folder(out: Path | None) -> Path | None:
+    """The folder for a suite's records, made; None where nothing is written."""
+    if out is None:
+        return None
+    folder = out / "records"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be made a folder ({error.strerror})") from error
+    return folder
+
+
+@takes(library.run_campaign)
+def campaign(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **options: Any) -> Answer:
+    """Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s"""
+    distinct_files({"the campaign": campaign, "--json": json})
+    done = library.run_campaign(campaign, out, **options, progress=True)
+    return answer(done, json, done.summary, files=done.files)
+
+
+def campaign_report(
+    folder: Path,
+    /,
+    *,
+    against: Path | None = None,
+    gate: bool = False,
+    report: ReportFile = None,
+    json: JsonFile = None,
+) -> Answer:
+    """Write the page of a campaign; say what got better or worse than in another one, beyond chance.
+
+    Example: trihedron campaign-report attitude-60s
+
+    Example: trihedron campaign-report new --against old --gate
+
+    Parameters
+    ----------
+    folder
+        Of a campaign that is complete.
+    against
+        Folder of the campaign to compare with.
+    gate
+        End with exit status 3 where something got worse beyond chance.
+    report
+        File of the page, <folder>/index.html by default.
+    json
+        File for the comparison, or without --against for the summary.
+    """
+    distinct_files({"--report": report, "--json": json})
+    from ..campaign.comparison import compare
+    from ..campaign.computing import summarise
+    from ..campaign.store import open_result
+    from ..campaign.texts import comparison_text, summary_text
+    from ..printing import write_report
+    from ..report.campaign_page import campaign_page
+
+    if gate and against is None:
+        raise InputError("--gate: goes with --against, the campaign to compare with")
+    store, manifest = open_result(folder)
+    comparison = None if against is None else compare(folder, against)
+    page = folder / "index.html" if report is None else report
+    summary = summarise(store)
+    write_report(page, campaign_page(store, manifest, comparison))
+    if comparison is None:
+        return answer(summary_text(summary), json, summary, files=[page])
+    worse = comparison.of("worse") if gate else ()
+    complaint = f"{folder}: {len(worse)} worse than {against}, beyond chance" if worse else ""
+    return answer(
+        comparison_text(comparison), json, comparison.to_json(), files=[page], complaint=complaint, status=WORSE
+    )
