@@ -13,8 +13,8 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.circumstances import circumstances_of
 from trihedron.tools.diagnosis.classes import classes_of, residual_spaces, same_space
 from trihedron.tools.diagnosis.disturbance import is_linear
-from trihedron.tools.diagnosis.extension import export_extended
 from trihedron.tools.diagnosis.search import catalogue_places
+from trihedron.tools.evidence.gain import export_extended
 from trihedron.tools.hidden import measure
 from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth
 from trihedron.tools.records import PositionRecord, read_record, write_record
@@ -117,7 +117,9 @@ def test_the_loop_is_closed_for_each_effect(place, values, symmetric, tmp_path):
     assert said["baseline"]["falsified"] is True
     assert len(said["baseline"]["witness"]) <= 19
     assert [p["name"] for p in said["causes"][0]["parameters"]] == [p.name for p in CATALOGUE[place.effect].parameters]
-    assert [path.name for path in export_extended([place], tmp_path)] == [f"{CATALOGUE[place.effect].component}.fmu"]
+    assert [path.name for path in export_extended([place], tmp_path).values()] == [
+        f"{CATALOGUE[place.effect].component}.fmu"
+    ]
 
 
 def test_an_outlier_is_named_by_the_records_own_number():

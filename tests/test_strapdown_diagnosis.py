@@ -9,17 +9,15 @@ from scipy.spatial.transform import Rotation
 from strapdown_records import strapdown_record, true_motion
 from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.tools.evidence.carried import carried_evidence
+from trihedron.tools.evidence.references import Gravity, turned
 from trihedron.tools.hidden_strapdown.cases import draw_case, draw_clean
 from trihedron.tools.orchestrator.built import usual_flavour
 from trihedron.tools.strapdown import inspect_record
-from trihedron.tools.strapdown.building import build_with_gravity, build_with_truth
 from trihedron.tools.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
-from trihedron.tools.strapdown.gravity_system import across, directions_of
 from trihedron.tools.strapdown.judging import order_of_effects, witnesses
-from trihedron.tools.strapdown.search import classes_of, fit_set, seen_places, smallest_sets
-from trihedron.tools.strapdown.signatures import turned
-from trihedron.tools.strapdown.system import weighted_step
+from trihedron.tools.strapdown.search import classes_of, seen_places, smallest_sets
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
@@ -59,7 +57,7 @@ def test_sensitivity_to_gravity_is_named_with_its_size_and_gains_on_moves_that_w
     assert np.reshape(cause.values, (3, 3)) == pytest.approx(matrix, abs=5e-4)
     for (low, high), value in zip(cause.intervals, matrix.ravel(), strict=True):
         assert low <= value <= high
-    gain = found.gain.summary()
+    gain = found.gain.to_json()
     assert gain["over"] == "1 move"
     assert gain["held_out_rms_after"] < 0.5 * gain["held_out_rms_before"]
 
@@ -115,28 +113,29 @@ def test_signatures_are_what_the_exported_components_do(reference):
     """An effect of a small size in the compensation turns the errors as its columns say, to a few per cent."""
     case = draw_clean(11, 0 if reference == "gravity" else 1)
     found = inspect_record(case.record())
-    built = (build_with_gravity if reference == "gravity" else build_with_truth)(found, "nominal", "instantaneous")
-    part = next(p for p in built.system.parts if p.scored)
+    built = carried_evidence(found, "nominal")
+    part = next(p for p in built.parts if p.scored)
     for place, value in ((SENSITIVITY, 1e-4), (SCALE, 1e-4)):
         size = len(CATALOGUE[place.effect].parameters)
         coefficients = value * np.cos(np.arange(size))
         model = GyroModel(built.model.bias, built.model.scale_misalignment, {place: tuple(coefficients)})
         after = carried_attitude(built.motion, model, found.gravity)
         change = Rotation.from_matrix(
-            turned(part.segments, built.attitude) @ turned(part.segments, after).transpose(0, 2, 1)
+            turned(part.pieces, built.attitude) @ turned(part.pieces, after).transpose(0, 2, 1)
         ).as_rotvec()
-        block = built.system.blocks[built.system.places.index(place)]
+        block = built.blocks[built.places.index(place)]
         expected = part.columns[..., block] @ coefficients
         if reference == "truth":
             # What an effect adds to the mean at rest is taken out with it: its columns hold both.
             assert built.at_rest is not None
-            bias = built.system.blocks[built.system.places.index(EffectPlace("gyro-bias", "gyro-block"))]
+            bias = built.blocks[built.places.index(EffectPlace("gyro-bias", "gyro-block"))]
             expected = expected + part.columns[..., bias] @ (built.at_rest[:, block] @ coefficients)
         else:
             # Only the turn across gravity counts between rests: it moves the direction by change × up.
-            assert found.accelerometers is not None
-            up = directions_of(built.system.point[:9], found.rests, found.gravity, {})[: len(part)]
-            change = np.einsum("skp,sp->sk", across(up), np.cross(change, up))
+            assert isinstance(built.reference, Gravity)
+            up = built.reference.directions(built.point[:9])
+            sideways = built.reference.across(0, up)
+            change = np.einsum("skp,sp->sk", sideways, np.cross(change, up[built.reference.ends[0][:, 0]]))
         assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
 
 
@@ -146,7 +145,7 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):
         pytest.skip("nothing compiles here")
     case = draw_clean(11, 1)
     found = inspect_record(case.record())
-    built = build_with_truth(found, "nominal", "instantaneous")
+    built = carried_evidence(found, "nominal")
     model = GyroModel(built.model.bias, built.model.scale_misalignment, {LATENCY: (0.004,), SENSITIVITY: (1e-4,) * 9})
     inside = carried_attitude(built.motion, model, found.gravity)
     places = [LATENCY, SENSITIVITY]
@@ -160,7 +159,7 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):
 def test_a_set_that_helps_shuffled_data_as_much_has_no_witness():
     """Of a clean system an effect explains no more than its shuffles do, or does not help at all."""
     found = inspect_record(strapdown_record(seed=8))
-    system = build_with_gravity(found, "calibrated", "instantaneous").system
+    system = carried_evidence(found, "calibrated")
     assert not all(w.supports for w in witnesses(system, [SENSITIVITY, EffectPlace("gyro-bias-drift", "gyro-block")]))
 
 
@@ -176,7 +175,7 @@ def test_effects_that_a_record_cannot_show_are_not_searched():
 def test_classes_are_effects_whose_signatures_are_parallel():
     """A system with the same columns under two names puts them into one class."""
     found = inspect_record(strapdown_record(seed=9))
-    system = build_with_gravity(found, "calibrated", "instantaneous").system
+    system = carried_evidence(found, "calibrated")
     drift = EffectPlace("gyro-bias-drift", "gyro-block")
     asymmetry = EffectPlace("gyro-scale-asymmetry", "gyro-block")
     own, other = (system.blocks[system.places.index(p)] for p in (drift, asymmetry))
@@ -192,17 +191,16 @@ def test_classes_are_effects_whose_signatures_are_parallel():
 def test_least_squares_and_the_search_agree_on_a_known_error():
     """Errors made by one effect are explained by it exactly, and by no smaller set."""
     found = inspect_record(strapdown_record(seed=10))
-    system = build_with_gravity(found, "calibrated", "instantaneous").system
+    system = carried_evidence(found, "calibrated")
     size = 4e-3 * np.sin(np.arange(9.0))
     block = system.blocks[system.places.index(SENSITIVITY)]
-    parts = tuple(replace(part, error=part.columns[..., block] @ size) for part in system.parts)
-    made = replace(system, parts=parts)
-    assert fit_set(made, ()).radius > 1.0
+    made = system.with_errors([part.columns[..., block] @ size for part in system.parts])
+    assert made.refit(()).radius > 1.0
     places = seen_places(made)
     fits = smallest_sets(made, places, largest=1).fits
     assert SENSITIVITY in {place for fit in fits for place in fit.places}
-    assert fit_set(made, [SENSITIVITY]).radius == pytest.approx(0.0, abs=1e-6)
-    step = weighted_step(made.matrix([SENSITIVITY]), made.residual)
+    assert made.refit([SENSITIVITY]).radius == pytest.approx(0.0, abs=1e-6)
+    step = made.estimate([SENSITIVITY])
     assert step[len(made.names) :] == pytest.approx(size, abs=1e-9)
     assert all(order.effects[:1] == (SENSITIVITY,) for order in order_of_effects(made, [SENSITIVITY, LATENCY]))
 
@@ -215,11 +213,10 @@ def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
     assert found.verdict == "explained"
     assert [cause.place for cause in found.causes] == [LATENCY]
     assert found.gain is not None
-    for before, after in zip(found.gain.before, found.gain.after, strict=True):
-        assert np.isfinite(before).all()
-        assert np.isfinite(after).all()
-    summary = found.gain.summary()
-    assert summary["held_out_rms_after"] < summary["held_out_rms_before"]
+    for gain in (found.gain, *found.gain.others):
+        assert np.isfinite(gain.before).all()
+        assert np.isfinite(gain.after).all()
+    assert found.gain.improves
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.05, "5 % too long"), (0.97, "3 % too short"), (1.0, None)])

@@ -19,7 +19,7 @@ from .attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_res
 from .bench_run import run_scenario
 from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
-from .diagnosis.extension import export_extended
+from .evidence.gain import export_extended
 from .files import write_text
 from .hidden import write_hidden_record
 from .hidden_cases import NOISE_BOUND
@@ -77,7 +77,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     measured_record = read_record(measured, PositionRecord)
     diagnosis = diagnose(measured_record, noise_bound=NOISE_BOUND, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
-    extended = export_extended([cause.place for cause in diagnosis.causes], out / "extended")
+    extended = list(export_extended([cause.place for cause in diagnosis.causes], out / "extended").values())
     print(diagnosis_summary(diagnosis))
     hidden = json.loads(answer_file.read_text(encoding="utf-8"))["hidden"]
     named = names_the_hidden_effect(diagnosis, hidden)

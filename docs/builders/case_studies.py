@@ -20,10 +20,10 @@ from case_study_tables import (
 )
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.gain import ARCMIN
 from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
-from trihedron.tools.strapdown.gain import ARCMIN
 from trihedron.tools.strapdown.judging import is_stable
 from trihedron.tools.strapdown.result import StrapdownDiagnosis
 from trihedron.tools.strapdown.summary import sentence_of
@@ -68,7 +68,7 @@ def broad_page(result: StrapdownDiagnosis, pictures: str) -> str:
     raw = [length.as_measured for length in result.lengths if length.as_measured is not None]
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
     raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
-    quoted = result.gain.summary() if result.gain is not None else {}
+    quoted = result.gain.to_json() if result.gain is not None else {}
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
     fall = f"{' to '.join(figure(end) for end in ends)} arcmin rms"
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.not_seen))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trihedron.models.effects import CATALOGUE
-from trihedron.tools.strapdown.gain import ARCMIN
+from trihedron.tools.evidence.gain import ARCMIN
 from trihedron.tools.strapdown.judging import Order
 from trihedron.tools.strapdown.result import StrapdownDiagnosis
 
@@ -47,7 +47,7 @@ def picture_lines(written: Sequence[Path], stem: str) -> str:
 def gain_table(result: StrapdownDiagnosis) -> str:
     """Errors of parts that were not used."""
     assert result.gain is not None
-    summary = result.gain.summary()
+    summary = result.gain.to_json()
     rows = [
         [
             row["over"],

@@ -165,11 +165,9 @@ def diagnose(
         write_report(report, page(result))
     files: list[Path] = []
     if export is not None and result.verdict == "explained":
-        from ..diagnosis.extension import export_extended
-        from ..strapdown.gain import export_gyros
+        from ..evidence.gain import export_extended
 
-        write = export_gyros if isinstance(run, StrapdownRecord) else export_extended
-        files = write([cause.place for cause in result.causes], export)
+        files = list(export_extended([cause.place for cause in result.causes], export).values())
     return answer(result, json, result.json_text(), files=files)
 
 

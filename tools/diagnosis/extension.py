@@ -1,15 +1,13 @@
 """The record's positions simulated again by components that are extended by effects."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...fmus import build
 from ...fmus.parameters import component_parameters
 from ...models.bench import TARGETS
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import CATALOGUE
 from ..calibration.model import Linearisation
 from ..orchestrator import simulate
 from ..scenario import Scenario
@@ -159,9 +157,3 @@ def smallest_gap(circumstances: Circumstances) -> float:
 def home(entry: Mapping[str, object]) -> str | None:
     """Component that an entry of a scenario's effects extends."""
     return CATALOGUE[str(entry["effect"])].component
-
-
-def export_extended(places: Sequence[EffectPlace], folder: Path) -> list[Path]:
-    """Write the FMUs of the components that effects extend into a folder."""
-    components = sorted({c for place in places if (c := CATALOGUE[place.effect].component) is not None})
-    return [build(c, folder, [p for p in places if CATALOGUE[p.effect].component == c]) for c in components]

@@ -11,10 +11,10 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
+from ..evidence.carried import carried_evidence
+from ..evidence.evidence import Evidence
 from ..records import StrapdownRecord
 from ..strapdown import inspect_record
-from ..strapdown.building import build_with_gravity, build_with_truth
-from ..strapdown.system import System
 from .measurement import FURTHEST_STAMP, Instruments, Secret, measure
 from .motion import BEFORE_A_CAMERA, BETWEEN_RESTS, TrueMotion, draw_motion, without_coning
 from .noise import Noise
@@ -153,17 +153,15 @@ def between(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
 
-def system_of(case: StrapdownCase, record: StrapdownRecord) -> System | None:
+def system_of(case: StrapdownCase, record: StrapdownRecord) -> Evidence | None:
     """The linear system that a diagnosis makes of a record; None where it can make none."""
     found = inspect_record(record, gravity=STANDARD_GRAVITY)
-    if case.reference == "truth":
-        return build_with_truth(found, BASELINE["truth"], "instantaneous").system
-    if found.accelerometers is None or found.accelerometers.least_squares is None:
+    if case.reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):
         return None
-    return build_with_gravity(found, BASELINE["gravity"], "instantaneous").system
+    return carried_evidence(found, BASELINE[case.reference])
 
 
-def sure_size(system: System, place: EffectPlace, direction: NDArray) -> float:
+def sure_size(system: Evidence, place: EffectPlace, direction: NDArray) -> float:
     """The size, along a direction of the coefficients, from which the record surely disproves the model.
 
     Twice the bounds over the largest error that one unit leaves with the best parameters of the model.
@@ -220,7 +218,7 @@ def draw_case(
 
 
 def hidden_in(
-    clean: StrapdownCase, system: System, place: EffectPlace, rng: np.random.Generator, sizes: tuple[float, float]
+    clean: StrapdownCase, system: Evidence, place: EffectPlace, rng: np.random.Generator, sizes: tuple[float, float]
 ) -> StrapdownCase | None:
     """The case with an effect in it; None where its size would be more than is called possible."""
     wanted = float(rng.uniform(*sizes))

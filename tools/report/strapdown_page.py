@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..strapdown.gain import ARCMIN
+from ..evidence.gain import ARCMIN
 from ..strapdown.result import StrapdownDiagnosis
 from ..strapdown.summary import VERDICTS, sentence_of
 from .cells import Cell
@@ -173,7 +173,7 @@ def pictures(result: StrapdownDiagnosis) -> dict[str, str]:
     """The page's pictures by name, for other documents: name -> SVG."""
     part = result.parts[result.quoted]
     time = result.inspection.record.time_s
-    middle = 0.5 * (time[part.segments.first] + time[part.segments.last])
+    middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
     after = result.left[result.quoted] if result.causes else None
     found = {
         "time": errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
@@ -183,7 +183,7 @@ def pictures(result: StrapdownDiagnosis) -> dict[str, str]:
     if orders:
         found["order"] = order_picture(orders)
     if result.gain is not None:
-        found["gain"] = gain_picture(result.gain.before[0], result.gain.after[0], result.gain.summary()["over"])
+        found["gain"] = gain_picture(result.gain.before, result.gain.after, result.gain.to_json()["over"])
     return found
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ..strapdown.gain import ARCMIN
+from ..evidence.gain import ARCMIN
 from ..strapdown.judging import Order
 from .svg import drawing, say_empty, svg_text
 from .theme import ALERT, DASHES, FIRST, INK, MUTED, QUIET, SECOND, THIRD, WIDTH

@@ -3,7 +3,7 @@
 import math
 
 from ...models.effects import CATALOGUE
-from ..strapdown.gain import ARCMIN
+from ..evidence.gain import ARCMIN
 from ..strapdown.result import StrapdownDiagnosis
 from ..strapdown.summary import bias_lines, sentence_of
 from .bars import Bar, bars
@@ -18,14 +18,14 @@ from .strapdown_pictures import errors_over_quantities, errors_over_time, gain_p
 def quoted_words(result: StrapdownDiagnosis) -> str:
     """The pieces whose errors are quoted."""
     part = result.parts[result.quoted]
-    return "moves" if part.segments.kind == "moves" else f"windows of {part.label}"
+    return "moves" if part.pieces.kind == "moves" else f"windows of {part.label}"
 
 
 def error_sections(result: StrapdownDiagnosis) -> list[Section]:
     """Errors over time, without the effects and with them, and over what they may depend on."""
     part = result.parts[result.quoted]
     time = result.inspection.record.time_s
-    middle = 0.5 * (time[part.segments.first] + time[part.segments.last])
+    middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
     after = result.left[result.quoted] if result.causes else None
     what = quoted_words(result)
     carried = (
@@ -129,7 +129,7 @@ def length_section(result: StrapdownDiagnosis) -> Section:
 def gain_section(result: StrapdownDiagnosis) -> Section:
     """Errors of pieces that were not used."""
     assert result.gain is not None
-    summary = result.gain.summary()
+    summary = result.gain.to_json()
     figures = ("held_out_rms_before", "held_out_rms_after", "held_out_max_before", "held_out_max_after")
     rows: list[list[Cell]] = [
         [row["over"], row["pieces"], *(significant(row[figure], 3) for figure in figures)]
@@ -143,7 +143,7 @@ def gain_section(result: StrapdownDiagnosis) -> Section:
             f"run by the orchestrator. Over {summary['over']} the root mean square error falls from "
             f"{summary[figures[0]]:.3g} to {summary[figures[1]]:.3g} arcmin."
         ],
-        gain_picture(result.gain.before[0], result.gain.after[0], summary["over"]),
+        gain_picture(result.gain.before, result.gain.after, summary["over"]),
         "Part of the pieces whose error is at most so large.",
         Table(["over", "pieces", *times], rows),
     )

@@ -11,26 +11,33 @@ from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
 from ..diagnosis.result import Cause
 from ..errors import InputError
+from ..evidence.carried import (
+    BIAS,
+    LIMIT,
+    SCALE,
+    Carried,
+    about_main_effect,
+    carried_evidence,
+    check_record,
+    has_truth,
+    missing_things,
+    with_reference_errors,
+)
+from ..evidence.evidence import Fit, rms_size
+from ..evidence.gain import carried_gain
 from ..records import StrapdownRecord
-from .building import BIAS, SCALE, Built, build_with_gravity, build_with_truth, not_searched
-from .gain import measure_gain
-from .held_out import rms_angle
 from .inspection import Inspection, inspect_record
 from .inspection_text import rest_warnings
 from .intervals import excluded_sizes
 from .judging import witnesses
 from .lengths import by_length, length_of, only_at_one_length
 from .likeness import compared_places, likeness
-from .main_effect import about_main_effect
 from .norm_calibration import LARGEST
-from .plausibility import check_record, missing_things
-from .reference_errors import RECORD_NOISE, with_reference_errors
 from .result import BaselineParameter, StrapdownDiagnosis
-from .search import LIMIT, SetFit, classes_of, fit_set, seen_places, smallest_sets
+from .search import classes_of, seen_places, smallest_sets
 from .separation import what_separates
 from .sizes import causes_of, estimates, left_of
-from .structure import piece_quantities, quoted_number, residual_structure
-from .system import System
+from .structure import residual_structure
 
 BASELINES = ("calibrated", "nominal")
 MOST_CANDIDATES = 12
@@ -76,36 +83,31 @@ def diagnose_strapdown(
         raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")
     found = inspect_record(record, gravity=gravity)
     check_record(found)
-    known = record.attitude is not None and bool(np.isfinite(record.attitude).all(axis=1).any())
+    known = has_truth(found)
     baseline = baseline or ("nominal" if known else "calibrated")
     reference = "true attitude" if known else "gravity"
     warnings = (*record.warnings, *sampling_warnings(found))
-    missing = missing_things(found, truth=known)
+    missing = missing_things(found)
     if missing:
         return StrapdownDiagnosis(
             "insufficient", found, reference, baseline, missing=missing, warnings=warnings, rates=rates
         )
-    built = (build_with_truth if known else build_with_gravity)(found, baseline, rates)
-    built = about_main_effect(found, built)
-    bound_from = RECORD_NOISE
-    if known:
-        built, bound_from, jumps = with_reference_errors(built)
-        warnings = (*warnings, *jumps)
-    system = built.system
-    quoted = quoted_number(built)
+    built, bound_from, jumps = with_reference_errors(about_main_effect(carried_evidence(found, baseline, rates)))
+    warnings = (*warnings, *jumps)
+    quoted = built.parts[built.quoted]
     start = StrapdownDiagnosis(
         "insufficient",
         found,
         reference,
         baseline,
-        noise_bound=float(np.median(system.parts[quoted].bound)),
+        noise_bound=float(np.median(quoted.bound)),
         noise_bound_from=bound_from,
         bias_at_rest=built.model.bias if known and BIAS not in built.own and len(found.rests) else None,
         warnings=warnings,
         rates=rates,
-        parts=system.parts,
-        quoted=quoted,
-        quantities=piece_quantities(built, system.parts[quoted].segments),
+        parts=built.parts,
+        quoted=built.quoted,
+        quantities=built.quantities(),
     )
     try:
         return judged(start, built, rerun=rerun)
@@ -127,29 +129,28 @@ def sampling_warnings(found: Inspection) -> tuple[str, ...]:
     return tuple(said)
 
 
-def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> StrapdownDiagnosis:
+def judged(start: StrapdownDiagnosis, system: Carried, *, rerun: bool) -> StrapdownDiagnosis:
     """The diagnosis of a system."""
-    system = built.system
     seen = seen_places(system)
-    not_seen = (*(place for place in system.places if place not in seen), *not_searched(built))
+    not_seen = (*(place for place in system.places if place not in seen), *system.not_searched)
     classes = classes_of(system, seen)
     places = list(classes)
     found = smallest_sets(system, places)
-    baseline = fit_set(system, ())
+    baseline = system.refit(())
     start = replace(start, radius=baseline.radius, not_seen=not_seen, left=left_of(system, baseline))
     if baseline.radius <= LIMIT:
-        return without_causes(start, built, baseline, seen)
+        return without_causes(start, system, baseline, seen)
     start = replace(start, parameters=estimates(system, baseline))
     lengths, stable = by_length(system, places, start.bias_at_rest)
-    tried = sorted(((p.title, fit_set(system, [p]).radius) for p in places), key=lambda e: (round(e[1], 9), e[0]))
+    tried = sorted(((p.title, system.refit([p]).radius) for p in places), key=lambda e: (round(e[1], 9), e[0]))
     start = replace(start, lengths=lengths, order_stable=stable, tried=tuple(tried), complete=found.complete)
     compared = compared_places(places, [fit.places for fit in found.fits], [title for title, _ in tried])
     start = replace(start, compared=compared, alike=likeness(system, compared))
     if start.bias_at_rest is not None and BIAS in system.places:
-        start = replace(start, bias_left_in=bias_left_in(built, start.bias_at_rest))
+        start = replace(start, bias_left_in=bias_left_in(system, start.bias_at_rest))
     impossible = beyond_instruments(system, baseline)
     if impossible or not found.fits:
-        structure = tuple(residual_structure(built, start.inspection))
+        structure = tuple(residual_structure(system))
         return replace(start, verdict="unexplained", residual_structure=structure, objections=impossible)
     candidates = tuple(causes_of(system, fit, classes) for fit in found.fits[:MOST_CANDIDATES])
     best = found.fits[0]
@@ -165,34 +166,33 @@ def judged(start: StrapdownDiagnosis, built: Built, *, rerun: bool) -> Strapdown
     objections = (*(w.objection for w in heard if not w.supports), *only_at_one_length(system, best, lengths))
     start = replace(start, candidates=candidates, witnesses=tuple(heard), objections=objections)
     if objections:
-        structure = tuple(residual_structure(built, start.inspection))
+        structure = tuple(residual_structure(system))
         return replace(start, verdict="unexplained", residual_structure=structure)
     return replace(
         start,
         verdict="explained",
         warnings=(*start.warnings, *clock_doubt(start.inspection, candidates[0])),
         parameters=estimates(system, best, ends=True),
-        gain=measure_gain(start.inspection, built, best.places) if rerun else None,
+        gain=carried_gain(system, best.places) if rerun else None,
         excluded=excluded_sizes(system, best, seen),
     )
 
 
 def without_causes(
-    start: StrapdownDiagnosis, built: Built, fit: SetFit, seen: Sequence[EffectPlace]
+    start: StrapdownDiagnosis, system: Carried, fit: Fit, seen: Sequence[EffectPlace]
 ) -> StrapdownDiagnosis:
     """The diagnosis of a record that the baseline explains: consistent, or too little to falsify anything."""
-    system = built.system
     parameters = estimates(system, fit, ends=True)
-    lengths = tuple(length_of(system, k, (), search=False) for k, part in enumerate(system.parts) if part.scored)
+    lengths = tuple(length_of(system, k, (), search=False) for k in system.scored)
     excluded = excluded_sizes(system, fit, seen)
     start = replace(start, parameters=parameters, lengths=lengths, excluded=excluded)
-    missing = undetermined(parameters, excluded, built)
+    missing = undetermined(parameters, excluded, system)
     if missing:
         return replace(start, verdict="insufficient", missing=missing)
     return replace(start, verdict="consistent")
 
 
-def undetermined(parameters: Sequence[BaselineParameter], excluded: Sequence[dict], built: Built) -> tuple[str, ...]:
+def undetermined(parameters: Sequence[BaselineParameter], excluded: Sequence[dict], system: Carried) -> tuple[str, ...]:
     """What the record leaves open of the gyros, and what would tell it."""
     wide = [
         p.name
@@ -204,12 +204,12 @@ def undetermined(parameters: Sequence[BaselineParameter], excluded: Sequence[dic
             f"not determined: {', '.join(wide)}; turn the block about each of its axes, there and back, and let it "
             "rest in more poses",
         )
-    if not built.own and not any(entry["effect"] == "gyro-scale-misalignment" for entry in excluded):
+    if not system.own and not any(entry["effect"] == "gyro-scale-misalignment" for entry in excluded):
         return ("the block hardly turns: no scale factor of a gyro is bounded; turn it about each of its axes",)
     return ()
 
 
-def beyond_instruments(system: System, fit: SetFit) -> tuple[str, ...]:
+def beyond_instruments(system: Carried, fit: Fit) -> tuple[str, ...]:
     """Parameters of the baseline that no instrument has: the record is not what it says."""
     values = system.point + fit.solution[: len(system.names)]
     return tuple(
@@ -235,8 +235,7 @@ def clock_doubt(found: Inspection, causes: Sequence[Cause]) -> tuple[str, ...]:
     return ()
 
 
-def bias_left_in(built: Built, bias: NDArray) -> float:
+def bias_left_in(system: Carried, bias: NDArray) -> float:
     """Root mean square error of the quoted pieces, were the mean at rest not taken out [rad]."""
-    part = built.system.parts[quoted_number(built)]
-    block = built.system.blocks[built.system.places.index(BIAS)]
-    return rms_angle(part.error + part.columns[..., block] @ bias)
+    part = system.parts[system.quoted]
+    return rms_size(part.error + part.columns[..., system.numbers_of([BIAS])] @ bias)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Polytope, SolverError
-from .search import SetFit
-from .system import System
+from ..evidence.evidence import Evidence, Fit
 
 ROOM = 1e-9
 """What the bounds grow by, relatively, so that a fit at its bounds stays inside."""
@@ -24,16 +23,16 @@ class Possible:
 
     Parameters
     ----------
-    system : System
-    fit : SetFit
+    system : Evidence
+    fit : Fit
         with a radius of at most one
     further : sequence of EffectPlace
         more effects, at zero in the fit
     """
 
-    def __init__(self, system: System, fit: SetFit, further: Sequence[EffectPlace] = ()) -> None:
+    def __init__(self, system: Evidence, fit: Fit, further: Sequence[EffectPlace] = ()) -> None:
         matrix = system.matrix([*fit.places, *further])
-        left = system.residual - system.matrix(fit.places) @ fit.solution
+        left = system.left_by(fit)
         if len(left) > MOST_ROWS:
             # Fewer rows leave more possible: what they bound is bounded.
             rows = np.linspace(0, len(left) - 1, MOST_ROWS).round().astype(int)
@@ -60,14 +59,14 @@ class Possible:
             return -np.inf, np.inf
 
 
-def parameter_ends(system: System, fit: SetFit) -> NDArray[np.float64]:
+def parameter_ends(system: Evidence, fit: Fit) -> NDArray[np.float64]:
     """Ends (P + k, 2) of the baseline's parameters and the coefficients of a fit's effects."""
     possible = Possible(system, fit)
     centre = fit.solution + np.concatenate([system.point, np.zeros(len(fit.solution) - len(system.point))])
     return np.array([np.add(possible.ends(k), centre[k]) for k in range(len(centre))]).reshape(-1, 2)
 
 
-def excluded_sizes(system: System, fit: SetFit, places: Sequence[EffectPlace]) -> tuple[dict[str, Any], ...]:
+def excluded_sizes(system: Evidence, fit: Fit, places: Sequence[EffectPlace]) -> tuple[dict[str, Any], ...]:
     """Sizes above which effects that were not found contradict the record, each added to the model that stands.
 
     Returns

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from .held_out import Blocks, angles, blocks_in_time, predicted, rms_angle
-from .system import System
+from ..evidence.evidence import Evidence, Folds, rms_size
 
 SHUFFLES = 40
 CHANCE = 0.05
@@ -92,18 +91,18 @@ class Order:
         return tuple(place for place, _ in self.steps)
 
 
-def witnesses(system: System, places: Sequence[EffectPlace]) -> tuple[Witness, ...]:
+def witnesses(system: Evidence, places: Sequence[EffectPlace]) -> tuple[Witness, ...]:
     """Leave out blocks in time and shuffle the signatures of each effect of a set in turn."""
-    blocks = blocks_in_time(system)
-    reached = _rms(predicted(system, places, blocks))
+    blocks = system.folds()
+    reached = _rms(system.left_out(places, blocks))
     rng = np.random.default_rng(len(system.residual))
     found = []
     for place in places:
         others = [p for p in places if p != place]
         as_good = 0
         for _ in range(SHUFFLES):
-            as_good += _rms(predicted(_shuffled(system, place, rng), places, blocks)) <= reached
-        without = _rms(predicted(system, others, blocks))
+            as_good += _rms(_shuffled(system, place, rng).left_out(places, blocks)) <= reached
+        without = _rms(system.left_out(others, blocks))
         found.append(Witness(place, without, reached, int(as_good), SHUFFLES))
     return tuple(found)
 
@@ -112,7 +111,7 @@ def _rms(values: NDArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _shuffled(system: System, place: EffectPlace, rng: np.random.Generator) -> System:
+def _shuffled(system: Evidence, place: EffectPlace, rng: np.random.Generator) -> Evidence:
     """The system with the signature of one effect moved to other pieces of the same kind."""
     block = system.blocks[system.places.index(place)]
     parts = []
@@ -123,18 +122,17 @@ def _shuffled(system: System, place: EffectPlace, rng: np.random.Generator) -> S
     return replace(system, parts=tuple(parts))
 
 
-def order_of_effects(system: System, places: Sequence[EffectPlace]) -> tuple[Order, ...]:
+def order_of_effects(system: Evidence, places: Sequence[EffectPlace]) -> tuple[Order, ...]:
     """The order for each kind of windows or moves by itself, with what is known at rest beside it."""
     found = []
-    for k, part in enumerate(system.parts):
-        if part.scored:
-            wanted = [i for i, other in enumerate(system.parts) if i == k or not other.scored]
-            found.append(_order(system.of_parts(wanted), wanted.index(k), places))
+    for k in system.scored:
+        found.append(_order(system.of_length(k), places))
     return tuple(found)
 
 
-def _order(system: System, scored: int, places: Sequence[EffectPlace]) -> Order:
-    blocks = blocks_in_time(system)
+def _order(system: Evidence, places: Sequence[EffectPlace]) -> Order:
+    (scored,) = system.scored
+    blocks = system.folds()
     start = current = _left(system, (), blocks, scored)
     chosen: list[EffectPlace] = []
     steps = []
@@ -152,8 +150,8 @@ def _order(system: System, scored: int, places: Sequence[EffectPlace]) -> Order:
     return Order(system.parts[scored].label, start, tuple(steps))
 
 
-def _left(system: System, places: Sequence[EffectPlace], blocks: Blocks, scored: int) -> float:
-    return rms_angle(angles(system, predicted(system, places, blocks))[scored])
+def _left(system: Evidence, places: Sequence[EffectPlace], blocks: Folds, scored: int) -> float:
+    return rms_size(system.split(system.left_out(places, blocks))[scored])
 
 
 def is_stable(orders: Sequence[Order]) -> bool:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..diagnosis.likeness import cosines
-from .system import System
+from ..evidence.evidence import Evidence
 
 MOST_COMPARED = 10
 
@@ -21,12 +21,12 @@ def compared_places(
     return tuple(named[title] for title in titles if title in named)[:MOST_COMPARED]
 
 
-def likeness(system: System, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+def likeness(system: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
     """Cosines of the least angles between what effects add to the errors, beyond what the baseline imitates.
 
     Parameters
     ----------
-    system : System
+    system : Evidence
     places : sequence of EffectPlace
         effects of the system
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..diagnosis.result import SCHEMA, Cause, place_json
+from ..evidence.evidence import Part
+from ..evidence.gain import ARCMIN, Gain
 from ..shown import Shown
-from .gain import ARCMIN, Gain
 from .inspection import Inspection
 from .judging import Order, Witness
-from .system import Part
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -220,7 +220,7 @@ class StrapdownDiagnosis(Shown):
             },
             "causes": [cause.to_json() for cause in self.causes],
             "extended": {"radius": self.extended_radius} if self.causes else None,
-            "gain": self.gain.summary() if self.gain is not None else None,
+            "gain": self.gain.to_json() if self.gain is not None else None,
             "lengths": [length.to_json() for length in self.lengths],
             "order_stable": self.order_stable,
         }

@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import chebyshev_radius
-from ..bounded.sets import Problem, Projection, project, sharp_weights
-from .system import System, weighted_step
+from ..bounded.sets import Projection, project, sharp_weights
+from ..evidence.carried import LIMIT
+from ..evidence.evidence import Evidence, Fit
 
 LARGEST_SET = 3
-LIMIT = 1.0 + 1e-7
-"""Radius up to which a model stands: one, and what the programmes may be wrong by."""
 SEEN = 1e-3
 """An effect of its largest possible size that moves no error by so much of its bound cannot be seen."""
 SAME = 1e-6
@@ -26,28 +24,6 @@ SAME = 1e-6
 MOST_FITTED = 300
 """So many sets of one size are fitted; the rest, with larger bounds, is not: the search is then said to be cut off."""
 SHARPENING = 12
-FIRST_ROWS, MORE_ROWS = 300, 100
-"""Rows that a linear programme begins with, and takes in at a time."""
-TOLERANCE = 1e-9
-"""How far, relatively, a row that was not taken in may be beyond the radius."""
-
-
-@dataclass(frozen=True, eq=False)
-class SetFit:
-    """A set of effects fitted to a system.
-
-    Attributes
-    ----------
-    places : tuple of EffectPlace
-    radius : float
-        least possible largest error over its bound, with coefficients of possible size
-    solution : (P + k,) array
-        steps of the baseline's parameters and coefficients of the effects, a Chebyshev centre
-    """
-
-    places: tuple[EffectPlace, ...]
-    radius: float
-    solution: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +32,13 @@ class Found:
 
     Attributes
     ----------
-    fits : tuple of SetFit
+    fits : tuple of Fit
         the smallest sets that stand, the least radius first; the empty set where the baseline stands
     complete : bool
         whether these are all
     """
 
-    fits: tuple[SetFit, ...]
+    fits: tuple[Fit, ...]
     complete: bool = True
 
     @property
@@ -71,32 +47,9 @@ class Found:
         return {place for fit in self.fits for place in fit.places}
 
 
-def fit_set(system: System, places: Sequence[EffectPlace]) -> SetFit:
-    """The Chebyshev fit of the baseline and some effects of possible sizes."""
-    matrix = system.matrix(places)
-    free = np.full(len(system.names), np.inf)
-    ends = system.limits_of(places)
-    low, high = np.concatenate([-free, ends[0]]), np.concatenate([free, ends[1]])
-    if not matrix.shape[1]:
-        return SetFit((), float(np.abs(system.residual).max(initial=0.0)), np.zeros(0))
-    # Of many rows few matter: those that least squares fit worst, and what a fit to them violates.
-    left = np.abs(system.residual - matrix @ weighted_step(matrix, system.residual))
-    taken = np.argsort(-left, kind="stable")[:FIRST_ROWS]
-    while True:
-        bound = np.ones(len(taken))
-        radius, x, _ = chebyshev_radius(matrix[taken], system.residual[taken], bound, low=low, high=high)
-        excess = np.abs(system.residual - matrix @ x) - radius
-        excess[taken] = 0.0
-        more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
-        more = more[excess[more] > TOLERANCE * max(1.0, radius)]
-        if not len(more):
-            return SetFit(tuple(places), radius, x)
-        taken = np.concatenate([taken, more])
-
-
-def seen_places(system: System) -> list[EffectPlace]:
+def seen_places(system: Evidence) -> list[EffectPlace]:
     """Effects that some size which is called possible makes visible beside the baseline."""
-    projection = project(_problem(system), np.full(len(system.residual), 1.0 / len(system.residual)))
+    projection = project(system.problem, np.full(len(system.residual), 1.0 / len(system.residual)))
     seen = []
     for place, block in zip(system.places, system.blocks, strict=True):
         left = (
@@ -107,9 +60,9 @@ def seen_places(system: System) -> list[EffectPlace]:
     return seen
 
 
-def classes_of(system: System, places: Sequence[EffectPlace]) -> dict[EffectPlace, tuple[EffectPlace, ...]]:
+def classes_of(system: Evidence, places: Sequence[EffectPlace]) -> dict[EffectPlace, tuple[EffectPlace, ...]]:
     """Of effects that this record cannot tell apart the first, with the others."""
-    projection = project(_problem(system), np.full(len(system.residual), 1.0 / len(system.residual)))
+    projection = project(system.problem, np.full(len(system.residual), 1.0 / len(system.residual)))
     spaces = {place: _space(projection.columns[:, system.blocks[system.places.index(place)]]) for place in places}
     classes: dict[EffectPlace, list[EffectPlace]] = {}
     for place in places:
@@ -123,13 +76,13 @@ def classes_of(system: System, places: Sequence[EffectPlace]) -> dict[EffectPlac
     return {place: tuple(others) for place, others in classes.items()}
 
 
-def smallest_sets(system: System, places: Sequence[EffectPlace], *, largest: int = LARGEST_SET) -> Found:
+def smallest_sets(system: Evidence, places: Sequence[EffectPlace], *, largest: int = LARGEST_SET) -> Found:
     """The smallest sets of effects, of up to three, with which the model stands; nothing where none does."""
-    baseline = fit_set(system, ())
+    baseline = system.refit(())
     if baseline.radius <= LIMIT:
         return Found((baseline,))
     reduced = system.with_places(places)
-    problem = _problem(reduced)
+    problem = reduced.problem
     even = np.full(len(problem.residual), 1.0 / len(problem.residual))
     projections = [project(problem, even), project(problem, sharp_weights(problem, even, SHARPENING))]
     for size in range(1, largest + 1):
@@ -139,7 +92,7 @@ def smallest_sets(system: System, places: Sequence[EffectPlace], *, largest: int
             if least <= LIMIT**2:
                 candidates.append((least, chosen))
         candidates.sort()
-        fits = [fit_set(reduced, [places[i] for i in chosen]) for _, chosen in candidates[:MOST_FITTED]]
+        fits = [reduced.refit([places[i] for i in chosen]) for _, chosen in candidates[:MOST_FITTED]]
         standing = [fit for fit in fits if fit.radius <= LIMIT]
         if standing:
             order = sorted(standing, key=lambda fit: (round(fit.radius, 9), [p.title for p in fit.places]))
@@ -147,11 +100,6 @@ def smallest_sets(system: System, places: Sequence[EffectPlace], *, largest: int
         if len(candidates) > MOST_FITTED:
             return Found((), complete=False)
     return Found(())
-
-
-def _problem(system: System) -> Problem:
-    """The system as Lawson's bound takes it."""
-    return Problem(system.residual, system.nominal, system.columns, system.blocks)
 
 
 def _squared_bound(projection: Projection, columns: NDArray) -> float:

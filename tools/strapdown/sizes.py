@@ -7,18 +7,15 @@ from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..diagnosis.result import Cause
-from .gain import effects_of
-from .held_out import angles
+from ..evidence.evidence import Evidence, Fit
 from .intervals import parameter_ends
 from .result import BaselineParameter
-from .search import SetFit
-from .system import System, weighted_step
 
 
-def estimates(system: System, fit: SetFit, *, ends: bool = False) -> tuple[BaselineParameter, ...]:
+def estimates(system: Evidence, fit: Fit, *, ends: bool = False) -> tuple[BaselineParameter, ...]:
     """The baseline's parameters by a fit, with what the record leaves possible where that is asked for."""
     count = len(system.names)
-    values = system.point + weighted_step(system.matrix(fit.places), system.residual)[:count]
+    values = system.point + system.estimate(fit.places)[:count]
     limits = parameter_ends(system, fit)[:count] if ends else np.full((count, 2), np.nan)
     if ends:
         values = np.clip(values, limits[:, 0], limits[:, 1])
@@ -28,12 +25,12 @@ def estimates(system: System, fit: SetFit, *, ends: bool = False) -> tuple[Basel
     )
 
 
-def causes_of(system: System, fit: SetFit, classes: Mapping[EffectPlace, tuple[EffectPlace, ...]]) -> tuple[Cause, ...]:
+def causes_of(system: Evidence, fit: Fit, classes: Mapping[EffectPlace, tuple[EffectPlace, ...]]) -> tuple[Cause, ...]:
     """A set of effects with their sizes by least squares and what the record leaves possible of them."""
     ends = parameter_ends(system, fit)[len(system.names) :]
-    solution = weighted_step(system.matrix(fit.places), system.residual)
+    solution = system.estimate(fit.places)
     solution[len(system.names) :] = np.clip(solution[len(system.names) :], ends[:, 0], ends[:, 1])
-    values = effects_of(system.names, fit.places, solution)
+    values = system.values_of(fit.places, solution)
     found, at = [], 0
     for place in fit.places:
         count = len(CATALOGUE[place.effect].at(place).parameters)
@@ -43,6 +40,6 @@ def causes_of(system: System, fit: SetFit, classes: Mapping[EffectPlace, tuple[E
     return tuple(found)
 
 
-def left_of(system: System, fit: SetFit) -> tuple[NDArray[np.float64], ...]:
+def left_of(system: Evidence, fit: Fit) -> tuple[NDArray[np.float64], ...]:
     """Errors that a fit leaves, for each part (S, d) [rad]."""
-    return tuple(angles(system, system.residual - system.matrix(fit.places) @ fit.solution))
+    return tuple(system.split(system.left_by(fit)))

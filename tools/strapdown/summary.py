@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from ...models.effects import CATALOGUE
 from ..diagnosis.result import Cause
+from ..evidence.gain import ARCMIN
 from ..summaries import unit_of
-from .gain import ARCMIN
 from .judging import Order, is_stable
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def gain_lines(result: "StrapdownDiagnosis") -> list[str]:
     """Errors of pieces that were not used, before and after."""
     if result.gain is None:
         return []
-    summary = result.gain.summary()
+    summary = result.gain.to_json()
     return [
         f"not used, simulated by the exported FMUs over {row['over']} ({row['pieces']} pieces): rms "
         f"{row['held_out_rms_before']:.3g} -> {row['held_out_rms_after']:.3g} arcmin, max "

@@ -1,4 +1,4 @@
-"""Bounds of the errors that a record's own noise makes: of the gyros over a time, and of the truth at rest."""
+"""Bounds of the errors that a record's own noise makes: of gyros over a time, of accelerometers and truth at rest."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
 from ..records.noise import SCATTER_FACTOR, allan_deviation
-from .rests import Rests
+from ..strapdown.carrying import matrices_of
+from ..strapdown.inspection import Inspection
+from ..strapdown.rests import Rests
+from ..strapdown.sampling import rates_of
 
 FLICKER_TO_ALLAN = 2.0 * math.log(2.0)
 """Square of flicker noise's Allan deviation over its coefficient: a mean over τ wanders about the mean over T by the
@@ -25,8 +28,8 @@ LEAST_RATE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class GyroNoise:
-    """Noise of the gyros at rest: white noise and flicker noise, of each gyro.
+class RestNoise:
+    """Noise of three gyros, or accelerometers, at rest: white noise and flicker noise of each.
 
     Attributes
     ----------
@@ -62,7 +65,7 @@ def factor_for(rows: int) -> float:
     return max(SCATTER_FACTOR, float(norm.isf(0.5 * ANY_BEYOND / max(rows, 1))))
 
 
-def gyro_noise(rate: NDArray, rests: Rests, up: NDArray | None, period: float, span: float) -> GyroNoise | None:
+def gyro_noise(found: Inspection, up: NDArray | None) -> RestNoise | None:
     """Noise of the gyros from the rests; None where these are too few or too short to tell.
 
     White noise falls with the averaging time and flicker noise does not: the Allan deviations of a quarter and of half
@@ -71,22 +74,35 @@ def gyro_noise(rate: NDArray, rests: Rests, up: NDArray | None, period: float, s
 
     Parameters
     ----------
-    rate : (N, 3) array
-        readings [rad/s]
-    rests : Rests
+    found : Inspection
     up : (K, 3) array or None
         directions of gravity at the rests; None where they are not known
-    period : float
-        [s]
-    span : float
-        length of the record [s]
     """
-    told = white_and_flicker(rate, rests, period)
+    rests, period = found.rests, found.sampling.period
+    told = white_and_flicker(rates_of(found.record), rests, period)
     if told is None:
         return None
     white, flicker = told
     wander = rest_wander(rests, up, white / rest_lengths(rests, period)[:, None])
-    return GyroNoise(white, flicker, wander, span)
+    return RestNoise(white, flicker, wander, span_of(found))
+
+
+def force_deviation(found: Inspection) -> NDArray[np.float64]:
+    """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included."""
+    rests, period = found.rests, found.sampling.period
+    assert rests.force_bound is not None
+    deviation = rests.force_bound / SCATTER_FACTOR
+    told = white_and_flicker(found.record.specific_force, rests, period)
+    if told is None:
+        return deviation
+    # What wanders from rest to rest may be an effect: only the rests themselves tell.
+    noise = RestNoise(*told, np.full(3, np.nan), span_of(found))
+    return np.maximum(deviation, np.sqrt(noise.rate_square(rest_lengths(rests, period))))
+
+
+def span_of(found: Inspection) -> float:
+    """Length of a record [s]."""
+    return float(found.record.time_s[-1] - found.record.time_s[0])
 
 
 def white_and_flicker(readings: NDArray, rests: Rests, period: float) -> tuple[NDArray, NDArray] | None:
@@ -106,28 +122,6 @@ def white_and_flicker(readings: NDArray, rests: Rests, period: float) -> tuple[N
 def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
     """Length (K,) of each rest [s]."""
     return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
-
-
-def force_deviation(force: NDArray, rests: Rests, period: float, span: float) -> NDArray[np.float64]:
-    """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included.
-
-    Parameters
-    ----------
-    force : (N, 3) array
-        readings [m/s²]
-    rests : Rests
-        with a bound of the means
-    period, span : float
-        [s]
-    """
-    assert rests.force_bound is not None
-    deviation = rests.force_bound / SCATTER_FACTOR
-    told = white_and_flicker(force, rests, period)
-    if told is None:
-        return deviation
-    # What wanders from rest to rest may be an effect: only the rests themselves tell.
-    noise = GyroNoise(*told, np.full(3, np.nan), span)
-    return np.maximum(deviation, np.sqrt(noise.rate_square(rest_lengths(rests, period))))
 
 
 def rest_wander(rests: Rests, up: NDArray | None, white: NDArray) -> NDArray[np.float64]:
@@ -168,10 +162,6 @@ def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float
         first, second = inside[:-apart], inside[apart:]
         known = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
         if known.any():
-            turns = _rotation(first[known]).inv() * _rotation(second[known])
-            largest = max(largest, float(np.abs(turns.as_rotvec()).max()))
+            turns = matrices_of(first[known]).transpose(0, 2, 1) @ matrices_of(second[known])
+            largest = max(largest, float(np.abs(Rotation.from_matrix(turns).as_rotvec()).max()))
     return largest
-
-
-def _rotation(quaternion: NDArray) -> Rotation:
-    return Rotation.from_quat(np.roll(quaternion, -1, axis=1))

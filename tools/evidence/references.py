@@ -1,0 +1,457 @@
+"""What an attitude that is carried through a record is held against: gravity at the rests, or the true attitude.
+
+A gyro that reads δω(t) too much turns the carried attitude, over a piece from t₀ to t₁, by C(t₀)ᵀ ∫ C (I + Γ)⁻¹ δω dt,
+in axes of the piece's beginning and to first order. Errors are computed less true: what a gyro reads too much turns the
+carried attitude too far.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.turntable import EARTH_RATE
+from ..records import StrapdownRecord
+from ..strapdown.carrying import GyroModel, matrices_of
+from ..strapdown.inspection import Inspection
+from ..strapdown.motion import Motion
+from ..strapdown.norm_calibration import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
+from ..strapdown.rests import Rests
+from ..strapdown.sampling import GAP, rates_of, saturated_mask
+from .carried_bounds import RestNoise, factor_for, truth_scatter
+from .evidence import Part, Pieces, coefficient_count
+
+CHUNK = 30_000
+"""Rows at a time: the memory does not grow with the record."""
+LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""Of the windows [s]."""
+LENGTH_ROOM = 0.1
+"""A window may be longer or shorter by this part, where the truth is not known at every row."""
+FEWEST_WINDOWS = 8
+"""A length with fewer windows is not used: they cannot be left out in blocks."""
+TOGETHER = (1, 2, 3)
+"""Moves between neighbouring rests, and over two and three rests."""
+MOST_PIECES = 400
+"""Of more windows of one length, and moves over several rests, so many are taken, spread over the record."""
+EARTH_AT_REST, EARTH_IN_MOTION = 1.0, 2.0
+"""So many times Earth's rate widens the bounds: with the gyros' bias free only its change between poses counts; with
+the mean at rest taken out it counts once there and once in the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run of the simulation through a record, and what each coefficient adds to it.
+
+    Attributes
+    ----------
+    attitude : (N, 4) array
+        carried, scalar first
+    rows : (B,) array of int
+        every row at which a piece begins or ends, in order
+    integral : (B, 3, P + K) array
+        ∫ C (I + Γ)⁻¹ δω dt up to these rows, per parameter of the gyros and coefficient of their effects
+    own : int
+        P: how many of them are parameters
+    """
+
+    attitude: NDArray[np.float64]
+    rows: NDArray[np.int_]
+    integral: NDArray[np.float64]
+    own: int
+
+    def columns(self, pieces: Pieces) -> NDArray[np.float64]:
+        """Signatures (S, 3, P + K) in axes of each piece's beginning."""
+        before, after = (np.searchsorted(self.rows, at) for at in (pieces.first, pieces.last))
+        start = matrices_of(self.attitude[pieces.first])
+        return start.transpose(0, 2, 1) @ (self.integral[after] - self.integral[before])
+
+
+def integrals(
+    motion: Motion, model: GyroModel, attitude: NDArray, places: Sequence[EffectPlace], rows: NDArray
+) -> NDArray[np.float64]:
+    """∫ C (I + Γ)⁻¹ δω dt from the first row to some rows (B,), per coefficient of all effects: (B, 3, K).
+
+    Parameters
+    ----------
+    motion : Motion
+    model : GyroModel
+        with which the attitude was carried
+    attitude : (N, 4) array
+        carried, scalar first
+    places : sequence of EffectPlace
+    rows : (B,) array of int
+        in rising order
+    """
+    inverse = model.inverse
+    found: list[NDArray] = []
+    total: NDArray | None = None
+    for begin in range(1, len(motion), CHUNK):
+        end = min(begin + CHUNK, len(motion))
+        seen = motion.rows(begin, end, inverse, model.bias)
+        columns = np.concatenate([CATALOGUE[p.effect].signature(p, seen) for p in places], axis=2)
+        middle = attitude[begin:end] + attitude[begin - 1 : end - 1] * np.sign(
+            np.sum(attitude[begin:end] * attitude[begin - 1 : end - 1], axis=1, keepdims=True)
+        )
+        turn = matrices_of(middle) @ inverse
+        grown = np.cumsum(turn @ columns * motion.step[begin:end, None, None], axis=0)
+        if total is None:
+            total = np.zeros(grown.shape[1:])
+            found += [total] * int(np.searchsorted(rows, 1))
+        within = rows[np.searchsorted(rows, begin) : np.searchsorted(rows, end)] - begin
+        found += list(total + grown[within])
+        total = total + grown[-1]
+    return np.array(found)
+
+
+def means_at_rest(
+    motion: Motion, model: GyroModel, places: Sequence[EffectPlace], rests: Sequence[slice]
+) -> NDArray[np.float64]:
+    """What each coefficient adds to the gyros' mean over all rests, (3, K) [rad/s]."""
+    total, count = np.zeros((3, sum(coefficient_count(place) for place in places))), 0
+    for rows in rests:
+        for begin in range(max(rows.start, 1), rows.stop, CHUNK):
+            end = min(begin + CHUNK, rows.stop)
+            seen = motion.rows(begin, end, model.inverse, model.bias)
+            total += np.concatenate([CATALOGUE[p.effect].signature(p, seen).sum(axis=0) for p in places], axis=1)
+            count += end - begin
+    return total / max(count, 1)
+
+
+def turned(pieces: Pieces, attitude: NDArray) -> NDArray[np.float64]:
+    """Rotation (S, 3, 3) of each piece by an attitude (N, 4): body at its end to body at its beginning."""
+    start, end = matrices_of(attitude[pieces.first]), matrices_of(attitude[pieces.last])
+    return start.transpose(0, 2, 1) @ end
+
+
+def rotation_vectors(rotation: NDArray) -> NDArray[np.float64]:
+    """Rotation vectors (S, 3) of matrices (S, 3, 3) [rad]."""
+    return Rotation.from_matrix(rotation).as_rotvec() if len(rotation) else np.zeros((0, 3))
+
+
+def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
+    """Every row at which a piece begins or ends, in order."""
+    ends = [rows for part in parts for rows in (part.first, part.last)]
+    return np.unique(np.concatenate(ends)) if ends else np.zeros(0, dtype=int)
+
+
+class Usable:
+    """Which stretches of a record hold no gap and no saturated gyro.
+
+    Parameters
+    ----------
+    found : Inspection
+    """
+
+    def __init__(self, found: Inspection) -> None:
+        record, sampling = found.record, found.sampling
+        bad = np.zeros(len(record), dtype=bool)
+        bad[1:] = np.diff(record.time_s) > GAP * sampling.period
+        for axis, rate in enumerate(rates_of(record).T, start=1):
+            if f"w{axis}" in sampling.saturated:
+                clipped = saturated_mask(rate)
+                bad |= clipped
+                bad[1:] |= clipped[:-1]
+        self._broken = np.cumsum(bad)
+
+    def __call__(self, first: NDArray, last: NDArray) -> NDArray[np.bool_]:
+        """Stretches (S,) of which every interval can be used."""
+        return self._broken[last] == self._broken[first]
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """What the accelerometers say at K rests.
+
+    Attributes
+    ----------
+    n : (K, 3) array
+        inputs [g]
+    inverse : (3, 3) array
+        (I + Γ)⁻¹ of the accelerometers
+    slopes : (K, 3, 9 + E) array
+        how the inputs computed change with the nine parameters, then with the coefficients of static effects
+    norm : (K,) array
+        |n| − 1 [g]
+    by_reading : (K, 3) array
+        how the norm takes errors of the readings
+    """
+
+    n: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    norm: NDArray[np.float64]
+    by_reading: NDArray[np.float64]
+
+    @property
+    def up(self) -> NDArray[np.float64]:
+        """Directions (K, 3) of gravity's reaction."""
+        return self.n / np.linalg.norm(self.n, axis=1)[:, None]
+
+    def turning(self, index: NDArray) -> NDArray[np.float64]:
+        """How directions change with the inputs (S, 3, 3): across them, over their size."""
+        up, size = self.up[index], np.linalg.norm(self.n[index], axis=1)
+        return (np.eye(3) - up[:, :, None] * up[:, None, :]) / size[:, None, None]
+
+
+def poses_of(x: NDArray, reading: NDArray, rests: Rests, places: Sequence[EffectPlace]) -> Poses:
+    """The poses, with accelerometers of nine parameters (9,) and mean readings (K, 3) [g]."""
+    n = inputs_of(x, reading)
+    norm, _, by_reading = norm_equations(x, reading)
+    inverse = np.linalg.inv(block_of(x)[0])
+    by_parameters = np.zeros((len(n), 3, len(NAMES)))
+    for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
+        by_parameters[:, p, k] = n[:, q]
+    by_parameters[:, :, 6:] = np.eye(3)
+    of_effects = [force_columns(place, n, rests) for place in places]
+    # Readings too large by s, by an effect or a parameter larger in truth, make inputs too large by (I + Γ)⁻¹ s.
+    slopes = inverse @ np.concatenate([by_parameters, *of_effects], axis=2)
+    return Poses(n, inverse, slopes, norm, by_reading)
+
+
+def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> NDArray[np.float64]:
+    """Signature (K, 3, k) of a static effect of the accelerometers at inputs (K, 3) [g]."""
+    nothing = np.zeros_like(n)
+    hours, angle = (rests.time_s - rests.time_s[:1]) / 3600.0, np.zeros(len(n))
+    rows = Rows(hours, angle, angle, n, by_alpha=nothing, by_beta=nothing, temperature=rests.temperature)
+    return CATALOGUE[place.effect].at(place).signature(place, rows)
+
+
+def across(up: NDArray) -> NDArray[np.float64]:
+    """Two unit vectors across each direction (S, 3): (S, 2, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(up), axis=1)]
+    first = np.cross(up, least)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(up, first)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity:
+    """Gravity is the reference: its direction at the rests, its size, and that the block does not turn there.
+
+    Attributes
+    ----------
+    rests : Rests
+    reading : (K, 3) array
+        the accelerometers' means [g]
+    deviation : (K, 3) array
+        their standard deviation [g]
+    noise : RestNoise
+    still : Pieces
+        the rests without a gap
+    scored : tuple of Pieces
+        moves over one, two and three rests
+    ends : tuple of (S, 2) array of int
+        numbers of the rests at their ends
+    """
+
+    rests: Rests
+    reading: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    noise: RestNoise
+    still: Pieces
+    scored: tuple[Pieces, ...]
+    ends: tuple[NDArray[np.int_], ...]
+
+    name = "gravity"
+
+    @property
+    def rows(self) -> NDArray[np.int_]:
+        """Every row at which a piece begins or ends."""
+        return all_rows([self.still, *self.scored])
+
+    def directions(self, x: NDArray, effects: Mapping[EffectPlace, tuple[float, ...]] | None = None) -> NDArray:
+        """Directions (K, 3) at the rests, with accelerometers of nine parameters and effects of such sizes."""
+        n = inputs_of(x, self.reading)
+        for _ in range(2 if effects else 0):
+            added = sum(force_columns(p, n, self.rests) @ np.array(v) for p, v in (effects or {}).items())
+            n = inputs_of(x, self.reading - added)
+        return n / np.linalg.norm(n, axis=1)[:, None]
+
+    def errors(self, number: int, rotation: NDArray, up: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray:
+        """Errors (S, 3) of directions (K, 3) after chosen moves of one kind, carried back by rotations (S, 3, 3)."""
+        before, after = self.ends[number][chosen].T
+        return np.einsum("sij,sj->si", rotation, up[after]) - up[before]
+
+    def across(self, number: int, up: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray[np.float64]:
+        """Two unit vectors (S, 2, 3) across the directions (K, 3) before chosen moves of one kind."""
+        return across(up[self.ends[number][chosen][:, 0]])
+
+    def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace], time_s: NDArray) -> list[Part]:
+        """Norms at the rests, turns at rest, moves.
+
+        Parameters
+        ----------
+        run : Run
+        x : (9,) array
+            of the accelerometers
+        places : sequence of EffectPlace
+            static effects of the accelerometers
+        time_s : (N,) array
+            of the record
+
+        Returns
+        -------
+        list of Part
+            parameters: the accelerometers' nine, then the gyros'; effects: the gyros', then the accelerometers'
+        """
+        poses = poses_of(x, self.reading, self.rests, places)
+        split, count, still = run.own, len(poses.n), self.still
+        factor = factor_for(count + 3 * len(still) + 2 * sum(len(moves) for moves in self.scored))
+
+        def part(pieces: Pieces, error: NDArray, bound: NDArray, by_forces: NDArray, by_rates: NDArray) -> Part:
+            nominal = np.concatenate([by_forces[..., : len(NAMES)], by_rates[..., :split]], axis=-1)
+            columns = np.concatenate([by_rates[..., split:], by_forces[..., len(NAMES) :]], axis=-1)
+            return Part(pieces, error, bound, nominal, columns, scored=pieces.kind == "moves")
+
+        deviation = np.sqrt((poses.by_reading**2 * self.deviation**2).sum(axis=1))
+        by_forces = np.einsum("kp,kpc->kc", poses.up, poses.slopes)[:, None, :]
+        by_rates = np.zeros((count, 1, run.integral.shape[2]))
+        norms = Pieces("norms", "norms", *_ends_of(self.rests))
+        parts = [part(norms, poses.norm[:, None], factor * deviation[:, None], by_forces, by_rates)]
+        if len(still):
+            seconds = still.durations(time_s)
+            limit = factor * np.sqrt(self.noise.angle_square(seconds)) + EARTH_AT_REST * EARTH_RATE * seconds
+            by_forces = np.zeros((len(still), 3, poses.slopes.shape[2]))
+            error = rotation_vectors(turned(still, run.attitude))
+            parts.append(part(still, error, np.repeat(limit[:, None], 3, axis=1), by_forces, run.columns(still)))
+        for number, (moves, ends) in enumerate(zip(self.scored, self.ends, strict=True)):
+            start, end = ends.T
+            rotation, up = turned(moves, run.attitude), poses.up
+            sideways = self.across(number, up)
+            error = np.einsum("skp,sp->sk", sideways, self.errors(number, rotation, up))
+            # An error e of the attitude moves the direction by e × u: along t by e · (u × t).
+            by_rates = np.cross(up[start][:, None, :], sideways) @ run.columns(moves)
+            at_end, at_start = sideways @ rotation @ poses.turning(end), sideways @ poses.turning(start)
+            by_forces = at_end @ poses.slopes[end] - at_start @ poses.slopes[start]
+            seconds = moves.durations(time_s)[:, None]
+            square = _square(at_end @ poses.inverse, self.deviation[end])
+            square = square + self.noise.angle_square(seconds[:, 0])[:, None]
+            square = square + _square(at_start @ poses.inverse, self.deviation[start])
+            limit = factor * np.sqrt(square) + EARTH_AT_REST * EARTH_RATE * seconds
+            parts.append(part(moves, error, limit, by_forces, by_rates))
+        return parts
+
+
+def gravity_pieces(rests: Rests, usable: Usable) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
+    """Rests without a gap; moves over one, two and three rests; numbers (S, 2) of the rests at the ends of each."""
+    first, last = _ends_of(rests)
+    kept = np.flatnonzero(usable(first, last) & (last > first))
+    still = Pieces("rests", "rests", first[kept], last[kept])
+    moves, ends = [], []
+    for together in TOGETHER:
+        numbers = np.arange(max(0, len(rests) - together))
+        begin, end = last[numbers], first[numbers + together]
+        chosen = np.flatnonzero(usable(begin, end))
+        if together > 1:
+            chosen = _thinned(chosen)
+        if len(chosen):
+            label = "1 move" if together == 1 else f"{together} moves"
+            moves.append(Pieces("moves", label, begin[chosen], end[chosen]))
+            ends.append(np.column_stack([chosen, chosen + together]))
+    return still, tuple(moves), tuple(ends)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The true attitude is the reference, over windows of several lengths.
+
+    Attributes
+    ----------
+    rests : Rests
+    attitude : (N, 4) array
+        true, NaN where it is not known
+    noise : RestNoise or None
+        None where the record does not tell: the bounds are then zero
+    scored : tuple of Pieces
+        the windows of each length
+    """
+
+    rests: Rests
+    attitude: NDArray[np.float64]
+    noise: RestNoise | None
+    scored: tuple[Pieces, ...]
+
+    name = "true attitude"
+
+    @property
+    def rows(self) -> NDArray[np.int_]:
+        """Every row at which a piece begins or ends."""
+        return all_rows(self.scored)
+
+    def errors(self, number: int, rotation: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray[np.float64]:
+        """Rotation vectors (S, 3) of the carried rotations (S, 3, 3) against the true ones of chosen windows [rad]."""
+        true = turned(self.scored[number].selected(chosen), self.attitude)
+        return rotation_vectors(rotation @ true.transpose(0, 2, 1))
+
+    def parts(self, run: Run, time_s: NDArray) -> list[Part]:
+        """A part for each length."""
+        period = float(np.median(np.diff(time_s)))
+        factor = factor_for(3 * sum(len(windows) for windows in self.scored))
+        parts = []
+        for number, windows in enumerate(self.scored):
+            seconds, limit = windows.durations(time_s), np.zeros(len(windows))
+            if self.noise is not None:
+                limit = factor * np.sqrt(self.noise.angle_square(seconds)) + EARTH_IN_MOTION * EARTH_RATE * seconds
+                limit = limit + truth_scatter(self.attitude, self.rests, period, float(np.median(seconds)))
+            error = self.errors(number, turned(windows, run.attitude))
+            bound, columns = np.repeat(limit[:, None], 3, axis=1), run.columns(windows)
+            parts.append(Part(windows, error, bound, columns[..., : run.own], columns[..., run.own :], scored=True))
+        return parts
+
+
+def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
+    """Rows whose true attitude is known."""
+    if record.attitude is None:
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
+
+
+def truth_windows(found: Inspection, usable: Usable) -> tuple[Pieces, ...]:
+    """Windows of each length of which the record holds enough."""
+    known, period = known_rows(found.record), found.sampling.period
+    windows = [windows_of(known, usable, period, seconds) for seconds in LENGTHS if seconds >= 4.0 * period]
+    return tuple(mine for mine in windows if len(mine) >= FEWEST_WINDOWS)
+
+
+def windows_of(known: NDArray, usable: Usable, period: float, seconds: float) -> Pieces:
+    """Windows of one length, side by side, between rows (K,) whose true attitude is known."""
+    rows = max(1, round(seconds / period))
+    room = max(1, int(LENGTH_ROOM * rows))
+    first, last = [], []
+    k = 0
+    while k < len(known) - 1:
+        start = known[k]
+        end = int(np.searchsorted(known, start + rows))
+        candidates = [e for e in (end - 1, end) if k < e < len(known)]
+        best = min(candidates, key=lambda e: abs(known[e] - start - rows), default=None)
+        if best is None:
+            break
+        if abs(known[best] - start - rows) > room:
+            k += 1
+            continue
+        first.append(start)
+        last.append(known[best])
+        k = best
+    windows = Pieces("windows", f"{seconds:g} s", np.array(first, dtype=int), np.array(last, dtype=int))
+    return windows.selected(_thinned(np.flatnonzero(usable(windows.first, windows.last))))
+
+
+def _ends_of(rests: Rests) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """First and last rows (K,) of the rests."""
+    first = np.array([rows.start for rows in rests.rows], dtype=int)
+    return first, np.array([rows.stop - 1 for rows in rests.rows], dtype=int)
+
+
+def _thinned(chosen: NDArray) -> NDArray[np.int_]:
+    """At most so many of them, spread over the record: they say much the same."""
+    if len(chosen) <= MOST_PIECES:
+        return chosen
+    return chosen[np.linspace(0, len(chosen) - 1, MOST_PIECES).round().astype(int)]
+
+
+def _square(rows: NDArray, deviation: NDArray) -> NDArray:
+    """Mean square (S, d) of rows (S, d, 3) of errors with such deviations (S, 3)."""
+    return np.einsum("sdp,sp->sd", rows**2, deviation**2)
