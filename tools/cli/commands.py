@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import library
+from ..files import ordinary_folder
 from .answer import STANDARD_OUTPUT, Answer, answer
 from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
 
@@ -288,7 +289,7 @@ def doctor(*, json: JsonFile = None) -> Answer:
 
 def demo(
     *,
-    out: Annotated[Path, Folder] = Path("demo-results"),
+    out: Annotated[Path, Parameter(name="--out", validator=ordinary_folder)] = Path("demo-results"),
     seed: int = 2026,
     show: Annotated[bool, Parameter(negative="--no-show")] = True,
     json: JsonFile = None,
