@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .calibration import Calibration
     from .calibration.correction import Application
     from .campaign.campaign import Done
-    from .checking import Check as Check
+    from .check import Check as Check
     from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
     from .hidden import HiddenRecord
@@ -54,7 +54,7 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
-_TYPES = {"Check": ".checking", "Exported": ".exporting", "Installation": ".installation", "Simulation": ".bench_run"}
+_TYPES = {"Check": ".check", "Exported": ".exporting", "Installation": ".installation", "Simulation": ".bench_run"}
 """Where the types of results are defined that a user's annotations name."""
 
 
@@ -556,7 +556,7 @@ def check(file: str | Path) -> "Check":
     InputError
         no file that can be read
     """
-    from .checking import check as look
+    from .check import check as look
 
     return look(file)
 

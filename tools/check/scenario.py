@@ -17,9 +17,8 @@ from ..orchestrator.parameters import resolve_parameters
 from ..orchestrator.recording import resolve_columns
 from ..orchestrator.simulation import coupling_of, resolve_stimuli, temporary_folder
 from ..scenario import FmuSetting, RunSetting, Scenario, Stimulus, scenario_problems
-from .findings import Findings
-from .result import Check
-from .source_lines import toml_lines
+from .findings import Check, Findings, found_in
+from .lines import toml_lines
 
 LISTS = ("connections", "stimuli")
 
@@ -53,11 +52,11 @@ def check_scenario(path: Path, text: str, data: dict[str, Any]) -> Check:
         try:
             scenario = Scenario.model_validate({**written.data, **origin})
         except (ValidationError, TypeError):
-            return Check(path, "scenario", findings.problems())
+            return found_in(path, "scenario", findings.problems())
     with temporary_folder() as folder:
         _check_system(scenario, written, findings, folder)
     problems = findings.problems()
-    return Check(path, "scenario", problems, summary=() if problems else _summary(scenario))
+    return found_in(path, "scenario", problems, summary=() if problems else _summary(scenario))
 
 
 @dataclass(frozen=True)
