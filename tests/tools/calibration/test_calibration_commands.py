@@ -85,7 +85,7 @@ def test_what_is_open_is_named_in_words_and_priors_close_it(folder, capsys):
             "--ssv c.ssv: the calibration's verdict is",
         ),
         (["calibrate", "p.csv", "--noise-bound", "1e-5", "--ssv", "p.csv"], "--ssv p.csv: is the record too"),
-        (["calibrate", "p.csv", "--noise-bound", "1e-5", "--prior", "X4"], "--prior 'X4': write a combination"),
+        (["calibrate", "p.csv", "--noise-bound", "nan"], "--noise-bound"),
         (["apply", "p.csv", "few.csv"], "p.csv: is not JSON text"),
         (["apply", "none.json", "few.csv"], "none.json: cannot be read"),
         (["apply", "c.json", "p.csv"], "c.json: the schema is None"),

@@ -1,18 +1,20 @@
-"""What a person writes for the calibration: expressions of targets, mountings."""
+"""What a person asks of the calibration: expressions of targets, mountings, options; and what is refused."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulated_bench import record
+from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
+from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.calibration.mountings import PRESETS, read_mounting
 from trihedron.tools.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights
 from trihedron.tools.errors import InputError
 
 ONE = parametrise({"identity": np.eye(3)})
-TWO = parametrise({"a": np.eye(3), "a-b": PRESETS["cyclic"]})
+TWO_MATRICES = {"a": np.eye(3), "a-b": PRESETS["cyclic"]}
+TWO = parametrise(TWO_MATRICES)
 X = {f"X{i}": expression_weights(f"X{i}", ONE) for i in range(1, 19)}
 
 
@@ -176,3 +178,53 @@ def test_unreadable_files_are_refused(tmp_path):
     for path in (tmp_path, tmp_path / "none.toml", tmp_path / "latin.toml"):
         with pytest.raises(InputError, match="--mounting"):
             read_mounting(str(path), block())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"noise_bound": 0.0}, "--noise-bound 0: must be"),
+        ({"noise_bound": -1e-5}, "--noise-bound"),
+        ({"noise_bound": float("nan")}, "--noise-bound"),
+        ({"noise_bound": 1.0}, "--noise-bound 1: must be"),
+        ({"gravity": 0.0}, "--gravity"),
+        ({"gravity": float("inf")}, "--gravity"),
+        ({"gravity": 1e-300}, "--gravity 1e-300: must be from 4.9 to 14.7"),
+        ({"gravity": float("nan")}, "--gravity"),
+        ({"convention": "A3"}, "--convention A3: must be A1 or A2"),
+        ({"baseline": "linear"}, "--baseline linear"),
+        ({"bounds": (0.1, float("nan"))}, "--bounds"),
+        ({"bounds": (-1e-3, 1e-2)}, "--bounds"),
+        ({"mounting": "cyclik"}, "did you mean 'cyclic'"),
+        ({"noise_bound": None}, "give --noise-bound"),
+        ({"priors": ["X4"]}, "write a combination and its greatest size"),
+        ({"priors": ["X4="]}, "is not a positive number"),
+        ({"priors": ["X4=0"]}, "is not a positive number"),
+        ({"priors": ["X4=nan"]}, "is not a positive number"),
+        ({"priors": ["X4=1e-300"]}, "1e-300 is below 1e-12"),
+        ({"priors": ["X4=-1e-3"]}, "is not a positive number"),
+        ({"priors": ["X19=1"]}, "--prior 'X19': there is no X19"),
+        ({"priors": ["=1"]}, "--prior ''"),
+        ({"mounting": TWO_MATRICES}, "no column mounting"),
+        ({"mounting": {"q": 1.001 * np.eye(3)}}, "not orthogonal"),
+        ({"mounting": {"q": np.diag([1.0, 1.0, -1.0])}}, "reflection"),
+        ({"mounting": {"q": [[1.0, 0.0, 0.0], [0.0]]}}, "three rows"),
+    ],
+)
+def test_options_out_of_range_are_refused_in_one_line(options, said):
+    with pytest.raises(InputError, match="(?s)" + said.replace("(", r"\(")) as refusal:
+        calibrate(simulated(np.zeros(24)), **{"noise_bound": 1e-5, **options})
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(0.0, "0.000 times what the table gives.*dead"), (-1.0, "-1.00.*its sign"), (2.0, "the unit")]
+)
+@pytest.mark.parametrize("baseline", ["asymmetric", "symmetric"])
+def test_a_dead_or_reversed_accelerometer_is_refused(factor, said, baseline):
+    whole = simulated(random_bench(np.random.default_rng(1))).specific_force / GRAVITY
+    reading = whole * [1.0, factor, 1.0] + np.random.default_rng(3).uniform(-1e-5, 1e-5, whole.shape)
+    with pytest.raises(InputError, match=f"column f2_mps2: reads {said}" if factor < 1.0 else f"f2_mps2.*{said}"):
+        calibrate(
+            record(reading, ALPHA, BETA), noise_bound=1e-2 if baseline == "symmetric" else 1e-5, baseline=baseline
+        )
