@@ -88,7 +88,7 @@ def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
 
 def test_a_check_runs_nothing_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("trihedron.tools.orchestrator.simulation.run_fmus", lambda *_: 1 / 0)
+    monkeypatch.setattr("trihedron.tools.orchestrator.run.run_fmus", lambda *_: 1 / 0)
     assert th.check(STATIC).good
     assert list(tmp_path.iterdir()) == []
 
@@ -207,8 +207,8 @@ def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_pat
 def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
     checked = th.check(fmu_folder / "AccelerometerBlock.fmu")
     assert (checked.good, checked.kind) == (True, "FMU")
-    from trihedron.tools.scenario import read_scenario
-    from trihedron.tools.ssp.exporting import export_ssp
+    from trihedron.tools.orchestrator.scenario import read_scenario
+    from trihedron.tools.ssp.write import export_ssp
 
     archive = tmp_path / "static.ssp"
     export_ssp(read_scenario(STATIC), archive, flavour="python")

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from .attitude import AttitudeRun
-    from .bench_run import Simulation as Simulation
     from .calibration import Calibration
     from .calibration.correction import Application
     from .campaign.campaign import Done
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
     from .exporting import Exported as Exported
     from .hidden import HiddenRecord
     from .installation import Installation as Installation
+    from .orchestrator.run import Simulation as Simulation
+    from .orchestrator.scenario import Scenario
     from .planning.common_plan import CommonPlan
     from .planning.plan import Plans
     from .records import Source
@@ -54,7 +55,12 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
-_TYPES = {"Check": ".check", "Exported": ".exporting", "Installation": ".installation", "Simulation": ".bench_run"}
+_TYPES = {
+    "Check": ".check",
+    "Exported": ".exporting",
+    "Installation": ".installation",
+    "Simulation": ".orchestrator.run",
+}
 """Where the types of results are defined that a user's annotations name."""
 
 
@@ -65,7 +71,7 @@ def __getattr__(name: str) -> Any:
 
 
 def simulate(
-    scenario: "str | Path | Mapping[str, Any]",
+    scenario: "str | Path | Mapping[str, Any] | Scenario",
     *,
     out: str | Path | None = None,
     step: float | None = None,
@@ -98,9 +104,11 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    from .bench_run import simulate as run
+    from .orchestrator.run import simulate_table
+    from .ssp.read import opened
 
-    return run(scenario, out=out, step=step, coupling=coupling, progress=progress)
+    with opened(scenario, step=step, coupling=coupling) as (checked, ignored):
+        return simulate_table(checked, None if out is None else Path(out), ignored=ignored, progress=progress)
 
 
 def export(

@@ -18,15 +18,15 @@ from ..calibration.correction import correction_of
 from ..campaign.file import Campaign, campaign_problems
 from ..errors import InputError, nearest, nearest_file
 from ..field_problems import field_problems
-from ..orchestrator.archive import unpack
 from ..orchestrator.interface import interface_of
-from ..orchestrator.tables import read_table
+from ..orchestrator.load import unpack
+from ..orchestrator.stimuli import read_table
 from ..planning.position_files import read_angles
 from ..records.columns import ANGLES, FORCE, RAW, Columns, RecordError, extra_warning, warnings
 from ..records.kinds import RawRecord
 from ..records.read import MAGIC, all_faults, read_record
 from ..records.rests import position_record_of
-from ..ssp.importing import scenario_of_ssp
+from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, Problem, found_in
 from .lines import json_lines, toml_lines
 from .published import DiagnosisFile, PositionPlanFile, TargetPlanFile, TargetPlansFile
@@ -176,9 +176,8 @@ def check_fmu(path: Path) -> Check:
 def check_ssp(path: Path) -> Check:
     """Whether an .ssp can be read as a scenario; nothing of it is run."""
     try:
-        with scenario_of_ssp(path) as imported:
-            scenario = imported.scenario
-            warnings = tuple(f"parameter {name} names nothing in the system" for name in imported.ignored)
+        with scenario_of_ssp(path) as (scenario, ignored):
+            warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
             summary = (
                 f"FMUs: {', '.join(scenario.fmus)}",
                 f"{len(scenario.connections)} connections, step {scenario.run.step_s:g} s",

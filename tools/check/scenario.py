@@ -9,14 +9,20 @@ from pydantic import ValidationError
 
 from ..errors import InputError
 from ..field_problems import Location
-from ..orchestrator.connections import Wire, check_single_sources, resolve_connections
-from ..orchestrator.coupling import stepping_groups
 from ..orchestrator.interface import Interface
-from ..orchestrator.loading import Loaded, Sources, check_states, check_steps, load
-from ..orchestrator.parameters import resolve_parameters
-from ..orchestrator.recording import resolve_columns
-from ..orchestrator.simulation import coupling_of, resolve_stimuli, temporary_folder
-from ..scenario import FmuSetting, RunSetting, Scenario, Stimulus, scenario_problems
+from ..orchestrator.journal import resolve_columns
+from ..orchestrator.load import Loaded, Sources, check_steps, load, resolve_parameters
+from ..orchestrator.run import temporary_folder
+from ..orchestrator.scenario import FmuSetting, RunSetting, Scenario, Stimulus, scenario_problems
+from ..orchestrator.stimuli import resolve_stimuli
+from ..orchestrator.wiring import (
+    Wire,
+    check_single_sources,
+    check_states,
+    coupling_of,
+    resolve_connections,
+    stepping_groups,
+)
 from .findings import Check, Findings, found_in
 from .lines import toml_lines
 

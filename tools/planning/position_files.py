@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import whole_folder
-from ..orchestrator.tables import read_table
+from ..orchestrator.stimuli import read_table
 from ..records.columns import LIMITS
 from .common_plan import CommonPlan
 from .places import Places

@@ -14,10 +14,10 @@ from table_runs import ARCSEC, PROGRAMME, Bench
 from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.scenario import Scenario
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.rests import find_rests
 from trihedron.tools.report.calibration_page import calibration_page
-from trihedron.tools.scenario import Scenario
 
 SIGMA = 1e-5
 

@@ -22,8 +22,8 @@ from pydantic import (
     model_validator,
 )
 
-from .errors import InputError, unreadable
-from .field_problems import FieldProblem, field_problems
+from ..errors import InputError, unreadable
+from ..field_problems import FieldProblem, field_problems
 
 SCHEMA = "trihedron.scenario/1"
 _ROWS_OF_TEXT = 50_000
