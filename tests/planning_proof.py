@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from trihedron.tools.planning.certificate import ceiling
+from trihedron.tools.calibration.targets import expression_weights
+from trihedron.tools.planning.certificate import ceiling, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, value
-from trihedron.tools.planning.grids import Grid
-from trihedron.tools.planning.optimum import lower_bound
+from trihedron.tools.planning.grid import Grid
 from trihedron.tools.planning.plan import Plan
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
@@ -34,7 +34,7 @@ def proven_gap(plan: Plan) -> float:
     ProofError
         when the weights are biased, a reading is not admissible, or |F'y| exceeds one somewhere
     """
-    best, target = plan.optimum, plan.target.weights
+    best, target = plan.optimum, expression_weights(plan.target, plan.parametrisation)
     found = sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible)
     total = np.zeros(len(target))
     for accelerometer, alpha, beta, weight in zip(best.accelerometer, best.alpha, best.beta, best.weights, strict=True):

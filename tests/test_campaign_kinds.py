@@ -25,8 +25,8 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.hidden_suite.cases import SuiteOptions
 from trihedron.tools.hidden_suite.suite import run_suite
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.run import PreparedScenario
-from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenario
+from trihedron.tools.orchestrator.repeated import RepeatedScenario
+from trihedron.tools.scenario import checked_scenario, read_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 HEAD = 'schema = "trihedron.campaign/1"\n'
@@ -121,7 +121,7 @@ def test_a_run_without_enough_samples_fails_alone():
 def test_a_scenario_run_again_and_again_gives_the_bits_of_simulate():
     scenario = read_scenario(ROOT / "scenarios" / "table-attitude.toml")
     once = simulate(scenario).table
-    repeated = PreparedScenario(scenario)
+    repeated = RepeatedScenario(scenario)
     changed = repeated.run({"table": {"kappa": 2e-3}})
     assert repeated.run({}).equals(once)
     assert not changed.equals(once)

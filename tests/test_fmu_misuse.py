@@ -12,7 +12,7 @@ from trihedron.fmus import build
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.scenario import Scenario
 
 COMPONENTS = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
 DISCARD = 2

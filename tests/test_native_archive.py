@@ -25,7 +25,7 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.scenario import Scenario
 
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

@@ -6,8 +6,8 @@ import pytest
 
 from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import load, loops, simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import built, machine_code, simulate
+from trihedron.tools.scenario import Scenario
 
 
 @pytest.fixture(autouse=True)
@@ -37,7 +37,7 @@ def test_both_flavours_give_the_same_bits() -> None:
 
 def test_without_a_compiler_components_run_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
     python = run("python").provenance["fmus"]["c"]["sha256"]
-    monkeypatch.setattr(load, "usual_flavour", lambda: "python")
+    monkeypatch.setattr(built, "usual_flavour", lambda: "python")
     assert run().provenance["fmus"]["c"]["sha256"] == python
 
 
@@ -52,18 +52,18 @@ def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch:
     def no_build(*_: object, **__: object) -> None:
         raise AssertionError("built again")
 
-    monkeypatch.setattr(load, "build", no_build)
+    monkeypatch.setattr(built, "build", no_build)
     assert run("python").table.equals(first.table)
 
 
 def test_damaged_machine_code_is_made_again(cache: Path) -> None:
-    loops.compiled_march.cache_clear()
-    loops.compiled_march()
+    machine_code.compiled_march.cache_clear()
+    machine_code.compiled_march()
     (kept,) = cache.glob("loops/*.o")
     content = kept.read_bytes()
     kept.write_bytes(content[:-8] + bytes(8))
-    loops.compiled_march.cache_clear()
-    loops.compiled_march()
+    machine_code.compiled_march.cache_clear()
+    machine_code.compiled_march()
     assert kept.read_bytes() == content
 
 
@@ -84,6 +84,6 @@ def test_native_is_refused_where_nothing_compiles(monkeypatch: pytest.MonkeyPatc
     def fails(*_: object, **__: object) -> None:
         raise BuildError("there is no C compiler here")
 
-    monkeypatch.setattr(load, "build", fails)
+    monkeypatch.setattr(built, "build", fails)
     with pytest.raises(InputError, match=r"^fmus\.c\.flavour: there is no C compiler here$"):
         run("native")

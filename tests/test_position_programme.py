@@ -11,7 +11,7 @@ from trihedron.fmus import components
 from trihedron.fmus.in_process import instantiate, references
 from trihedron.fmus.instance import Instance
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.scenario import Scenario
 
 PROGRAMME = components()["PositionProgramme"]
 AT = references(PROGRAMME)

@@ -16,9 +16,9 @@ from .errors import InputError
 from .files import write_text
 from .hidden_cases import DWELL_S, NOISE_BOUND, HiddenCase, draw_case, temperature_at
 from .orchestrator import simulate
-from .orchestrator.scenario import Scenario
 from .records import PositionRecord, RawRecord, write_record
 from .records.rests import average_rests, find_rests
+from .scenario import Scenario
 from .shown import Shown
 
 if TYPE_CHECKING:

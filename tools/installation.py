@@ -154,10 +154,9 @@ def _run() -> Finding:
     """A run of the whole chain, on a template's scenario."""
     from time import perf_counter
 
+    from .bench_run import simulate
     from .calibration import calibrate
-    from .orchestrator.load import usual_flavour
-    from .orchestrator.run import simulate_table
-    from .orchestrator.scenario import read_scenario
+    from .orchestrator.built import usual_flavour
     from .templates import new
 
     subject = "a run"
@@ -167,7 +166,7 @@ def _run() -> Finding:
             text = scenario.read_text(encoding="utf-8")
             scenario.write_text(text.replace("dwell_s = 20.0", f"dwell_s = {DWELL_S}"), encoding="utf-8")
             begin = perf_counter()
-            done = simulate_table(read_scenario(scenario))
+            done = simulate(scenario)
             seconds = perf_counter() - begin
             if done.positions is None:
                 return Finding(subject, f"gives no positions: {done.no_positions}", False)

@@ -17,18 +17,16 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from .attitude import AttitudeRun
+    from .bench_run import Simulation as Simulation
     from .calibration import Calibration
     from .calibration.correction import Application
     from .campaign.campaign import Done
-    from .check import Check as Check
+    from .checking import Check as Check
     from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
     from .hidden import HiddenRecord
     from .installation import Installation as Installation
-    from .orchestrator.run import Simulation as Simulation
-    from .orchestrator.scenario import Scenario
-    from .planning.common_plan import CommonPlan
-    from .planning.plan import Plans
+    from .planning.plan import Plans, PositionPlan
     from .records import Source
     from .strapdown.inspection import Inspection
     from .strapdown.result import StrapdownDiagnosis
@@ -55,12 +53,7 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
-_TYPES = {
-    "Check": ".check",
-    "Exported": ".exporting",
-    "Installation": ".installation",
-    "Simulation": ".orchestrator.run",
-}
+_TYPES = {"Check": ".checking", "Exported": ".exporting", "Installation": ".installation", "Simulation": ".bench_run"}
 """Where the types of results are defined that a user's annotations name."""
 
 
@@ -71,7 +64,7 @@ def __getattr__(name: str) -> Any:
 
 
 def simulate(
-    scenario: "str | Path | Mapping[str, Any] | Scenario",
+    scenario: "str | Path | Mapping[str, Any]",
     *,
     out: str | Path | None = None,
     step: float | None = None,
@@ -104,11 +97,9 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    from .orchestrator.run import simulate_table
-    from .ssp.read import opened
+    from .bench_run import simulate as run
 
-    with opened(scenario, step=step, coupling=coupling) as (checked, ignored):
-        return simulate_table(checked, None if out is None else Path(out), ignored=ignored, progress=progress)
+    return run(scenario, out=out, step=step, coupling=coupling, progress=progress)
 
 
 def export(
@@ -192,25 +183,21 @@ def plan(
     >>> import trihedron as th
     >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
     """
-    from .planning.plan import Plans, plan_targets
+    from .planning.plan import plan_targets
 
-    return Plans(
-        tuple(
-            plan_targets(
-                targets,
-                grid=grid,
-                admissible=admissible,
-                bounds=bounds,
-                convention=convention,
-                baseline=baseline,
-                mounting=mounting,
-                progress=progress,
-            )
-        )
+    return plan_targets(
+        targets,
+        grid=grid,
+        admissible=admissible,
+        bounds=bounds,
+        convention=convention,
+        baseline=baseline,
+        mounting=mounting,
+        progress=progress,
     )
 
 
-def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "CommonPlan":
+def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "PositionPlan":
     """One set of `count` positions for all targets, with what is proven of every other set.
 
     Parameters
@@ -220,15 +207,15 @@ def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "Co
     progress : bool
         Show bars on standard error, where that is a terminal.
     options
-        The fields of `trihedron.tools.planning.request.Request`.
+        The fields of `trihedron.tools.planning.positions.Request`.
 
     Raises
     ------
     InputError
         for options that cannot be used
     """
-    from .planning.common_plan import plan_positions as search
-    from .planning.request import Request
+    from .planning.plan import plan_positions as search
+    from .planning.positions import Request
 
     known = list(Request.__dataclass_fields__)
     for name in options:
@@ -564,7 +551,7 @@ def check(file: str | Path) -> "Check":
     InputError
         no file that can be read
     """
-    from .check import check as look
+    from .checking import check as look
 
     return look(file)
 
@@ -605,8 +592,8 @@ def doctor() -> "Installation":
 
 def _shown(result: Any, medium: str) -> str:
     """What a person sees of a result: text, or the page of a notebook."""
+    from .reports import text_of
     from .shown import page_html
-    from .summaries import text_of
 
     text = text_of(result)
     return text if medium == "text" else page_html(text.split("\n"), getattr(result, "to_polars", lambda: None)())

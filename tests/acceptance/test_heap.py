@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from trihedron.fmus import build
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.scenario import Scenario
 
 flavours = {"TurntableMotion": ("native", 3), "AccelerometerBlock": ("python", 2), "AttitudeComputer": ("native", 2)}
 for name, (flavour, fmi) in flavours.items():

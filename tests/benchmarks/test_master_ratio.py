@@ -13,7 +13,7 @@ from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.scenario import Scenario
 
 STEP, STEPS, PLAIN_STEPS = 0.01, 4_000_000, 30_000
 VARIABLES = "".join(

@@ -14,7 +14,7 @@ from fmpy.fmi2 import FMU2Slave
 from trihedron.fmus import build
 from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.scenario import Scenario
 
 STEP, ROUNDS = 0.01, 3
 PLAIN_STEPS, STEPS = 20_000, 1_000_000

@@ -10,8 +10,6 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import library
-from ..errors import one_line
-from ..files import ordinary_folder
 from .answer import STANDARD_OUTPUT, Answer, answer
 from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
 
@@ -27,17 +25,9 @@ def installed_version() -> str:
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     distinct_files({"the scenario": scenario, "--json": json})
-    from ..orchestrator.run import default_folder, simulate_table
-    from ..ssp.read import opened
+    from ..bench_run import run_into_folder
 
-    out = options.pop("out", None)
-    with opened(scenario, **options) as (checked, ignored):
-        if ignored:
-            shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
-            print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
-        done = simulate_table(checked, out or default_folder(checked), ignored=ignored, progress=True)
-    if done.no_positions:
-        print(f"no position record: {done.no_positions}", file=sys.stderr)
+    done = run_into_folder(scenario, options.pop("out", None), progress=True, **options)
     return answer("\n".join(str(file) for file in done.files), json, done.to_json())
 
 
@@ -76,8 +66,8 @@ def export_ssp(
     platform
         Of native FMUs: host (the default), all, or a name such as x86_64-windows.
     """
-    from ..orchestrator.scenario import read_scenario
-    from ..ssp.write import export_ssp as write
+    from ..scenario import read_scenario
+    from ..ssp.exporting import export_ssp as write
 
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
     path = write(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)
@@ -298,7 +288,7 @@ def doctor(*, json: JsonFile = None) -> Answer:
 
 def demo(
     *,
-    out: Annotated[Path, Parameter(name="--out", validator=ordinary_folder)] = Path("demo-results"),
+    out: Annotated[Path, Folder] = Path("demo-results"),
     seed: int = 2026,
     show: Annotated[bool, Parameter(negative="--no-show")] = True,
     json: JsonFile = None,

@@ -125,7 +125,7 @@ def plan(
         from ..report.plan_page import plan_page, plan_picture
 
         if report is not None:
-            write_report(report, plan_page(plans.plans))
+            write_report(report, plan_page(plans))
         if picture is not None:
             write_text(picture, plan_picture(plans[0]))
     return answer(plans, json, plans.json_text())
@@ -163,7 +163,7 @@ def _dashed(name: str) -> str:
 
 
 def _request(common: PositionOptions, options: Mapping[str, Any]) -> Any:
-    from ..planning.request import Request
+    from ..planning.positions import Request
 
     given = {IN_REQUEST.get(k, k): v for k, v in common.given().items()}
     own = {k: v for k, v in given.items() if k in Request.__dataclass_fields__}
@@ -172,10 +172,11 @@ def _request(common: PositionOptions, options: Mapping[str, Any]) -> Any:
 
 
 def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path | None, report: Path | None) -> Answer:
-    from ..planning.common_plan import plan_positions
-    from ..planning.position_files import DWELL_S, checked_dwell, write_plan
+    from ..planning.order import DWELL_S, checked_dwell
+    from ..planning.plan import plan_positions
     from ..printing import write_report
     from ..report.position_page import operator_page
+    from ..reports.plan_files import write_plan
 
     assert common.positions is not None
     dwell = checked_dwell(DWELL_S if common.dwell is None else common.dwell)
@@ -187,36 +188,27 @@ def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path |
 
 
 def _curve(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
-    from ..planning.position_curve import curve_summary, plan_curve, write_curve
+    from ..planning.plan import plan_curve
+    from ..reports.plan_files import write_curve
 
     assert common.curve is not None
-    points = plan_curve(*common.curve, _request(common, options), progress=True)
-    files = write_curve(points, common.out) if common.out is not None else []
-    content = {"schema": "trihedron.plan-curve/1", "points": [dict(vars(point)) for point in points]}
-    return answer(curve_summary(points), json, content, files=files)
+    curve = plan_curve(*common.curve, _request(common, options), progress=True)
+    files = write_curve(curve, common.out) if common.out is not None else []
+    return answer(curve, json, curve.json_text(), files=files)
 
 
 def _check(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
-    from ..planning.position_files import read_angles
-    from ..planning.request import requested_task
-    from ..planning.setting_check import check_settings, check_summary
+    from ..planning.check import check_settings, read_angles
+    from ..planning.positions import task_of
 
     assert common.check is not None
     planned, actual = read_angles(common.check)
     noise = 1e-5 if common.noise_bound is None else common.noise_bound
     if not 0.0 < noise < 1.0:
         raise InputError(f"--noise-bound {noise:g}: must be above 0 and below 1, a fraction of g")
-    task = requested_task(_request(common, options), progress=True)
+    task = task_of(_request(common, options), progress=True)
     found = check_settings(task, planned, actual, noise)
-    content = {
-        "schema": "trihedron.setting-check/1",
-        "advice": found.advice,
-        "lost_readings": found.lost,
-        "largest_error_deg": found.largest_deg,
-        "noise_bound": found.noise_bound,
-        "targets": [dict(vars(target)) for target in found.targets],
-    }
-    return answer(check_summary(found), json, content)
+    return answer(found, json, found.json_text())
 
 
 @dataclass(frozen=True)

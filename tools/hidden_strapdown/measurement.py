@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, EffectPlace
 from ..orchestrator import simulate
-from ..orchestrator.scenario import Scenario
 from ..records import StrapdownRecord
+from ..scenario import Scenario
 from .motion import TrueMotion
 from .noise import Noise, flicker_noise
 

@@ -1,26 +1,181 @@
-"""The proof that a dual vector is admissible: max |F'y| over the continuous admissible set, bounded from above.
+"""What proves that no plan costs less: a dual vector, and a bound of |F'y| over the continuous admissible set.
 
-Branch and bound over boxes in (α, β). On a box, with f = ±F'y and the set {c ≥ 0}: freezing the signs of the absolute
-values in c gives functions c_i ≥ c, so that f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that cancel the
-gradient, h is bounded by its quadratic expansion about the centre plus a bound of the third-order remainder. Every
-bound is raised by more than the rounding errors of its evaluation can amount to: it is proven, not estimated.
+A dual y with |F'y| ≤ 1 on all readings proves that every estimator costs a'y at least. Of all duals that satisfy what
+is asked, the quietest has the least |F'y| in the mean square: a vertex of the dual programme touches ±1 at as many
+positions as it can and exceeds it beside them; the quietest dual touches where it must.
+
+The bound is branch and bound over boxes in (α, β). On a box, with f = ±F'y and the set {c ≥ 0}: freezing the signs of
+the absolute values in c gives functions c_i ≥ c, so that f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that
+cancel the gradient, h is bounded by its quadratic expansion about the centre plus a bound of the third-order remainder.
+Every bound is raised by more than the rounding errors of its evaluation can amount to: it is proven, not estimated.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
-from .forms import MOST_TERMS, Sheet, dual_forms
+from .forms import MOST_TERMS, Sheet, dual_forms, padded_terms
 
+NO_WEIGHT = 1e-9
+"""A weight so small is the solver's tolerance."""
+RANK = 1e-9
+DEAF = 1e-6
+"""An inequality that the equations leave so little freedom is not asked for, unless it is broken by as much."""
 FIRST_BOXES = 16
 MAX_BOXES = 400_000
+FLIPS: list[tuple[tuple[int, ...], tuple[int, ...]]] = [
+    *(((), (t,)) for t in range(MOST_TERMS)),
+    *(((), pair) for pair in combinations(range(MOST_TERMS), 2)),
+    *(((i,), (j,)) for i, j in combinations(range(MOST_TERMS), 2)),
+]
+"""Of which absolute values the sign is the other one in c_1 and in c_2, relative to the box's centre."""
 SMALLEST = 1e-9
 """Half-width [rad] below which a box is not divided."""
 ROUNDING = 64 * np.finfo(float).eps
 """A form of nine terms, sines and cosines included, is evaluated to within this times the sum of its coefficients."""
+
+
+class UndeterminedError(ArithmeticError):
+    """The positions that are allowed cannot determine the target."""
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The readings that estimate one target at least cost, and a bound of every other estimator's cost.
+
+    Attributes
+    ----------
+    accelerometer : (n,) array of int
+        from 0
+    alpha, beta : (n,) array
+        [rad]
+    weights : (n,) array
+        Φ
+    dual : (P,) array
+        y
+    lower_bound : float
+        proven: no plan costs less, in units of σ
+    alpha_deg, beta_deg : (n,) array
+        the same angles in degrees, as the grid has them
+    """
+
+    accelerometer: NDArray
+    alpha: NDArray
+    beta: NDArray
+    weights: NDArray
+    dual: NDArray
+    lower_bound: float
+    alpha_deg: NDArray
+    beta_deg: NDArray
+
+    @property
+    def cost(self) -> float:
+        """Σ|Φ|: the guaranteed error in units of σ."""
+        return float(np.abs(self.weights).sum())
+
+    @property
+    def gap(self) -> float:
+        """(cost − lower bound) / cost: what another plan could gain at most."""
+        return max(self.cost - self.lower_bound, 0.0) / self.cost
+
+    def times(self, factor: float) -> "Optimum":
+        """The optimum of the target times a positive factor."""
+        return replace(
+            self,
+            weights=factor * self.weights,
+            lower_bound=factor * self.lower_bound * (1.0 - 1e-15),
+        )
+
+
+def settled(
+    target: NDArray, dual: NDArray, ceiling: float, regressors: NDArray, near: NDArray, places: tuple[NDArray, ...]
+) -> Optimum:
+    """An optimum from a solver's weights: made unbiased to rounding, readings without weight left out.
+
+    Parameters
+    ----------
+    target : (P,) array
+        a
+    dual : (P,) array
+        y
+    ceiling : float
+        what |F'y| is proven not to exceed
+    regressors : (n, P) array
+        F of the readings, independent
+    near : (n,) array
+        weights, nearly right
+    places : accelerometer, alpha, beta, alpha_deg, beta_deg
+        of the readings, (n,) each
+    """
+    used = np.abs(near) > NO_WEIGHT
+    if used.any() and np.linalg.lstsq(regressors[used].T, target, rcond=1e-12)[1].sum() > NO_WEIGHT**2:
+        used = near != 0.0
+    weights, columns = near[used], regressors[used]
+    for _ in range(2):
+        weights = weights + np.linalg.lstsq(columns.T, target - columns.T @ weights, rcond=1e-12)[0]
+    accelerometer, alpha, beta, alpha_deg, beta_deg = (x[used] for x in places)
+    order = np.lexsort((beta_deg, alpha_deg, accelerometer))
+    return Optimum(
+        accelerometer[order],
+        alpha[order],
+        beta[order],
+        weights[order],
+        dual,
+        lower_bound(target, dual, ceiling),
+        alpha_deg[order],
+        beta_deg[order],
+    )
+
+
+def lower_bound(target: NDArray, dual: NDArray, ceiling: float) -> float:
+    """What every plan costs at least, from a dual y with |F'y| ≤ ceiling: a'y / ceiling, rounded down."""
+    rounding = 4 * len(dual) * np.finfo(float).eps * float(np.abs(target) @ np.abs(dual))
+    return (float(target @ dual) - rounding) / (max(ceiling, 1.0) * (1.0 + 1e-15))
+
+
+def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, most: NDArray) -> NDArray | None:
+    """y (P,) of least |L'y| with rows·y = values and slopes·y ≤ most; None when there is none.
+
+    Least distance programming in the null space of the equations (Lawson and Hanson 1974, chapter 23).
+
+    Parameters
+    ----------
+    metric : (P, P) array
+        lower triangular L
+    rows, values : (K, P), (K,) array
+    slopes, most : (M, P), (M,) array
+    """
+    inverse = np.linalg.inv(metric)
+    base, free = np.zeros(len(metric)), np.eye(len(metric))
+    if len(rows):
+        left, singular, right = np.linalg.svd(rows @ inverse.T, full_matrices=True)
+        rank = int((singular > RANK * singular[0]).sum())
+        base = right[:rank].T @ ((left.T @ values)[:rank] / singular[:rank])
+        free = right[rank:].T
+    scaled = slopes @ inverse.T
+    excess = scaled @ base - most
+    if (excess <= 0.0).all():
+        return inverse.T @ base
+    moves = scaled @ free
+    size = np.linalg.norm(moves, axis=1)
+    heard = size > DEAF
+    if (excess[~heard] > DEAF).any() or not heard.any():
+        return None
+    stacked = np.vstack([-moves[heard].T, excess[heard]]) / size[heard]
+    aim = np.zeros(len(stacked))
+    aim[-1] = 1.0
+    try:
+        weights, _ = nnls(stacked, aim, maxiter=50 * len(stacked))
+    except RuntimeError:
+        return None
+    rest = stacked @ weights - aim
+    if -rest[-1] < RANK:
+        return None
+    return inverse.T @ (base - free @ (rest[:-1] / rest[-1]))
 
 
 @dataclass(frozen=True)
@@ -86,27 +241,22 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
             keep &= ~done
         case, alpha, beta, half, share = case[keep], alpha[keep], beta[keep], half[:, keep], share[:, keep]
         along = (share[1] > share[0]).astype(int)
-        half = half.copy()
         half[along, np.arange(len(case))] *= 0.5
         step = np.where(along == 0, half[0], 0.0), np.where(along == 1, half[1], 0.0)
-        case = np.concatenate([case, case])
-        alpha, beta = (
-            np.concatenate([alpha - step[0], alpha + step[0]]),
-            np.concatenate([beta - step[1], beta + step[1]]),
-        )
-        half = np.concatenate([half, half], axis=1)
+        case, half = np.concatenate([case, case]), np.concatenate([half, half], axis=1)
+        alpha = np.concatenate([alpha - step[0], alpha + step[0]])
+        beta = np.concatenate([beta - step[1], beta + step[1]])
     return Ceiling(bound, np.zeros((0, 4)))
 
 
 def _forms(sheets: Sequence[Sheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Forms (2S, 7, 3, 3): ±F'y, base and terms; bounds (2S, 7, 3) of their third derivatives, sizes (2S, 7)."""
     forms = np.zeros((2 * len(sheets), 2 + MOST_TERMS, 3, 3))
-    for k, (sheet, of_dual) in enumerate(zip(sheets, dual_forms(sheets, dual), strict=True)):
-        forms[2 * k, 0] = of_dual
-        forms[2 * k, 1] = sheet.base
-        forms[2 * k, 2 : 2 + len(sheet.terms)] = sheet.terms
-        forms[2 * k + 1] = forms[2 * k]
-        forms[2 * k + 1, 0] *= -1.0
+    forms[::2, 0] = dual_forms(sheets, dual)
+    forms[::2, 1] = [sheet.base for sheet in sheets]
+    forms[::2, 2:] = padded_terms(sheets)
+    forms[1::2] = forms[::2]
+    forms[1::2, 0] *= -1.0
     mixed = np.linalg.norm(forms[..., :2, :2], 2, axis=(-2, -1))
     along_a = mixed + np.linalg.norm(forms[..., :2, 2], axis=-1)
     along_b = mixed + np.linalg.norm(forms[..., 2, :2], axis=-1)
@@ -138,69 +288,47 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
     pattern = values[:, :, 1] - np.einsum("nkt,nt->nk", values[:, :, 2:], side)
     cubic = np.stack([radius[0] ** 3, 3 * radius[0] * radius[1] * radius.sum(axis=0), radius[1] ** 3]) / 6.0
     remainder = np.einsum("nft,tn->nf", third, cubic)
-    of_c, rounding_c = remainder[:, 1:].sum(axis=1), ROUNDING * size[:, 1:].sum(axis=1)
-    of_f, rounding_f = remainder[:, 0], ROUNDING * size[:, 0]
+    of_c = remainder[:, 1:].sum(axis=1) + ROUNDING * size[:, 1:].sum(axis=1)
+    of_f = remainder[:, 0] + ROUNDING * size[:, 0]
     f = values[:, :, 0]
-
-    def bounded(h: NDArray, weight: NDArray | float) -> NDArray:
-        return _quadratic_maximum(h, radius) + of_f + rounding_f + weight * (of_c + rounding_c)
-
-    upper = bounded(f, 0.0)
+    upper = _quadratic_maximum(f, radius) + remainder[:, 0] + ROUNDING * size[:, 0]
     best = f.copy()
 
-    def improve(rows: NDArray, h: NDArray, found: NDArray) -> None:
+    def improve(rows: NDArray, h: NDArray, weight: NDArray) -> None:
+        found = _quadratic_maximum(h, radius[:, rows]) + of_f[rows] + weight * of_c[rows]
         better = found < upper[rows]
         upper[rows[better]] = found[better]
         best[rows[better]] = h[better]
 
-    everything = np.arange(len(f))
-    outside = _quadratic_maximum(pattern, radius) + of_c + rounding_c < 0.0
-    upper[outside] = -np.inf
-    scale = radius.T
-    rows = everything[upper > limit]
-    g, c = f[rows, 1:3] * scale[rows], pattern[rows, 1:3] * scale[rows]
+    outside = _quadratic_maximum(pattern, radius) + remainder[:, 1:].sum(axis=1) + ROUNDING * size[:, 1:].sum(axis=1)
+    upper[outside < 0.0] = -np.inf
+    rows = np.flatnonzero(upper > limit)
+    g, c = f[rows, 1:3] * radius.T[rows], pattern[rows, 1:3] * radius.T[rows]
     weight = np.maximum(-(g * c).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300), 0.0)
     weight[~(weight < 1e9)] = 0.0
-    h = f[rows] + weight[:, None] * pattern[rows]
-    improve(rows, h, _with_rows(h, weight, rows, radius, of_f + rounding_f, of_c + rounding_c))
-    flips: list[tuple[int, ...]] = [(), *((t,) for t in range(MOST_TERMS)), *combinations(range(MOST_TERMS), 2)]
-    pairs = [(flips[0], (t,)) for t in range(MOST_TERMS)]
-    pairs += [(flips[0], pair) for pair in combinations(range(MOST_TERMS), 2)]
-    pairs += [((i,), (j,)) for i, j in combinations(range(MOST_TERMS), 2)]
+    improve(rows, f[rows] + weight[:, None] * pattern[rows], weight)
     turned = 2.0 * values[:, :, 2:] * side[:, None, :]
     reach = np.abs(values[:, 1, 2:]) * radius[0][:, None] + np.abs(values[:, 2, 2:]) * radius[1][:, None]
     near = np.abs(values[:, 0, 2:]) <= 2.0 * reach + 1e-12
-    for one, other in pairs:
-        rows = everything[(upper > limit) & near[:, sorted({*one, *other})].all(axis=1)]
+    for one, other in FLIPS:
+        rows = np.flatnonzero((upper > limit) & near[:, sorted({*one, *other})].all(axis=1))
         if not len(rows):
             continue
         first = pattern[rows] + turned[rows][:, :, list(one)].sum(axis=2)
         second = pattern[rows] + turned[rows][:, :, list(other)].sum(axis=2)
         determinant = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
+        by_first = -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1]
+        by_second = -first[:, 1] * f[rows, 2] + first[:, 2] * f[rows, 1]
         with np.errstate(divide="ignore", invalid="ignore"):
-            weights = (
-                np.stack(
-                    [
-                        -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1],
-                        -first[:, 1] * f[rows, 2] + first[:, 2] * f[rows, 1],
-                    ]
-                )
-                / determinant
-            )
+            weights = np.stack([by_first, by_second]) / determinant
         usable = (np.isfinite(weights) & (weights >= 0.0) & (weights < 1e9)).all(axis=0)
         rows, first, second, weights = rows[usable], first[usable], second[usable], weights[:, usable]
         if len(rows):
             h = f[rows] + weights[0][:, None] * first + weights[1][:, None] * second
-            improve(rows, h, _with_rows(h, weights.sum(axis=0), rows, radius, of_f + rounding_f, of_c + rounding_c))
+            improve(rows, h, weights.sum(axis=0))
     share = np.abs(best[:, 1:3]).T * radius + 0.5 * np.abs(best[:, [3, 5]]).T * radius**2
     share = share + np.stack([third[:, :, 0].sum(axis=1), third[:, :, 2].sum(axis=1)]) * radius**3 / 6.0
     return upper, share
-
-
-def _with_rows(
-    h: NDArray, weight: NDArray, rows: NDArray, radius: NDArray, plain: NDArray, weighted: NDArray
-) -> NDArray:
-    return _quadratic_maximum(h, radius[:, rows]) + plain[rows] + weight * weighted[rows]
 
 
 def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:

@@ -1,19 +1,21 @@
-"""Optimal plans over all angles: exchange of columns, then Newton's method on the support, then the proof."""
+"""Optimal plans over all angles: exchange of columns, then Newton's method on the support, then the proof.
+
+In Newton's method unknown are the positions (α_i, β_i) that carry weight, their weights Φ_i and the dual y. They obey
+Σ Φ_i F_i = a; s_i F_i'y = 1; and, at each position, F'y is stationary (inside the admissible set), or stationary along
+the boundary and on it, or it is a corner of the boundary. The system is square but, where optima are not unique,
+singular: steps are the shortest.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
-from .certificate import ceiling
-from .duals import quietest
-from .forms import Sheet, clearance, dual_forms, value
-from .grids import Lines
-from .master import Master
-from .optimum import Optimum, UndeterminedError, settled
-from .ridges import INSIDE, arcs_at, climb, heights, local_maxima, stack
-from .support import Support, kind_of_place, polish, touching
+from .certificate import Optimum, UndeterminedError, ceiling, quietest, settled
+from .forms import INSIDE, Ridges, Sheet, clearance, dual_forms, value
+from .grid import Columns, Grid, Lines
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
@@ -36,27 +38,14 @@ QUIET = ((0.05, SLIGHT), (1e-3, SLIGHT), (0.0, SLIGHT), (0.0, 1e-10), (0.0, 3e-1
 """How far below one a dual is asked to stay, far from the support, and how far above it may rise; tried in turn."""
 BOXES = 100_000
 ATTEMPTS = 24
-
-
-@dataclass(frozen=True)
-class Peaks:
-    """Local maxima of |F'y|: sheet, sense, angles [rad] and value, (n,) each."""
-
-    sheet: NDArray
-    sense: NDArray
-    alpha: NDArray
-    beta: NDArray
-    height: NDArray
-
-    def above(self, limit: float) -> "Peaks":
-        """Those that exceed the limit."""
-        kept = self.height > limit
-        return Peaks(self.sheet[kept], self.sense[kept], self.alpha[kept], self.beta[kept], self.height[kept])
-
-    @property
-    def places(self) -> NDArray:
-        """Sheet, α, β as (n, 3)."""
-        return np.column_stack([self.sheet, self.alpha, self.beta])
+ON_BOUNDARY = 1e-5
+"""Clearance [g] below which a peak is taken to lie on the boundary."""
+AT_KINK = 3e-4
+"""|term| over its greatest coefficient below which it is taken to lie on a corner too."""
+STEPS = 12
+CONVERGED = 1e-12
+NO_WEIGHT = 1e-8
+"""A position with so little weight does not belong to the support."""
 
 
 class Continuum:
@@ -69,11 +58,11 @@ class Continuum:
 
     def __init__(self, sheets: Sequence[Sheet]):
         self._sheets = sheets
-        self._inner = stack(sheets, INSIDE)
+        self._ridges = Ridges(sheets, INSIDE)
         angle = np.radians(np.arange(0.0, 360.0, FIRST_STEP_DEG))
         self._first, self._angle = Lines(sheets, angle, np.arange(len(angle))), angle
         size = sheets[0].regressor.shape[0]
-        self._master = Master(size)
+        self._columns = Columns(size)
         self._place = np.zeros((0, 3))
         gram = np.zeros((size, size))
         for k, sheet in enumerate(sheets):
@@ -86,7 +75,7 @@ class Continuum:
         self._metric = np.linalg.cholesky(gram)
         lines = np.radians(np.arange(0.0, 360.0, SCAN_STEP_DEG))
         cases = np.arange(2 * len(sheets))
-        self._scan = arcs_at(self._inner, np.repeat(cases // 2, len(lines)), np.tile(lines, len(cases)))
+        self._scan = self._ridges.arcs(np.repeat(cases // 2, len(lines)), np.tile(lines, len(cases)))
         self._sense = np.repeat(1.0 - 2.0 * (cases % 2), len(lines))
 
     def optimum(self, target: NDArray) -> Optimum:
@@ -97,7 +86,7 @@ class Continuum:
         UndeterminedError
             when no positions can determine the target
         """
-        self._master.aim(target)
+        self._columns.aim(target)
         weights, cost = self._start()
         bound, proof = 0.0, np.zeros(len(target))
         before = 0.0
@@ -105,15 +94,15 @@ class Continuum:
         dual = self._level_dual(target, cost, 0.9 * cost)
         for _ in range(EXCHANGES):
             peaks = self._peaks(dual)
-            new = peaks.above(1.0 + SLIGHT).places
-            reached = float(target @ dual) / max(1.0, float(peaks.height.max(initial=1.0)))
+            new = _above(peaks, 1.0 + SLIGHT)
+            reached = float(target @ dual) / max(1.0, float(peaks[:, 4].max(initial=1.0)))
             if not len(new) and (reached > (1.0 - CLOSE) * cost or cost == before):
                 new = self._overlooked(dual, 1.0 + max(GOOD_GAP, 0.1 * (1.0 - reached / cost)))
                 bound, reached = (0.0, 0.0) if len(new) else (bound, reached)
             before = cost
             if reached > bound:
                 bound, proof = reached, dual
-            found = polish(self._sheets, target, self._metric, self._guess(weights, dual, peaks))
+            found = polish(self._guess(weights, dual, peaks), target, self._metric)
             if found is not None:
                 proven = self._prove(found)
                 if isinstance(proven, tuple):
@@ -123,7 +112,7 @@ class Continuum:
                     proven = np.zeros((0, 3))
                 new = np.vstack([new, found.places, proven])
             self._add(new)
-            weights, _, _ = self._master.solve()
+            weights, _, _ = self._columns.solve()
             cost = float(np.abs(weights).sum())
             dual = self._level_dual(target, cost, min(bound, cost))
         return min([*plans, self._unfinished(target, weights, proof)], key=lambda plan: plan.gap)
@@ -138,15 +127,15 @@ class Continuum:
         if not len(sheet):
             return np.zeros((0, 3))
         forms, reach = dual_forms(self._sheets, dual), np.radians(SCAN_STEP_DEG)
-        alpha, beta, _ = climb(self._inner, forms, sheet, sense, alpha, reach, FINE_ROUNDS)
+        alpha, beta, _ = self._ridges.climb(forms, sheet, sense, alpha, reach, FINE_ROUNDS)
         return np.column_stack([sheet, alpha, beta])
 
     def _unfinished(self, target: NDArray, weights: NDArray, dual: NDArray) -> Optimum:
         """The plan that the columns give, with the gap that can be proven."""
         used = np.flatnonzero(weights)
         sheet, alpha, beta = self._place[used].T
-        inside = np.full(len(used), -2)
-        plan = Support(sheet.astype(int), np.sign(weights[used]), alpha, beta, inside, weights[used], dual)
+        inside, sense = np.full(len(used), -2), np.sign(weights[used])
+        plan = Support(self._sheets, sheet.astype(int), sense, alpha, beta, inside, weights[used], dual)
         return self._optimum(plan, target, dual, self._provable(dual))
 
     def _provable(self, dual: NDArray) -> float:
@@ -158,7 +147,7 @@ class Continuum:
 
     def _start(self) -> tuple[NDArray, float]:
         while True:
-            weights, dual, possible = self._master.solve()
+            weights, dual, possible = self._columns.solve()
             _, places = self._first.price(dual_forms(self._sheets, dual))
             if not len(places):
                 break
@@ -169,63 +158,60 @@ class Continuum:
 
     def _add(self, places: NDArray) -> None:
         if len(places):
-            self._master.add(self._columns(places))
+            self._columns.add(self._regressors(places))
             self._place = np.vstack([self._place, places])
 
-    def _columns(self, places: NDArray) -> NDArray:
+    def _regressors(self, places: NDArray) -> NDArray:
         return np.array([value(self._sheets[int(k)].regressor, a, b) for k, a, b in places])
 
     def _level_dual(self, target: NDArray, cost: float, bound: float) -> NDArray:
         """The quietest dual of the columns that gives away part of what is still open."""
-        columns = self._master.regressors
+        columns = self._columns.regressors
         slopes = np.vstack([columns, -columns, -target])
         most = np.append(np.ones(2 * len(columns)), -(cost - LEVEL * (cost - bound)))
         dual = quietest(self._metric, np.zeros((0, len(target))), np.zeros(0), slopes, most)
-        return self._master.solve()[1] if dual is None else dual
+        return self._columns.solve()[1] if dual is None else dual
 
-    def _peaks(self, dual: NDArray) -> Peaks:
+    def _peaks(self, dual: NDArray) -> NDArray:
+        """Local maxima (n, 5) of |F'y|: sheet, sense, α, β [rad] and value."""
         forms = dual_forms(self._sheets, dual)
-        height, _ = heights(self._inner, self._scan, forms, self._sense)
-        lines = height.reshape(2 * len(self._sheets), -1)
-        case, line = local_maxima(lines, 0.95).T
-        at = case * lines.shape[1] + line
+        lines = self._ridges.heights(self._scan, forms, self._sense)[0].reshape(2 * len(self._sheets), -1)
+        higher = (lines >= np.roll(lines, 1, axis=1)) & (lines >= np.roll(lines, -1, axis=1))
+        at = np.flatnonzero((lines > 0.95) & higher)
         sheet, sense = self._scan.sheet[at], self._sense[at]
         reach = np.radians(SCAN_STEP_DEG)
-        alpha, beta, height = climb(self._inner, forms, sheet, sense, self._scan.alpha[at], reach, CLIMB_ROUNDS)
-        high = np.flatnonzero(height > 1.0 + SLIGHT)
-        reach *= REFINED
-        alpha[high], beta[high], height[high] = climb(
-            self._inner, forms, sheet[high], sense[high], alpha[high], reach, FINE_ROUNDS - CLIMB_ROUNDS
-        )
-        return Peaks(sheet, sense, alpha, beta, height)
+        climb = self._ridges.climb
+        alpha, beta, height = climb(forms, sheet, sense, self._scan.alpha[at], reach, CLIMB_ROUNDS)
+        high, rounds = np.flatnonzero(height > 1.0 + SLIGHT), FINE_ROUNDS - CLIMB_ROUNDS
+        finer = climb(forms, sheet[high], sense[high], alpha[high], reach * REFINED, rounds)
+        alpha[high], beta[high], height[high] = finer
+        return np.column_stack([sheet, sense, alpha, beta, height])
 
-    def _guess(self, weights: NDArray, dual: NDArray, peaks: Peaks) -> Support:
+    def _guess(self, weights: NDArray, dual: NDArray, peaks: NDArray) -> "Support":
         """The support: the columns that carry weight, each at the nearest peak."""
-        places = [list(x) for x in (peaks.sheet, peaks.sense, peaks.alpha, peaks.beta)]
-        total: dict[int, float] = {}
+        found, total = peaks[:, :4], {}
         for column in np.flatnonzero(np.abs(weights) > 1e-7):
             (sheet, alpha, beta), weight = self._place[column], weights[column]
             sense = np.sign(weight)
-            far = np.maximum(_apart(np.array(places[2]), alpha), _apart(np.array(places[3]), beta))
-            far[(np.array(places[0]) != sheet) | (np.array(places[1]) != sense)] = np.inf
-            nearest = int(far.argmin()) if len(far) else -1
-            if nearest < 0 or far[nearest] > NEAR:
-                for list_, item in zip(places, (int(sheet), sense, alpha, beta), strict=True):
-                    list_.append(item)
-                nearest = len(places[0]) - 1
+            far = np.maximum(_apart(found[:, 2], alpha), _apart(found[:, 3], beta))
+            far[(found[:, 0] != sheet) | (found[:, 1] != sense)] = np.inf
+            if far.min(initial=np.inf) > NEAR:
+                far = np.append(far, 0.0)
+                found = np.vstack([found, (sheet, sense, alpha, beta)])
+            nearest = int(far.argmin())
             total[nearest] = total.get(nearest, 0.0) + weight
         chosen = sorted(total)
-        sheet = np.array([places[0][i] for i in chosen], dtype=int)
-        sense, alpha, beta = (np.array([places[k][i] for i in chosen]) for k in (1, 2, 3))
-        corner = np.array([kind_of_place(self._sheets[k], a, b) for k, a, b in zip(sheet, alpha, beta, strict=True)])
-        return Support(sheet, sense, alpha, beta, corner, np.array([total[i] for i in chosen]), dual)
+        sheet, (sense, alpha, beta) = found[chosen, 0].astype(int), found[chosen, 1:].T
+        corner = np.array([_kind_of_place(self._sheets[k], a, b) for k, a, b in zip(sheet, alpha, beta, strict=True)])
+        weight = np.array([total[i] for i in chosen])
+        return Support(self._sheets, sheet, sense, alpha, beta, corner, weight, dual)
 
-    def _prove(self, found: Support) -> tuple[NDArray, float] | NDArray:
+    def _prove(self, found: "Support") -> tuple[NDArray, float] | NDArray:
         """A dual that touches ±1 on the support and exceeds it nowhere, with what is proven of its |F'y|.
 
         Without one, the positions (K, 3) at which the duals that were tried exceed one.
         """
-        rows, values = touching(self._sheets, found)
+        rows, values = found.touching()
         places = self._place
         quiet, limits = iter(QUIET), iter(TO_PROVE)
         (below, slack), limit = next(quiet), next(limits)
@@ -234,7 +220,9 @@ class Continuum:
             dual = None
             while dual is None:
                 caps = 1.0 + slack - below * _distance(places, found)
-                columns = self._columns_of(places)
+                columns = self._columns.regressors
+                if len(places) > len(columns):
+                    columns = np.vstack([columns, self._regressors(places[len(columns) :])])
                 slopes, most = np.vstack([columns, -columns]), np.concatenate([caps, caps])
                 dual = quietest(self._metric, rows, values, slopes, most)
                 if dual is None:
@@ -243,8 +231,7 @@ class Continuum:
                         return places[len(self._place) :]
                     limit = max(limit, 1.5 * slack)
                     limits = iter([x for x in TO_PROVE if x > limit])
-            peaks = self._peaks(dual).above(1.0 + limit)
-            more = peaks.places
+            more = _above(self._peaks(dual), 1.0 + limit)
             if not len(more):
                 bounded = ceiling(self._sheets, dual, 1.0 + limit, max_boxes=BOXES)
                 if not len(bounded.violations):
@@ -256,16 +243,22 @@ class Continuum:
             places = np.vstack([places, more])
         return dual, self._provable(dual)
 
-    def _columns_of(self, places: NDArray) -> NDArray:
-        own = len(self._master.regressors)
-        extra = self._columns(places[own:])
-        return np.vstack([self._master.regressors, extra]) if len(extra) else self._master.regressors
-
-    def _optimum(self, found: Support, target: NDArray, dual: NDArray, bound: float) -> Optimum:
+    def _optimum(self, found: "Support", target: NDArray, dual: NDArray, bound: float) -> Optimum:
         accelerometer = np.array([self._sheets[k].accelerometer for k in found.sheet])
         alpha, beta = np.mod(found.alpha, 2 * np.pi), np.mod(found.beta, 2 * np.pi)
         places = accelerometer, alpha, beta, np.degrees(alpha), np.degrees(beta)
-        return settled(target, dual, bound, self._columns(found.places), found.weights, places)
+        return settled(target, dual, bound, found.regressors, found.weights, places)
+
+
+def scaled_optimum(search: Grid | Continuum, target: NDArray) -> Optimum:
+    """The optimum for a target a (P,) of any size, computed for one of size 1."""
+    size = float(np.abs(target).max())
+    return search.optimum(target / size).times(size)
+
+
+def _above(peaks: NDArray, limit: float) -> NDArray:
+    """Sheet, α, β (K, 3) of the peaks that exceed the limit."""
+    return peaks[peaks[:, 4] > limit][:, [0, 2, 3]]
 
 
 def _apart(one: NDArray, other: float | NDArray) -> NDArray:
@@ -273,8 +266,199 @@ def _apart(one: NDArray, other: float | NDArray) -> NDArray:
     return np.abs(np.angle(np.exp(1j * (one - other))))
 
 
-def _distance(places: NDArray, found: Support) -> NDArray:
+def _distance(places: NDArray, found: "Support") -> NDArray:
     """0 at the support, 1 far from it, square in between; (M,) for places (M, 3)."""
     away = np.maximum(_apart(places[:, 1:2], found.alpha[None]), _apart(places[:, 2:3], found.beta[None]))
     away = np.where(places[:, :1] == found.sheet[None], away, np.inf).min(axis=1)
     return np.minimum(1.0, (away / 0.3) ** 2)
+
+
+@dataclass(frozen=True)
+class Support:
+    """Positions with weights, and a dual that is ±1 and stationary there.
+
+    Attributes
+    ----------
+    sheets : sequence of Sheet
+    sheet : (n,) array of int
+        which of them
+    sense : (n,) array
+        sign s_i of the weight
+    alpha, beta : (n,) array
+        [rad]
+    corner : (n,) array of int
+        -2 inside, -1 on the boundary, else the term that vanishes too
+    weights : (n,) array
+    dual : (P,) array
+    """
+
+    sheets: Sequence[Sheet]
+    sheet: NDArray
+    sense: NDArray
+    alpha: NDArray
+    beta: NDArray
+    corner: NDArray
+    weights: NDArray
+    dual: NDArray
+
+    @property
+    def places(self) -> NDArray:
+        """Sheet, α, β as (n, 3)."""
+        return np.column_stack([self.sheet, self.alpha, self.beta])
+
+    @property
+    def own(self) -> list[tuple[Sheet, float, float]]:
+        """The sheet, α and β of each position."""
+        return [(self.sheets[k], a, b) for k, a, b in zip(self.sheet, self.alpha, self.beta, strict=True)]
+
+    @property
+    def regressors(self) -> NDArray:
+        """F (n, P)."""
+        return np.array([value(sheet.regressor, a, b) for sheet, a, b in self.own])
+
+    @property
+    def term_signs(self) -> list[NDArray]:
+        """Signs of each position's terms."""
+        return [np.sign(value(sheet.terms, a, b)) for sheet, a, b in self.own]
+
+    def kept(self, rows: NDArray) -> "Support":
+        """Some of the positions."""
+        names = ("sheet", "sense", "alpha", "beta", "corner", "weights")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def touching(self) -> tuple[NDArray, NDArray]:
+        """What every dual of the optimum obeys: rows (K, P), values (K,) of touching ±1 and of being stationary."""
+        rows, values = [], []
+        for i, (signs, (sheet, alpha, beta)) in enumerate(zip(self.term_signs, self.own, strict=True)):
+            jet = _jet(sheet.regressor, alpha, beta)
+            rows.append(jet[0])
+            values.append(self.sense[i])
+            for _, by_dual, _ in _conditions(sheet, int(self.corner[i]), signs, (alpha, beta), jet, self.dual):
+                if by_dual.any():
+                    rows.append(by_dual)
+                    values.append(0.0)
+        return np.array(rows), np.array(values)
+
+
+def _kind_of_place(sheet: Sheet, alpha: float, beta: float) -> int:
+    """-2 inside the set, -1 on its boundary, else the index of the term whose kink makes a corner of the boundary."""
+    if float(clearance(sheet, alpha, beta)) > ON_BOUNDARY:
+        return -2
+    terms = np.abs(value(sheet.terms, alpha, beta)) / np.abs(sheet.terms).max(axis=(1, 2))
+    return int(terms.argmin()) if len(terms) and terms.min() < AT_KINK else -1
+
+
+def polish(start: Support, target: NDArray, metric: NDArray) -> Support | None:
+    """The optimum near a support that is nearly right; None when Newton's method does not lead to one.
+
+    Positions whose weight turns out to have the wrong sign, or none, are dropped.
+
+    Parameters
+    ----------
+    start : Support
+    target : (P,) array
+        a
+    metric : (P, P) array
+        lower triangular L: the size of a dual is |L'y|
+    """
+    before = start
+    for _ in range(2 * len(start.sheet) + 2):
+        found = _newton(before, target, metric) if len(before.sheet) else None
+        if found is None:
+            return None
+        crossed = _crossed(before, found)
+        if (crossed != before.corner).any():
+            before = replace(before, corner=crossed)
+            continue
+        weights = found.weights * found.sense
+        if weights.min() >= NO_WEIGHT:
+            return found if min(float(clearance(*own)) for own in found.own) > 0.0 else None
+        if weights.min() >= 0.0:
+            before = found.kept(weights >= NO_WEIGHT)
+            continue
+        fitted, misfit = nnls((found.regressors * found.sense[:, None]).T, target)
+        if misfit > CONVERGED:
+            before = found.kept(np.arange(len(weights)) != weights.argmin())
+        else:
+            before = replace(found, weights=fitted * found.sense).kept(fitted > NO_WEIGHT)
+    return None
+
+
+def _crossed(before: Support, after: Support) -> NDArray:
+    """Kinds of place, with a corner where Newton's method left a smooth boundary across a kink."""
+    corner = before.corner.copy()
+    for i in np.flatnonzero(corner == -1):
+        terms = (value(before.sheets[s.sheet[i]].terms, s.alpha[i], s.beta[i]) for s in (before, after))
+        over = np.flatnonzero(np.multiply(*terms) < 0.0)
+        if len(over):
+            corner[i] = over[0]
+    return corner
+
+
+def _newton(start: Support, target: NDArray, metric: NDArray) -> Support | None:
+    size, count = len(target), len(start.sheet)
+    alpha, beta = start.alpha.copy(), start.beta.copy()
+    weights, scaled = start.weights.copy(), metric.T @ start.dual
+    inverse = np.linalg.inv(metric)
+    signs = start.term_signs
+    for step in range(STEPS):
+        dual = inverse.T @ scaled
+        residual = np.zeros(size + 3 * count)
+        matrix = np.zeros((size + 3 * count, size + 3 * count))
+        residual[:size] = -target
+        for i in range(count):
+            sheet, sense = start.sheets[start.sheet[i]], start.sense[i]
+            jet = _jet(sheet.regressor, alpha[i], beta[i])
+            column = size + 3 * i
+            residual[:size] += weights[i] * jet[0]
+            matrix[:size, column : column + 3] = np.stack([jet[0], weights[i] * jet[1], weights[i] * jet[2]], axis=1)
+            touch = (sense * (dual @ jet[0]) - 1.0, sense * jet[0], sense * (jet[1:3] @ dual))
+            conditions = _conditions(sheet, int(start.corner[i]), signs[i], (alpha[i], beta[i]), jet, dual)
+            for row, (amount, by_dual, by_position) in enumerate((touch, *conditions), start=column):
+                residual[row] = amount
+                matrix[row, :size] = inverse @ by_dual
+                matrix[row, column + 1 : column + 3] = by_position
+        if np.abs(residual).max() < CONVERGED and step:
+            return replace(start, alpha=alpha, beta=beta, weights=weights, dual=dual)
+        change = np.linalg.lstsq(matrix, -residual, rcond=1e-11)[0]
+        if not np.isfinite(change).all() or np.abs(change).max() > 2.0 * (1.0 + np.abs(scaled).max()):
+            return None
+        scaled = scaled + change[:size]
+        moves = change[size:].reshape(-1, 3)
+        weights, alpha, beta = weights + moves[:, 0], alpha + moves[:, 1], beta + moves[:, 2]
+    return None
+
+
+def _jet(forms: NDArray, alpha: float, beta: float) -> NDArray:
+    """Values and derivatives (6, K) of forms (K, 3, 3): 1, α, β, αα, αβ, ββ."""
+    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+    a = np.array([[ca, sa, 1.0], [-sa, ca, 0.0], [-ca, -sa, 0.0]])
+    b = np.array([[cb, sb, 1.0], [-sb, cb, 0.0], [-cb, -sb, 0.0]])
+    order = ([0, 1, 0, 2, 1, 0], [0, 0, 1, 0, 1, 2])
+    return np.einsum("kij,mi,mj->mk", forms, a[order[0]], b[order[1]])
+
+
+def _conditions(
+    sheet: Sheet, corner: int, signs: NDArray, place: tuple[float, float], jet: NDArray, dual: NDArray
+) -> tuple[tuple[float, NDArray, NDArray], ...]:
+    """Two conditions on a position, each (amount, derivative by y (P,), derivatives by α and β (2,))."""
+    f = jet @ dual
+    nothing = np.zeros(len(dual))
+    if corner == -2:
+        return (f[1], jet[1], f[[3, 4]]), (f[2], jet[2], f[[4, 5]])
+    c = _jet(sheet.base[None], *place)[:, 0]
+    terms = _jet(sheet.terms, *place)
+    for k, sign in enumerate(signs):
+        if k != corner:
+            c = c - sign * terms[:, k]
+    edge = (c[0] - 2.0 * INSIDE, nothing, c[1:3])
+    if corner >= 0:
+        return edge, (terms[0, corner], nothing, terms[1:3, corner])
+    turn = f[1] * c[2] - f[2] * c[1]
+    by_position = np.array(
+        [
+            f[3] * c[2] + f[1] * c[4] - f[4] * c[1] - f[2] * c[3],
+            f[4] * c[2] + f[1] * c[5] - f[5] * c[1] - f[2] * c[4],
+        ]
+    )
+    return edge, (turn, jet[1] * c[2] - jet[2] * c[1], by_position)

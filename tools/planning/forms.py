@@ -4,11 +4,16 @@ For one accelerometer p and one sign s of its input every regressor of (1.10) is
 a matrix C (3, 3), and so is F'y for any y: this is what makes pricing and bounding cheap. The set of (1.9) is
 {c ≥ 0} with c = (1 − v) s m_p − w − Σ weight |term|, its terms forms too (w is v for the rule "tables", else 0).
 
+At a fixed α everything is a sinusoid in β. The admissible β form arcs, and the greatest ±F'y over them is at the
+sinusoid's own top or at an end of an arc, exactly: fine grids are priced row by row with it, and all angles by a search
+along α.
+
 Source: Golovan, Matasov, Tarygin 2022, (1.7), (1.9), (1.10).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +30,11 @@ MOST_TERMS = 5
 """Absolute values in s_p^max: three of the stand, two of the other accelerometers' inputs."""
 RULES = ("paper", "tables")
 """(1.7) as printed; with the bias rows too, as the published tables were computed."""
+INSIDE = 1e-13
+"""Margin [g] for positions that are to be admissible in spite of rounding."""
+OUTSIDE = -1e-12
+"""Margin [g] for bounds that are to hold on the admissible set in spite of rounding."""
+FAN = 17
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ class Sheet:
     regressor : (P, 3, 3) array
         a form for each parameter
     base : (3, 3) array
-        c without its absolute values
+        c without its absolute values; 1 everywhere for a symmetric block
     terms : (T, 3, 3) array
         the forms in absolute value, each times its weight; T ≤ `MOST_TERMS`
     mounting : int
@@ -55,36 +65,12 @@ class Sheet:
     mounting: int = 0
 
 
-def basis(angle: ArrayLike) -> NDArray:
-    """(cos, sin, 1) of angles (...) [rad], as (..., 3)."""
-    angle = np.asarray(angle, dtype=float)
-    return np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=-1)
-
-
-def input_form(row: NDArray) -> NDArray:
-    """The form (3, 3) of m_p = (Q s)_p for row p of Q (3,)."""
-    form = np.zeros((3, 3))
-    form[1, 1], form[1, 0], form[0, 2] = row
-    return form
-
-
-def stand_forms(row: NDArray) -> NDArray:
-    """The forms (3, 3, 3) of (Q B)_p, the derivatives by κ, Δα + α*, ε, for row p of Q (3,)."""
-    first, second, third = row
-    forms = np.zeros((3, 3, 3))
-    forms[0, 2, 0], forms[0, 2, 1] = -first, second
-    forms[1, 0, 1], forms[1, 0, 0], forms[1, 1, 2] = -first, -second, third
-    forms[2, 0, 0], forms[2, 0, 1] = -first, second
-    return forms
-
-
 def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper") -> list[Sheet]:
-    """The sheets of a block with one mounting: six, or three for a symmetric block, for which every position counts.
+    """The sheets of a block, one mounting after the other: six for each, or three of a symmetric block.
 
     Parameters
     ----------
     p : Parametrisation
-        with one mounting
     bounds : (float, float)
         u^max [rad] and v^0max of (1.7)
     rule : {"paper", "tables"}
@@ -93,18 +79,8 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
     Raises
     ------
     InputError
-        for several mountings, another rule, or bounds that are negative, not finite, or leave no position
+        for another rule, or bounds that are negative, not finite, or leave no position
     """
-    if len(p.mountings) != 1:
-        names = ", ".join(p.mountings)
-        raise InputError(f"--mounting: holds {len(p.mountings)} mountings ({names}); a plan is for one")
-    return sheets_of_mountings(p, bounds=bounds, rule=rule)
-
-
-def sheets_of_mountings(
-    p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper"
-) -> list[Sheet]:
-    """The sheets of every mounting, one mounting after the other; as `sheets`."""
     if rule not in RULES:
         raise InputError(f"--admissible {rule}: must be one of {', '.join(RULES)}")
     if len(bounds) != 2:
@@ -114,35 +90,43 @@ def sheets_of_mountings(
         raise InputError(f"--bounds {u:g} {v:g}: both must be finite and not negative")
     found = []
     for mounting, matrix in enumerate(p.matrices):
-        found += _sheets_of(p, mounting, matrix, bounds, rule)
-    _check_not_empty(found, bounds)
+        to_x = x_from_targets() @ p.selection[mounting]
+        inputs = np.zeros((3, 3, 3))
+        inputs[:, 1, 1], inputs[:, 1, 0], inputs[:, 0, 2] = matrix.T
+        for index, row in enumerate(matrix):
+            stand = _stand_forms(row)
+            for sign in (0,) if p.symmetric else (1, -1):
+                x = np.zeros((18, 3, 3))
+                x[:3] = stand
+                for column, slot in enumerate(ASYMMETRIC_SLOTS[index]):
+                    x[slot + (column == index and sign < 0)] = inputs[column]
+                x[15 + index, 2, 2] = 1.0
+                base, terms = np.zeros((3, 3)), np.zeros((0, 3, 3))
+                base[2, 2] = 1.0
+                if sign:
+                    base = sign * (1.0 - v) * inputs[index]
+                    base[2, 2] = -v if rule == "tables" else 0.0
+                    others = [v * inputs[c] for c in range(3) if c != index]
+                    terms = np.array([term for term in (*(u * stand), *others) if term.any()]).reshape(-1, 3, 3)
+                found.append(Sheet(index, sign, np.tensordot(to_x, x, axes=(0, 0)), base, terms, mounting))
+    angle = np.radians(np.arange(0.0, 360.0, 5.0))
+    for sheet in found:
+        if v >= 1.0 or clearance(sheet, angle[:, None], angle[None, :]).max() <= 0.0:
+            raise InputError(
+                f"--bounds {u:g} {v:g}: leave no position where the sign of accelerometer "
+                f"{sheet.accelerometer + 1}'s input is certain; give smaller bounds"
+            )
     return found
 
 
-def _sheets_of(
-    p: Parametrisation, mounting: int, matrix: NDArray, bounds: tuple[float, float], rule: str
-) -> list[Sheet]:
-    u, v = bounds
-    to_x = x_from_targets() @ p.selection[mounting]
-    inputs = np.array([input_form(row) for row in matrix])
-    found = []
-    for index, row in enumerate(matrix):
-        stand = stand_forms(row)
-        for sign in (0,) if p.symmetric else (1, -1):
-            x = np.zeros((18, 3, 3))
-            x[:3] = stand
-            for column, slot in enumerate(ASYMMETRIC_SLOTS[index]):
-                x[slot + (column == index and sign < 0)] = inputs[column]
-            x[15 + index, 2, 2] = 1.0
-            regressor = np.tensordot(to_x, x, axes=(0, 0))
-            base, terms = np.zeros((3, 3)), np.zeros((0, 3, 3))
-            if sign:
-                base = sign * (1.0 - v) * inputs[index]
-                base[2, 2] = -v if rule == "tables" else 0.0
-                others = [v * inputs[c] for c in range(3) if c != index]
-                terms = np.array([term for term in (*(u * stand), *others) if term.any()]).reshape(-1, 3, 3)
-            found.append(Sheet(index, sign, regressor, base, terms, mounting))
-    return found
+def _stand_forms(row: NDArray) -> NDArray:
+    """The forms (3, 3, 3) of (Q B)_p, the derivatives by κ, Δα + α*, ε, for row p of Q (3,)."""
+    first, second, third = row
+    forms = np.zeros((3, 3, 3))
+    forms[0, 2, 0], forms[0, 2, 1] = -first, second
+    forms[1, 0, 1], forms[1, 0, 0], forms[1, 1, 2] = -first, -second, third
+    forms[2, 0, 0], forms[2, 0, 1] = -first, second
+    return forms
 
 
 def x_from_targets() -> NDArray:
@@ -155,14 +139,23 @@ def x_from_targets() -> NDArray:
     return matrix
 
 
-def _check_not_empty(found: Sequence[Sheet], bounds: tuple[float, float]) -> None:
-    angle = np.radians(np.arange(0.0, 360.0, 5.0))
-    for sheet in found:
-        if bounds[1] >= 1.0 or clearance(sheet, angle[:, None], angle[None, :]).max() <= 0.0:
-            raise InputError(
-                f"--bounds {bounds[0]:g} {bounds[1]:g}: leave no position where the sign of accelerometer "
-                f"{sheet.accelerometer + 1}'s input is certain; give smaller bounds"
-            )
+def padded_terms(found: Sequence[Sheet]) -> NDArray:
+    """The terms of all sheets (S, `MOST_TERMS`, 3, 3), zero where a sheet has fewer."""
+    terms = np.zeros((len(found), MOST_TERMS, 3, 3))
+    for k, sheet in enumerate(found):
+        terms[k, : len(sheet.terms)] = sheet.terms
+    return terms
+
+
+def basis(angle: ArrayLike) -> NDArray:
+    """(cos, sin, 1) of angles (...) [rad], as (..., 3)."""
+    angle = np.asarray(angle, dtype=float)
+    return np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=-1)
+
+
+def slopes(angle: NDArray) -> NDArray:
+    """Derivative (..., 3) of `basis`."""
+    return np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=-1)
 
 
 def dual_forms(found: Sequence[Sheet], dual: NDArray) -> NDArray:
@@ -186,3 +179,118 @@ def clearance(sheet: Sheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     for term in sheet.terms:
         c = c - np.abs(value(term, alpha, beta))
     return c
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """Given α and the ends of the arcs there: all that pricing needs and that does not depend on y.
+
+    Attributes
+    ----------
+    sheet : (N,) array of int
+    alpha : (N,) array
+        [rad]
+    ends : (N, K) array
+        β [rad] of the arcs' ends, NaN beyond the last
+    """
+
+    sheet: NDArray
+    alpha: NDArray
+    ends: NDArray
+
+
+class Ridges:
+    """The greatest ±F'y over the admissible β, as functions of α.
+
+    Parameters
+    ----------
+    found : sequence of Sheet
+    margin : float
+        β counts where c ≥ margin [g]
+    """
+
+    def __init__(self, found: Sequence[Sheet], margin: float):
+        self._margin, self._free = margin, found[0].sign == 0
+        self._base, self._terms = np.array([sheet.base for sheet in found]), padded_terms(found)
+        signs = np.array(list(product((-1.0, 1.0), repeat=MOST_TERMS)))
+        # c with the signs of its absolute values frozen, every way: an arc ends where one of these is zero.
+        frozen = [
+            np.unique(b - np.einsum("et,tij->eij", signs, t), axis=0)
+            for b, t in zip(self._base, self._terms, strict=True)
+        ]
+        most = max(map(len, frozen))
+        self._frozen = np.array([np.resize(one, (most, 3, 3)) for one in frozen])
+
+    def arcs(self, sheet: NDArray, alpha: NDArray) -> Arcs:
+        """The arcs of sheets (N,) at angles α (N,)."""
+        if self._free:
+            return Arcs(sheet, alpha, np.zeros((len(alpha), 0)))
+        margin = self._margin
+        edge = np.squeeze(basis(alpha)[:, None, None, :] @ self._frozen[sheet], -2)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            spread = np.arccos((2.0 * margin - edge[..., 2]) / np.hypot(edge[..., 0], edge[..., 1]))
+        middle = np.arctan2(edge[..., 1], edge[..., 0])
+        beta = np.concatenate([middle - spread, middle + spread], axis=1)
+        known = np.isfinite(beta)
+        beta[~known] = 0.0
+        known &= self._clearance(sheet, alpha, beta) >= 2.0 * margin - abs(margin)
+        order = np.argsort(~known, axis=1, kind="stable")[:, : max(int(known.sum(axis=1).max(initial=0)), 1)]
+        ends = np.where(np.take_along_axis(known, order, 1), np.take_along_axis(beta, order, 1), np.nan)
+        return Arcs(sheet, alpha, ends)
+
+    def _clearance(self, sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
+        """c (N, K) of sheets (N,) at α (N,) and β (N, K)."""
+        a, b = basis(alpha), basis(beta)
+        c = np.squeeze(b @ (a[:, None, :] @ self._base[sheet]).transpose(0, 2, 1), -1)
+        terms = np.squeeze(a[:, None, None, :] @ self._terms[sheet], -2)
+        return c - np.abs(b @ terms.transpose(0, 2, 1)).sum(axis=2)
+
+    def heights(self, arcs: Arcs, forms: NDArray, sense: NDArray) -> tuple[NDArray, NDArray]:
+        """The greatest sense·F'y over the admissible β of each row, and that β; -inf where no β is admissible.
+
+        Parameters
+        ----------
+        arcs : Arcs
+        forms : (S, 3, 3) array
+            F'y of each sheet
+        sense : (N,) array
+            ±1
+        """
+        f = sense[:, None] * (basis(arcs.alpha)[:, None, :] @ forms[arcs.sheet])[:, 0]
+        own = np.arctan2(f[:, 1], f[:, 0])
+        top = np.hypot(f[:, 0], f[:, 1]) + f[:, 2]
+        if self._free:
+            return top, own
+        known = np.isfinite(arcs.ends)
+        ends = np.where(known, arcs.ends, 0.0)
+        values = np.where(known, f[:, :1] * np.cos(ends) + f[:, 1:2] * np.sin(ends) + f[:, 2:], -np.inf)
+        best = values.argmax(axis=1)
+        n = np.arange(len(best))
+        height, beta = values[n, best], ends[n, best]
+        higher = np.flatnonzero(top > height)
+        clear = self._clearance(arcs.sheet[higher], arcs.alpha[higher], own[higher, None])[:, 0]
+        higher = higher[clear >= self._margin]
+        height[higher], beta[higher] = top[higher], own[higher]
+        return height, beta
+
+    def climb(
+        self, forms: NDArray, sheet: NDArray, sense: NDArray, alpha: NDArray, reach: float, rounds: int
+    ) -> tuple[NDArray, NDArray, NDArray]:
+        """Follow maxima (N,) along α from within ±reach [rad]: their α, β and value.
+
+        Each round looks at a fan of 17 angles and makes it eight times finer.
+        """
+        alpha, n = alpha.copy(), np.arange(len(alpha))
+        best, beta = self.heights(self.arcs(sheet, alpha), forms, sense)
+        fan = np.linspace(-1.0, 1.0, FAN)
+        many, twice = np.repeat(sheet, FAN), np.repeat(sense, FAN)
+        for _ in range(rounds):
+            trial = (alpha[:, None] + reach * fan).ravel()
+            high, at = (x.reshape(-1, FAN) for x in self.heights(self.arcs(many, trial), forms, twice))
+            pick = high.argmax(axis=1)
+            better = high[n, pick] > best
+            best = np.where(better, high[n, pick], best)
+            beta = np.where(better, at[n, pick], beta)
+            alpha = np.where(better, trial.reshape(-1, FAN)[n, pick], alpha)
+            reach *= 2.0 / (FAN - 1)
+        return alpha, beta, best

@@ -1,95 +1,105 @@
-"""The optimal plan of each target: the function behind `trihedron plan --target`."""
+"""Plans with their proofs: the readings that estimate one target best, and one set of positions for all targets."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from pydantic import Field
 
 from ..calibration.model import Parametrisation, parametrise
 from ..calibration.mountings import mountings_of
-from ..calibration.targets import Target, asked_targets, convention_targets
+from ..calibration.targets import asked_targets, convention_targets
 from ..errors import InputError
-from ..progress import tracked
-from ..shown import Shown
-from .continuum import Continuum
+from ..progress import shown_status, tracked
+from ..result import Result
+from .bounds import Bound, bound_positions, pool_of
+from .certificate import Optimum, UndeterminedError
+from .check import EffectDistance, detecting, named_effects
+from .continuum import Continuum, scaled_optimum
 from .forms import DEFAULT_BOUNDS, sheets
-from .grids import Grid
-from .optimum import Optimum, UndeterminedError
+from .grid import Grid
+from .order import measuring_order, unwound
+from .positions import Places, Request, Task, allowed, costs, stored_positions, task_of
+from .search import drawn, rounded, search
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-SCHEMA = "trihedron.plan/1"
-UNCERTAIN = 1e-8
-"""A relative gap above this is said in words."""
+FEWEST, MOST_POSITIONS = 5, 60
+"""Fewest of a symmetric block, with fifteen parameters."""
+ASKED = ("criterion", "reserve_deg", "resolution_deg", "keep_out", "order", "seed")
+ASKED += ("admissible", "bounds", "convention", "baseline")
+"""What a plan of positions repeats of its request."""
+Number = int | float
+"""Whole numbers are written without a decimal point."""
 
 
-@dataclass(frozen=True)
-class Plan:
+class PlannedReading(Result):
+    """A reading of a plan: the accelerometer, from 1, the angles of the table [deg], and its weight Φ."""
+
+    accelerometer: int
+    alpha_deg: Number
+    beta_deg: Number
+    weight: float
+
+
+class Plan(Result):
     """The readings that estimate one target with the least guaranteed error.
 
     Attributes
     ----------
-    target : Target
-    optimum : Optimum
-        positions, weights, cost, dual and proven gap
-    grid_deg : float or None
+    target, name, unit : str
+        symbol, physical name
+    cost : float
+        the guaranteed error [σ]
+    gap : float
+        to which it is proven, relative
+    lower_bound : float
+        no plan costs less [σ]
+    grid_deg : number or None
         step of the grid [deg]; None for the continuum
     admissible : {"paper", "tables"}
     bounds : (float, float)
         u^max [rad], v^0max
+    baseline : {"asymmetric", "symmetric"}
+    mounting : dict
+        Q (3, 3) by its name
+    weights : tuple of PlannedReading
+    dual : dict
+        y, which proves the lower bound, by parameter
+    optimum : Optimum
+        the same as arrays, for programs
     parametrisation : Parametrisation
-        the baseline's parameters and the mounting
+        the baseline's parameters and the mounting, for programs
     """
 
-    target: Target
-    optimum: Optimum
-    grid_deg: float | None
+    schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
+    target: str
+    name: str
+    unit: str
+    cost: float
+    gap: float
+    lower_bound: float
+    grid_deg: Number | None
     admissible: str
     bounds: tuple[float, float]
-    parametrisation: Parametrisation
-
-    @property
-    def mounting(self) -> tuple[str, NDArray]:
-        """Name and matrix (3, 3) of the mounting."""
-        return self.parametrisation.mountings[0], self.parametrisation.matrices[0]
-
-    def to_json(self) -> dict[str, Any]:
-        """The object of schema trihedron.plan/1, of plain lists, strings and numbers."""
-        best, (name, matrix) = self.optimum, self.mounting
-        rows = zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True)
-        return {
-            "schema": SCHEMA,
-            "target": self.target.symbol,
-            "name": self.target.name,
-            "unit": self.target.unit,
-            "cost": best.cost,
-            "gap": best.gap,
-            "lower_bound": best.lower_bound,
-            "grid_deg": None if self.grid_deg is None else _number(self.grid_deg),
-            "admissible": self.admissible,
-            "bounds": list(self.bounds),
-            "baseline": "symmetric" if self.parametrisation.symmetric else "asymmetric",
-            "mounting": {name: matrix.tolist()},
-            "weights": [
-                {"accelerometer": int(p) + 1, "alpha_deg": _number(a), "beta_deg": _number(b), "weight": float(w)}
-                for p, a, b, w in rows
-            ],
-            "dual": dict(zip(self.parametrisation.symbols, map(float, best.dual), strict=True)),
-        }
+    baseline: str
+    mounting: dict[str, list[list[float]]]
+    weights: tuple[PlannedReading, ...]
+    dual: dict[str, float]
+    optimum: Optimum = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    parametrisation: Parametrisation = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
 
 
-@dataclass(frozen=True, repr=False)
-class Plans(Shown):
-    """The optimal plans of several targets, one after the other."""
+class Plans(Result):
+    """The optimal plans of several targets, one after the other; one plan is published as it is."""
 
+    schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
     plans: tuple[Plan, ...]
 
-    def __iter__(self) -> Iterator[Plan]:
+    def __iter__(self) -> Iterator[Plan]:  # pyright: ignore[reportIncompatibleMethodOverride]
         return iter(self.plans)
 
     def __len__(self) -> int:
@@ -98,28 +108,17 @@ class Plans(Shown):
     def __getitem__(self, index: int) -> Plan:
         return self.plans[index]
 
-    def json_text(self) -> str:
+    def to_json(self) -> dict[str, Any]:
         """The object, or the objects, of schema trihedron.plan/1."""
-        return json_text(self.plans)
-
-    def lines(self) -> list[str]:
-        """Positions and weights of one plan, or a line for each of several."""
-        return plan_summary(self.plans).split("\n")
+        return self.plans[0].to_json() if len(self.plans) == 1 else super().to_json()
 
     def to_polars(self) -> "DataFrame":
         """A row for each reading of each plan: target, accelerometer, alpha_deg, beta_deg, weight."""
         import polars as pl
 
         numbers = dict.fromkeys(("alpha_deg", "beta_deg", "weight"), pl.Float64)
-        rows = [{"target": plan.target.symbol, **reading} for plan in self for reading in plan.to_json()["weights"]]
+        rows = [{"target": plan.target, **reading.to_json()} for plan in self for reading in plan.weights]
         return pl.DataFrame(rows, schema={"target": pl.String, "accelerometer": pl.Int64, **numbers})
-
-
-def json_text(plans: Sequence[Plan]) -> str:
-    """One plan as its object; several as `{"schema": ..., "plans": [...]}`."""
-    content = [plan.to_json() for plan in plans]
-    whole = content[0] if len(content) == 1 else {"schema": SCHEMA, "plans": content}
-    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def plan_targets(
@@ -132,7 +131,7 @@ def plan_targets(
     baseline: str = "asymmetric",
     mounting: Mapping[str, ArrayLike] | str = "identity",
     progress: bool = False,
-) -> list[Plan]:
+) -> Plans:
     """The optimal plan of each target, with its proof.
 
     Parameters
@@ -154,10 +153,6 @@ def plan_targets(
     progress : bool
         show a bar on a terminal
 
-    Returns
-    -------
-    list of Plan
-
     Raises
     ------
     InputError
@@ -170,61 +165,307 @@ def plan_targets(
     if grid is not None and not isfinite(grid):
         raise InputError(f"--grid {grid}: must be a number of degrees")
     p = parametrise(mountings_of(mounting), symmetric=baseline == "symmetric")
+    if len(p.mountings) != 1:
+        names = ", ".join(p.mountings)
+        raise InputError(f"--mounting: holds {len(p.mountings)} mountings ({names}); a plan is for one")
     found = sheets(p, bounds=bounds, rule=admissible)
     wanted = asked_targets(targets, p) if targets else convention_targets(p, convention)
-    search = Continuum(found) if grid is None else Grid(found, grid)
+    everywhere = Continuum(found) if grid is None else Grid(found, grid)
     plans = []
     for target in tracked(wanted, "plans", show=progress):
-        size = float(np.abs(target.weights).max())
         try:
-            best = search.optimum(target.weights / size).times(size)
+            best = scaled_optimum(everywhere, target.weights)
         except UndeterminedError:
             where = "the admissible positions" if grid is None else f"the positions of --grid {grid:g}"
             hint = "" if grid is None else "; give a finer grid"
             raise InputError(f"--target {target.symbol}: {where} cannot determine it{hint}") from None
-        plans.append(Plan(target, best, grid, admissible, bounds, p))
-    return plans
+        readings = zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True)
+        plans.append(
+            Plan(
+                target=target.symbol,
+                name=target.name,
+                unit=target.unit,
+                cost=best.cost,
+                gap=best.gap,
+                lower_bound=best.lower_bound,
+                grid_deg=None if grid is None else _plain(grid),
+                admissible=admissible,
+                bounds=bounds,
+                baseline=baseline,
+                mounting={p.mountings[0]: p.matrices[0].tolist()},
+                weights=tuple(
+                    PlannedReading(accelerometer=int(k) + 1, alpha_deg=_plain(a), beta_deg=_plain(b), weight=float(w))
+                    for k, a, b, w in readings
+                ),
+                dual=dict(zip(p.symbols, best.dual.tolist(), strict=True)),
+                optimum=best,
+                parametrisation=p,
+            )
+        )
+    return Plans(plans=tuple(plans))
 
 
-def _number(value: float) -> float | int:
-    """A whole number without its decimal point."""
+def _plain(value: float) -> Number:
+    """A whole number without its decimal point, zero without its sign."""
     return int(value) if float(value).is_integer() else float(value)
 
 
-def plan_summary(plans: Sequence[Plan]) -> str:
-    """What a person reads: positions and weights of one plan, or a line for each of several."""
-    first = plans[0]
-    where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
-    baseline = (
-        "every position"
-        if first.parametrisation.symmetric
-        else (
-            f"signs certain by (1.7){' with the bias rows' if first.admissible == 'tables' else ''}, "
-            f"u = {first.bounds[0]:g}, v = {first.bounds[1]:g}"
+class PlannedPosition(Result):
+    """Angles as commands to the table [deg], and the mounting where there are several."""
+
+    omitted = frozenset({"mounting"})
+
+    alpha_deg: Number
+    beta_deg: Number
+    mounting: str | None = None
+
+
+class PositionPlan(Result):
+    """One set of positions for all targets, and in which order they are measured.
+
+    Attributes
+    ----------
+    positions : tuple of PlannedPosition
+        in the order in which they are measured first
+    programme : tuple of int
+        every measurement: which position, from 1
+    worst_ratio, mean_ratio : float
+        of the targets' costs to their optima
+    lower_bound, lower_bound_on : float, str
+        proven: no set of so many positions of this pool has a lower worst ratio; None where it is not asked for, where
+        extra positions are, or after an interruption
+    costs, optima : dict
+        of each target [σ]: with this set, and with its own optimal plan over all angles
+    readings : int
+        how many count
+    criterion, reserve_deg, resolution_deg, keep_out, order, seed, admissible, bounds, convention, baseline
+        as in the request
+    starts : int
+        local improvements that were made
+    interrupted : bool
+        whether Ctrl-C ended search or bound
+    mountings : dict
+        Q (3, 3) by name
+    detection : tuple of EffectDistance
+        how well the effects that were named show
+    task, bound : Task, Bound or None
+        what was asked, what is proven; for programs
+    duration : float
+        time of the programme's moves [s], for programs
+    searched : int
+        positions of the set without the extra ones, for programs
+    """
+
+    omitted = frozenset({"detection"})
+
+    schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
+    positions: tuple[PlannedPosition, ...]
+    programme: tuple[int, ...]
+    worst_ratio: float
+    mean_ratio: float
+    lower_bound: float | None
+    lower_bound_on: str | None
+    costs: dict[str, float]
+    optima: dict[str, float]
+    readings: int
+    criterion: str
+    reserve_deg: float
+    resolution_deg: float | None
+    keep_out: tuple[str, ...]
+    order: str
+    seed: int
+    starts: int
+    interrupted: bool
+    admissible: str
+    bounds: tuple[float, float]
+    convention: str
+    baseline: str
+    mountings: dict[str, list[list[float]]]
+    detection: tuple[EffectDistance, ...] = ()
+    task: Task = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    bound: Bound | None = Field(default=None, exclude=True)
+    duration: float = Field(default=0.0, exclude=True)
+    searched: int = Field(default=0, exclude=True)
+
+    def to_polars(self) -> "DataFrame":
+        """The programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings, mounting."""
+        import polars as pl
+
+        rows = [{"order": k, **self.positions[at - 1].to_json()} for k, at in enumerate(self.programme, start=1)]
+        return pl.DataFrame(rows, schema_overrides={"alpha_deg": pl.Float64, "beta_deg": pl.Float64})
+
+
+def plan_positions(count: int, request: Request, *, stored: bool = True, progress: bool = False) -> PositionPlan:
+    """One set of positions for all targets, with what is proven of every other set.
+
+    Parameters
+    ----------
+    count : int
+        N
+    request : Request
+    stored : bool
+        begin with the plan that the package holds for so many positions, where it fits
+    progress : bool
+        show bars on a terminal
+
+    Returns
+    -------
+    PositionPlan
+        the same for the same arguments; the best found where Ctrl-C ended the search
+
+    Raises
+    ------
+    InputError
+        for options that cannot be used, and for so few positions that no set was found
+    """
+    if not FEWEST <= count <= MOST_POSITIONS:
+        raise InputError(f"--positions {count}: must be between {FEWEST} and {MOST_POSITIONS}")
+    if not 0 <= request.repeat <= count:
+        raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
+    effects = named_effects(request.detect)
+    task = task_of(request, progress=progress)
+    p, size = task.parametrisation, task.weights.shape[1]
+    if count < -(-size // 3):
+        raise InputError(
+            f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
-    )
-    lines = [f"optimal among {where}; {baseline}; mounting {first.mounting[0]}", ""]
-    if len(plans) > 1:
-        lines.append(f"{'target':<12} {'name':<34} {'cost [σ]':>14} {'gap':>8} {'readings':>9}")
-        for plan in plans:
-            best = plan.optimum
-            lines.append(
-                f"{plan.target.symbol:<12} {plan.target.name:<34} {best.cost:>14.10f} {best.gap:>8.0e} "
-                f"{len(best.weights):>9}"
+    given = starting_positions(task, count) if stored else []
+    found, starts, interrupted = search(task, count, given=given, progress=progress)
+    if found is None:
+        less = ", or leave more angles by --keep-out" if request.keep_out else ""
+        raise InputError(
+            f"--positions {count}: no set was found that determines every target; give more, or --starts{less}"
+        )
+    if request.resolution_deg is not None:
+        found = rounded(task, found)
+        if not (found.determined.all() and allowed(task, found.places.angle).all()):
+            where = " outside the keep-outs" if request.keep_out else ""
+            raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
+    bound, detection = None, ()
+    if request.cuts and not interrupted and not (effects and request.extra):
+        try:
+            with shown_status("lower bound", show=progress):
+                bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
+        except KeyboardInterrupt:
+            interrupted = True
+    if effects:
+        places, detection = detecting(task, found.places, effects)
+        found = costs(task, places)
+    commands = unwound(found.places.angle, task.keep_out)
+    rows, duration = measuring_order(found.places, commands, request)
+    order = list(dict.fromkeys(rows.tolist()))
+    number = {row: place for place, row in enumerate(order, start=1)}
+    mounting = found.places.mounting if len(p.mountings) > 1 else None
+    symbols = [target.symbol for target in task.targets]
+    return PositionPlan(
+        positions=tuple(
+            PlannedPosition(
+                alpha_deg=_plain(alpha),
+                beta_deg=_plain(beta),
+                mounting=None if mounting is None else p.mountings[int(mounting[row])],
             )
-    else:
-        best = first.optimum
-        lines.append(f"{'accelerometer':>13} {'alpha [deg]':>14} {'beta [deg]':>14} {'weight':>12}")
-        for p, a, b, w in zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True):
-            lines.append(f"{p + 1:>13} {a:>14.8g} {b:>14.8g} {w:>+12.6f}")
-        lines += [
-            "",
-            f"{first.target.symbol} ({first.target.name}): guaranteed error {best.cost:.10f} σ; "
-            f"no plan has less than {best.lower_bound:.10f} σ (gap {best.gap:.0e})",
-        ]
-    lines += [
-        f"warning: {plan.target.symbol}: the optimum is proven to {plan.optimum.gap:.1e} only"
-        for plan in plans
-        if plan.optimum.gap > UNCERTAIN
-    ]
-    return "\n".join(lines)
+            for row, (alpha, beta) in zip(order, np.round(np.degrees(commands[order]), 9).tolist(), strict=True)
+        ),
+        programme=tuple(number[row] for row in rows.tolist()),
+        worst_ratio=found.worst,
+        mean_ratio=found.mean,
+        lower_bound=None if bound is None else bound.ratio,
+        lower_bound_on=None if bound is None else bound.on,
+        costs=dict(zip(symbols, (found.ratio * task.best).tolist(), strict=True)),
+        optima=dict(zip(symbols, task.best.tolist(), strict=True)),
+        readings=len(found.readings.position),
+        **{name: getattr(request, name) for name in ASKED},
+        starts=starts,
+        interrupted=interrupted,
+        mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
+        detection=detection,
+        task=task,
+        bound=bound,
+        duration=duration,
+        searched=count,
+    )
+
+
+def starting_positions(task: Task, count: int) -> list[Places]:
+    """The set of so many positions that the package holds, where it is for this mounting and in no keep-out."""
+    p = task.parametrisation
+    places = stored_positions(count)
+    if places is None or len(p.mountings) != 1 or not np.array_equal(p.matrices[0], np.eye(3)):
+        return []
+    return [places] if allowed(task, places.angle).all() else []
+
+
+class CurvePoint(Result):
+    """What N positions cost.
+
+    Attributes
+    ----------
+    positions, readings : int
+    worst, mean : float
+        ratios of the best set found
+    bound : float
+        proven: no N positions of the pool have a lower worst ratio
+    pool : int
+        size of the pool
+    """
+
+    positions: int
+    readings: int
+    worst: float
+    mean: float
+    bound: float
+    pool: int
+
+
+class Curve(Result):
+    """Cost against the number of positions: how many positions are worth their time."""
+
+    schema_: Literal["trihedron.plan-curve/1"] = Field(default="trihedron.plan-curve/1", alias="schema")
+    points: tuple[CurvePoint, ...]
+
+
+def plan_curve(low: int, high: int, request: Request, *, progress: bool = False) -> Curve:
+    """The best sets of `low` to `high` positions, each begun with the one before and a position more.
+
+    Ctrl-C ends the curve where it is.
+
+    Raises
+    ------
+    InputError
+        for a range that is empty or too wide, and for options that cannot be used
+    """
+    if not 1 <= low <= high <= MOST_POSITIONS:
+        raise InputError(f"--curve {low} {high}: must be a range of numbers of positions up to {MOST_POSITIONS}")
+    task = task_of(request, progress=progress)
+    before: Places | None = None
+    points: list[CurvePoint] = []
+    for count in range(low, high + 1):
+        given = starting_positions(task, count)
+        if before is not None:
+            given = [*given, before.joined(drawn(task, 1, np.random.default_rng(request.seed)))]
+        try:
+            best, _, interrupted = search(task, count, given=given, progress=progress)
+            if best is None:
+                continue
+            before = best.places
+            pool = pool_of(task, before)
+            bound = bound_positions(task, pool, count, best.worst)
+        except KeyboardInterrupt:
+            if not points:
+                raise
+            break
+        points.append(
+            CurvePoint(
+                positions=count,
+                readings=len(best.readings.position),
+                worst=best.worst,
+                mean=best.mean,
+                bound=bound.ratio,
+                pool=len(pool.places),
+            )
+        )
+        if interrupted:
+            break
+    if not points:
+        raise InputError(f"--curve {low} {high}: no set was found that determines every target; give more, or --starts")
+    return Curve(points=tuple(points))

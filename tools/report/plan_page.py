@@ -1,12 +1,10 @@
 """The picture and the page of `trihedron plan`."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..planning.forms import clearance, sheets
-from ..planning.plan import Plan
+from ..planning.plan import Plan, Plans
 from ..summaries import physical_words
 from .cells import Cell, Written
 from .equations import math, signed
@@ -22,7 +20,7 @@ def plan_picture(plan: Plan) -> str:
     """The paper's figure for any target and mounting, as SVG."""
     best = plan.optimum
     return admissible_positions(
-        _fields(plan), best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights, plan.target.symbol
+        _fields(plan), best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights, plan.target
     )
 
 
@@ -37,17 +35,17 @@ def _fields(plan: Plan) -> list[tuple[int, NDArray]]:
     return sorted(fields.items())
 
 
-def plan_page(plans: Sequence[Plan]) -> str:
+def plan_page(plans: Plans) -> str:
     """The page: costs of all targets, then each target's estimator, positions, weights and picture."""
     first = plans[0]
     where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
     rows: list[list[Cell]] = [
         [
-            symbol_text(p.target.symbol),
-            physical_words(p.target.name),
-            Written(f"{p.optimum.cost:.10f}"),
-            Written(f"{p.optimum.gap:.0e}"),
-            len(p.optimum.weights),
+            symbol_text(p.target),
+            physical_words(p.name),
+            Written(f"{p.cost:.10f}"),
+            Written(f"{p.gap:.0e}"),
+            len(p.weights),
         ]
         for p in plans
     ]
@@ -67,22 +65,18 @@ def plan_page(plans: Sequence[Plan]) -> str:
     verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
     if len(plans) == 1:
         verdict = (
-            f"{first.target.symbol}, {physical_words(first.target.name)}, can be estimated to "
-            f"{first.optimum.cost:.6f} σ, and no better."
+            f"{first.target}, {physical_words(first.name)}, can be estimated to {first.cost:.6f} σ, and no better."
         )
     rule = "(1.7) as printed" if first.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
+    (name, matrix), *_ = first.mounting.items()
     provenance = {
         "positions": where,
         "signs certain by": f"{rule}; u = {first.bounds[0]:g}, v = {first.bounds[1]:g}",
-        f"mounting {first.mounting[0]}": minus(
-            "; ".join(" ".join(f"{v:.6g}" for v in row) for row in first.mounting[1])
-        ),
-        "scale factors": "one for both signs" if first.parametrisation.symmetric else "one for each sign",
+        f"mounting {name}": minus("; ".join(" ".join(f"{v:.6g}" for v in row) for row in matrix)),
+        "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
         **versions(),
     }
-    key = (
-        {"targets": len(plans), "largest cost": f"{max(p.optimum.cost for p in plans):.4f} σ"} if len(plans) > 1 else {}
-    )
+    key = {"targets": len(plans), "largest cost": f"{max(p.cost for p in plans):.4f} σ"} if len(plans) > 1 else {}
     return render_page(
         "Optimal plan",
         verdict,
@@ -108,10 +102,10 @@ def plan_sections(plan: Plan) -> list[Section]:
     places = [
         {"alpha_deg": float(a), "beta_deg": float(b)} for a, b in dict.fromkeys((a, b) for _, a, b, _ in readings)
     ]
-    name = f"{plan.target.symbol}.csv"
+    name = f"{plan.target}.csv"
     return [
         Section(
-            f"{symbol_text(plan.target.symbol)}: {physical_words(plan.target.name)}",
+            f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
             svg=plan_picture(plan),
             caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
             table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
@@ -124,5 +118,4 @@ def plan_sections(plan: Plan) -> list[Section]:
 
 
 def _left(plan: Plan) -> str:
-    symbol = plan.target.symbol
-    return f"'{symbol_text(symbol)}' = "
+    return f"'{symbol_text(plan.target)}' = "

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ..planning.common_plan import CommonPlan
+from ..planning.plan import PositionPlan
 from ..summaries import physical_words
 from .cells import Cell, Written
 from .page import Section, Table, render_page
@@ -13,7 +13,6 @@ from .sources import common_plan_sources
 
 MOST_DECIMALS = 4
 """Of the angles [deg]: finer than any table is set."""
-ANGLES = ("alpha_deg", "beta_deg")
 
 
 def decimals_of(angles: Sequence[float]) -> int:
@@ -22,22 +21,22 @@ def decimals_of(angles: Sequence[float]) -> int:
     return next(exact, MOST_DECIMALS)
 
 
-def operator_page(plan: CommonPlan, dwell_s: float) -> str:
+def operator_page(plan: PositionPlan, dwell_s: float) -> str:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
-    degrees = [plan.position(row) for row in range(len(plan.commands))]
-    places = decimals_of([one[name] for one in degrees for name in ANGLES])
+    degrees = [(one.alpha_deg, one.beta_deg) for one in plan.positions]
+    places = decimals_of([angle for both in degrees for angle in both])
     header = ["no.", "α [deg]", "β [deg]", *(["mounting"] if several else []), "dwell [s]", "remark", "done"]
     rows: list[list[Cell]] = []
-    for number, row in enumerate(plan.programme, start=1):
-        one = plan.position(int(row))
-        first = list(plan.programme).index(row) + 1
+    for number, at in enumerate(plan.programme, start=1):
+        one = plan.positions[at - 1]
+        first = plan.programme.index(at) + 1
         remark = f"again no. {first}" if first < number else ""
-        mounting = [one["mounting"]] if several else []
-        angles = [Written(minus(f"{one[name]:z.{places}f}")) for name in ANGLES]
+        mounting = [one.mounting] if several else []
+        angles = [Written(minus(f"{angle:z.{places}f}")) for angle in (one.alpha_deg, one.beta_deg)]
         rows.append([number, *angles, *mounting, Written(f"{dwell_s:g}"), remark, "☐"])
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
-    reserve = plan.request.reserve_deg
+    reserve = plan.reserve_deg
     sections = [
         Section(
             "Programme",
@@ -52,9 +51,7 @@ def operator_page(plan: CommonPlan, dwell_s: float) -> str:
         ),
         Section(
             "Positions",
-            svg=positions_picture(
-                [one["alpha_deg"] for one in degrees], [one["beta_deg"] for one in degrees], plan.programme.tolist()
-            ),
+            svg=positions_picture(*zip(*degrees, strict=True), [at - 1 for at in plan.programme]),
             caption="Left: the angles, joined in the order of measurement. Right: the vertical in the inner frame.",
         ),
         Section(
@@ -63,20 +60,20 @@ def operator_page(plan: CommonPlan, dwell_s: float) -> str:
             table=Table(
                 ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
                 [
-                    [symbol_text(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (r * b, b, r))]
-                    for t, b, r in zip(plan.task.targets, plan.task.best, plan.found.ratio, strict=True)
+                    [symbol_text(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (c, b, c / b))]
+                    for t, c, b in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True)
                 ],
             ),
         ),
     ]
     verdict = (
-        f"{len(plan.programme)} measurements at {len(plan.commands)} positions, about {minutes:.0f} minutes; "
-        f"no target costs more than {plan.found.worst:.4f} times its optimum."
+        f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {minutes:.0f} minutes; "
+        f"no target costs more than {plan.worst_ratio:.4f} times its optimum."
     )
     provenance = {
-        "admissible": f"{plan.task.rule}, u = {plan.task.bounds[0]:g}, v = {plan.task.bounds[1]:g}",
+        "admissible": f"{plan.admissible}, u = {plan.bounds[0]:g}, v = {plan.bounds[1]:g}",
         "mountings": ", ".join(plan.mountings),
-        "order": f"{plan.request.order}, seed {plan.request.seed}",
+        "order": f"{plan.order}, seed {plan.seed}",
         **versions(),
     }
     return render_page("Positions to measure", verdict, sections, provenance=provenance, sources=common_plan_sources())

@@ -88,8 +88,8 @@ def _angles(positions: int) -> list[tuple[float, float]]:
 
     from numpy import arange
 
-    from ..planning.measuring_order import apart
-    from ..planning.request import stored_counts, stored_positions
+    from ..planning.order import apart
+    from ..planning.positions import stored_counts, stored_positions
 
     places = stored_positions(positions)
     if places is None:

@@ -1,0 +1,22 @@
+"""Common sets of positions on the tables' admissible set, mounting identity, whose optima have closed forms."""
+
+import numpy as np
+
+from trihedron.tools.planning.positions import Places, Request, Task, stored_positions, task_of
+
+SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
+OPTIMA = np.array([SINGLE, SINGLE, THIRD, *[SCALE] * 6, *[SUM] * 3, *[SINGLE] * 3, *[ZERO] * 3])
+"""Optima over all angles, for bounds of 3e-3 and 1e-2."""
+
+
+def tables_task(**options: object) -> Task:
+    """What is asked with these options of a request."""
+    return task_of(Request(**{"admissible": "tables", **options}), best=OPTIMA)  # pyright: ignore[reportArgumentType]
+
+
+def stored(count: int) -> Places:
+    """The set of so many positions that the package holds."""
+    places = stored_positions(count)
+    assert places is not None
+    assert len(places) == count
+    return places

@@ -1,0 +1,244 @@
+"""`trihedron plan` and `trihedron reproduce calibration`: files that can be used, wrong options in one line."""
+
+import csv
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trihedron.models.regressors import regressors
+from trihedron.tools.bench_run import run_scenario
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.model import parametrise
+from trihedron.tools.cli import main
+from trihedron.tools.demo import inside_intervals, true_targets
+from trihedron.tools.records import PositionRecord, read_record
+from trihedron.tools.scenario import read_scenario
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+
+
+def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = {name: tmp_path / f"x4.{name}" for name in ("json", "svg", "html")}
+    options = ["plan", "--target", "X4", "--admissible", "tables", "--json", str(files["json"])]
+    options += ["--picture", str(files["svg"]), "--report", str(files["html"])]
+    assert main(options) == 0
+    assert "2.0549378711 σ" in capsys.readouterr().out
+    plan = json.loads(files["json"].read_text(encoding="utf-8"))
+    assert (plan["schema"], plan["target"], plan["grid_deg"]) == ("trihedron.plan/1", "X4", 1)
+    assert plan["cost"] == pytest.approx(2.0549378711, abs=1e-9)
+    assert 0 <= plan["gap"] < 1e-9
+    assert sum(abs(row["weight"]) for row in plan["weights"]) == pytest.approx(plan["cost"], rel=1e-12)
+    angles = np.radians([[row["alpha_deg"], row["beta_deg"]] for row in plan["weights"]])
+    f = regressors(angles[:, 0], angles[:, 1], np.eye(3))
+    total = sum(row["weight"] * f[k, row["accelerometer"] - 1] for k, row in enumerate(plan["weights"]))
+    np.testing.assert_allclose(total, np.eye(18)[3], atol=1e-12)
+    assert ElementTree.fromstring(files["svg"].read_text(encoding="utf-8")).tag.endswith("svg")
+    assert "2.0549378711" in files["html"].read_text(encoding="utf-8")
+    before = {name: path.read_bytes() for name, path in files.items()}
+    assert main(options) == 0
+    assert {name: path.read_bytes() for name, path in files.items()} == before
+
+
+def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "all.json"
+    assert main(["plan", "--grid", "6", "--convention", "A2", "--mounting", "tripod", "--json", str(out)]) == 0
+    plans = json.loads(out.read_text(encoding="utf-8"))["plans"]
+    assert len(plans) == 18
+    assert plans[9]["target"] == "(X6+X8)/2"
+    assert set(plans[0]["dual"]) == set(parametrise({"tripod": np.eye(3)}).symbols)
+    assert len(capsys.readouterr().out.splitlines()) == 21
+
+
+def test_a_target_that_begins_with_a_hyphen(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "--target", "-X12", "--grid", "10"]) == 0
+    assert "mounting-error-2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--grid 1 --continuum", "--grid and --continuum"),
+        ("--grid -1", "--grid -1"),
+        ("--target X19", "there is no X19"),
+        ("--target X4+1", "constant term"),
+        ("--grid 90", "cannot determine"),
+        ("--mounting tripot", "tripod"),
+        ("--bounds -1 0.01", "--bounds -1"),
+        ("--bounds 0.1 0.6 --admissible tables", "no position"),
+        ("--picture plan.svg", "--picture"),
+        ("--admissible both", "admissible"),
+        ("--convention A3", "convention"),
+        ("--baseline symmetric --target X5", "symmetric baseline has no X5"),
+        ("--json same --report same", "same"),
+        ("--positions 12 --target X4", "--target: does not go with --positions"),
+        ("--positions 12 --grid 1", "--grid"),
+        ("--positions 12 --curve 6 8", "--positions and --curve"),
+        ("--reserve 1", "--reserve: goes with --positions"),
+        ("--positions 12 --noise-bound 1e-5", "--noise-bound: does not go with --positions"),
+        ("--curve 6 8 --order tour", "--order: does not go with --curve"),
+        ("--curve 9 8", "--curve 9 8"),
+        ("--positions 12 --reserve -1", "--reserve -1"),
+        ("--positions 12 --reserve nan", "--reserve nan"),
+        ("--positions 12 --resolution 0", "--resolution 0"),
+        ("--positions 12 --keep-out gamma:1:2", "alpha:LOW:HIGH"),
+        ("--positions 12 --keep-out alpha:9:2", "HIGH must be above LOW"),
+        ("--positions 12 --keep-out alpha:a:b", "numbers of degrees"),
+        ("--positions 12 --keep-out alpha:0:200 --keep-out alpha:190:365", "nothing of alpha is left"),
+        (
+            "--positions 6 --starts 1 --cuts 0 --keep-out alpha:0:359 --keep-out beta:0:359",
+            "leave more angles by --keep-out",
+        ),
+        ("--positions 12 --starts 0", "--starts 0"),
+        ("--positions 12 --starts 99999999999999999999999", "must be from 1 to 100000"),
+        ("--positions 12 --extra 1001", "--extra 1001"),
+        ("--positions 12 --extra -1", "--extra -1"),
+        ("--positions 12 --seed -1", "--seed -1"),
+        ("--positions 12 --dwell 0", "--dwell 0"),
+        ("--positions 12 --detect quadratik", "did you mean 'quadratic'"),
+        ("--positions 12 --detect outlier", "one reading"),
+        ("--positions 12 --repeat 13", "--repeat 13"),
+        ("--positions 4", "--positions 4: must be between 5"),
+        ("--positions 61", "--positions 61"),
+        ("--positions 12 --criterion best", "criterion"),
+        ("--positions 12 --mountings identity identity", "given twice"),
+        ("--positions 12 --mountings identity --mounting tripod", "--mounting and --mountings"),
+        ("--check missing.csv", "missing.csv"),
+        ("--check missing.csv --report r.html", "--report: does not go with --check"),
+    ],
+)
+def test_wrong_options_are_said_in_one_line(
+    options: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", *options.split()]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert said in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("matrix", "said"),
+    [
+        ("[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\n[b]\nmatrix = [[0,1,0],[0,0,1],[1,0,0]]\n", "2 mountings"),
+        ("[a]\nmatrix = [[1,0,0],[0,1.1,0],[0,0,1]]\n", "not orthogonal"),
+        ("[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,-1]]\n", "reflection"),
+    ],
+)
+def test_mountings_that_cannot_be_used(
+    matrix: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mounting.toml"
+    path.write_text(matrix, encoding="utf-8")
+    assert main(["plan", "--mounting", str(path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_published_tables_and_their_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", "calibration"]) == 0
+    out = capsys.readouterr().out
+    assert "X3: the accuracy is printed as 1.00; its own weights give 1.0311" in out
+    assert "X12: the weights estimate -X12" in out
+    assert "18 of the 18 optima are lower" in out
+
+
+@pytest.fixture(scope="module")
+def plan_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan") / "plan"
+    options = ["plan", "--positions", "9", "--admissible", "tables", "--starts", "1", "--cuts", "2", "--repeat", "2"]
+    options += ["--resolution", "0.05", "--keep-out", "alpha:30:40", "--dwell", "12", "--json", f"{folder}.json"]
+    assert main([*options, "--out", str(folder), "--report", f"{folder}.html"]) == 0
+    return folder
+
+
+def test_the_plan_that_is_written(plan_folder: Path) -> None:
+    plan = json.loads((plan_folder / "plan.json").read_text(encoding="utf-8"))
+    assert json.loads(Path(f"{plan_folder}.json").read_text(encoding="utf-8")) == plan
+    assert Path(f"{plan_folder}.html").read_bytes() == (plan_folder / "operator.html").read_bytes()
+    assert plan["schema"] == "trihedron.plan/1"
+    assert len(plan["positions"]) == 9
+    assert sorted(set(plan["programme"])) == list(range(1, 10))
+    assert len(plan["programme"]) == 11
+    assert 1.0 <= plan["lower_bound"] <= plan["worst_ratio"] < 1.2
+    assert plan["lower_bound_on"].startswith("pool of ")
+    ratios = [plan["costs"][name] / plan["optima"][name] for name in plan["costs"]]
+    assert max(ratios) == pytest.approx(plan["worst_ratio"], rel=1e-12)
+    for one in plan["positions"]:
+        for name in ("alpha_deg", "beta_deg"):
+            assert one[name] / 0.05 == pytest.approx(round(one[name] / 0.05), abs=1e-6)
+        assert not 30 < one["alpha_deg"] % 360 < 40
+    page = (plan_folder / "operator.html").read_text(encoding="utf-8")
+    assert "again no." in page
+    rows = list(csv.DictReader((plan_folder / "table.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["order"] for row in rows] == [str(k) for k in range(1, 12)]
+    assert {row["dwell_s"] for row in rows} == {"12"}
+
+
+def test_the_programme_runs_and_the_truth_is_inside(plan_folder: Path, tmp_path: Path) -> None:
+    text = (SCENARIOS / "static-calibration.toml").read_text(encoding="utf-8")
+    (tmp_path / "programme.csv").write_text((plan_folder / "programme.csv").read_text(encoding="utf-8"))
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(text.replace("static-calibration-positions.csv", "programme.csv"), encoding="utf-8")
+    files = run_scenario(scenario, tmp_path / "run", progress=False)
+    record = read_record(files[-1], PositionRecord)
+    assert len(record.position) == 11
+    result = calibrate(record, noise_bound=1e-5)
+    assert result.verdict == "consistent"
+    assert inside_intervals(result, true_targets(read_scenario(scenario))) == 18
+
+
+def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "--check", str(plan_folder / "angles.csv"), "--admissible", "tables"]) == 0
+    assert "over all targets: tolerable" in capsys.readouterr().out
+    lines = (plan_folder / "angles.csv").read_text(encoding="utf-8").splitlines()
+    moved = [lines[0]]
+    for k, line in enumerate(lines[1:]):
+        a, b, *_ = map(float, line.split(","))
+        moved.append(f"{a},{b},{a + 0.05 * (-1) ** k},{b - 0.05}")
+    actual = tmp_path / "angles.csv"
+    actual.write_text("\n".join(moved) + "\n", encoding="utf-8")
+    assert main(["plan", "--check", str(actual), "--admissible", "tables", "--noise-bound", "1e-6"]) == 0
+    out = capsys.readouterr().out
+    assert "largest error of setting 0.05°" in out
+    assert "over all targets: tolerable" not in out
+    assert "over all targets:" in out
+
+
+def test_a_check_file_without_its_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "angles.csv"
+    path.write_text("alpha_deg,beta_deg\n1,2\n", encoding="utf-8")
+    assert main(["plan", "--check", str(path)]) == 2
+    assert "planned_alpha_deg" in capsys.readouterr().err
+
+
+def test_a_check_file_with_angles_that_no_table_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "angles.csv"
+    path.write_text("planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg\n1,2,1,2\n3,4,3,1e17\n", encoding="utf-8")
+    assert main(["plan", "--check", str(path)]) == 2
+    assert "row 3, column 'beta_deg': 1e+17 is outside -1e+06 to 1e+06" in capsys.readouterr().err
+
+
+def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
+    options = ["--positions", "8", "--starts", "1", "--cuts", "0", "--json", str(tmp_path / "plan.json")]
+    assert main(["plan", *options, "--keep-out", "alpha:40:250", "--keep-out", "beta:100:450"]) == 0
+    for position in json.loads((tmp_path / "plan.json").read_text())["positions"]:
+        assert not 40.0 < position["alpha_deg"] % 360.0 < 250.0
+        assert 90.0 <= position["beta_deg"] % 360.0 <= 100.0
+
+
+@pytest.mark.acceptance
+def test_random_order_repeats_with_its_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two mountings, positions split over them, the random order that the seed gives; the same bytes twice."""
+    options = ["plan", "--positions", "14", "--mountings", "identity", "ry45", "--baseline", "symmetric"]
+    options += ["--order", "random", "--seed", "5", "--starts", "1", "--cuts", "0"]
+    texts = []
+    for name in ("one", "two"):
+        assert main([*options, "--out", str(tmp_path / name)]) == 0
+        texts.append({path.name: path.read_bytes() for path in sorted((tmp_path / name).iterdir())})
+    assert texts[0] == texts[1]
+    assert {"programme-identity.csv", "programme-ry45.csv"} <= set(texts[0])
+    assert "mountings identity, ry45" in capsys.readouterr().out

@@ -1,0 +1,354 @@
+"""What a plan is worth where the bench is not as planned: angles set with errors, and effects that no model holds.
+
+Errors of setting (section 4 of Golovan, Matasov, Tarygin 2022), before anything is measured: the plan's weights Φ, used
+at the angles where the table really stood, estimate with the bias Σ b X, b = Σ Φ F − a. It is tolerable where
+Σ|b| X^max is small beside σ Σ|Φ|; else the weights are compensated by (4.2), l̃ = A L⁻¹ (Φ z) with L = Σ Φ Fᵀ at the
+actual angles; or the programme is solved again on the actual angles, which nothing betters. At the actual angles a
+reading counts where (1.7) as printed says so: what a plan keeps beyond that, the bias rows or a reserve, is there to be
+used up.
+
+Effects: a unit effect changes the readings by d. No parameters imitate it better than to dist = min over X of
+max |d − F'X|; noise within σ cannot hide an effect larger than 2 σ / dist. Near the optimal positions some effects are
+nearly parameters; extra positions show them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
+from ...models.regressors import nominal_input, regressors, stand_regressors
+from ..bounded.programmes import chebyshev_radius
+from ..errors import InputError, nearest
+from ..orchestrator.tables import read_table
+from ..records.columns import LIMITS
+from ..result import Result
+from .forms import x_from_targets
+from .positions import (
+    NOT_DETERMINED,
+    Places,
+    Readings,
+    Task,
+    allowed,
+    clearances,
+    costs,
+    on_all_mountings,
+    readings,
+    task_of,
+)
+
+TOLERABLE = 0.1
+"""A bias that may add a tenth of the guaranteed error is tolerable."""
+AS_GOOD = 1.01
+"""Compensated weights that cost one per cent more than new ones are good enough."""
+UNBIASED = 1e-9
+ADVICE = ("tolerable", "compensate", "re-solve", "measure again")
+"""From the least trouble to the most."""
+LATTICE_DEG = 15.0
+PHASES = 8
+"""An effect with two coefficients is judged by the least distance over so many phases."""
+SHORTLIST = 10
+"""So many positions, those where the effects show most, are judged by the distance itself."""
+NOTHING = 1e-9
+
+
+class TargetCheck(Result):
+    """What the actual angles mean for one target; all in units of σ.
+
+    Attributes
+    ----------
+    target : str
+    planned : float
+        Σ|Φ| of the plan
+    bias : float
+        Σ|b| X^max / σ with the plan's weights at the actual angles
+    compensated : float or None
+        Σ|Φ| by (4.2); None where that is not possible
+    solved : float or None
+        Σ|Φ| of the programme on the actual angles; None where they do not determine the target
+    advice : str
+        of `ADVICE`
+    """
+
+    target: str
+    planned: float
+    bias: float
+    compensated: float | None
+    solved: float | None
+    advice: str
+
+
+class SettingCheck(Result):
+    """What errors of setting do to a plan.
+
+    Attributes
+    ----------
+    advice : str
+        what the worst target needs
+    lost_readings : int
+        readings with weight whose sign is no longer certain
+    largest_error_deg : float
+        largest error of setting [deg]
+    noise_bound : float
+        σ
+    targets : tuple of TargetCheck
+    """
+
+    schema_: Literal["trihedron.setting-check/1"] = Field(default="trihedron.setting-check/1", alias="schema")
+    advice: str
+    lost_readings: int
+    largest_error_deg: float
+    noise_bound: float
+    targets: tuple[TargetCheck, ...]
+
+
+def read_angles(path: Path) -> tuple[Places, Places]:
+    """Planned and actual positions of an `angles.csv`.
+
+    Raises
+    ------
+    InputError
+        for a file that cannot be read, lacks a column, holds no rows, or angles that no table has
+    """
+    names = ("planned_alpha_deg", "planned_beta_deg", "alpha_deg", "beta_deg")
+    table, _ = read_table(path, str(path), names)
+    low, high, needed = LIMITS["alpha_deg"]
+    for name in names:
+        values = table.columns[name]
+        for k in np.flatnonzero((values < low) | (values > high)).tolist():
+            raise InputError(f"{table.row(k)}, column '{name}': {values[k]:g} is outside {low:g} to {high:g}; {needed}")
+    angle = np.radians(np.column_stack([table.columns[name] for name in names]))
+    mounting = np.zeros(len(angle), dtype=int)
+    return Places(angle[:, :2], mounting), Places(angle[:, 2:], mounting)
+
+
+def check_settings(task: Task, planned: Places, actual: Places, noise_bound: float) -> SettingCheck:
+    """Compare bias and noise of a plan's estimators at the angles where the table stood.
+
+    Parameters
+    ----------
+    task : Task
+        of one mounting, asymmetric
+    planned, actual : Places
+        position by position
+    noise_bound : float
+        σ
+
+    Raises
+    ------
+    InputError
+        when the planned positions do not determine every target, or for a symmetric baseline
+    """
+    p = task.parametrisation
+    if p.symmetric or len(p.mountings) != 1:
+        raise InputError("--check: is for the asymmetric baseline and one mounting")
+    plan = costs(task, planned)
+    if not plan.determined.all():
+        missing = [t.symbol for t, known in zip(task.targets, plan.determined, strict=True) if not known]
+        raise InputError(f"--check: the planned positions do not determine {', '.join(missing)}")
+    where, sheet = plan.readings.position, plan.readings.sheet
+    exact = task_of(replace(task.request, admissible="paper", reserve_deg=0.0, keep_out=()), best=task.best)
+    certain = clearances(exact, actual)[where, sheet] > 0.0
+    used = np.abs(plan.weights) > 1e-9
+    weights = np.where(certain, plan.weights, 0.0)
+    alpha, beta = actual.angle[where].T
+    f = regressors(alpha, beta, p.matrices[0])[np.arange(len(where)), task.accelerometer[sheet]]
+    wanted = task.weights @ np.linalg.inv(x_from_targets() @ p.selection[0])
+    reached, (u, v) = weights @ f, task.request.bounds
+    bias = np.abs(reached - wanted) @ np.where(np.arange(18) < 3, u, v) / noise_bound
+    mended = _compensated(wanted, reached, weights)
+    solved = costs(exact, actual)
+    checks = []
+    for k, target in enumerate(task.targets):
+        again = float(solved.ratio[k] * task.best[k]) if solved.ratio[k] < NOT_DETERMINED else None
+        own = None if mended is None else float(np.abs(mended[k]).sum())
+        cost = float(np.abs(plan.weights[k]).sum())
+        advice = "re-solve"
+        if again is None:
+            advice = "measure again"
+        elif bias[k] <= TOLERABLE * cost and certain[used[k]].all():
+            advice = "tolerable"
+        elif own is not None and own <= AS_GOOD * again:
+            advice = "compensate"
+        checks.append(
+            TargetCheck(
+                target=target.symbol, planned=cost, bias=float(bias[k]), compensated=own, solved=again, advice=advice
+            )
+        )
+    turned = np.degrees(np.abs(np.angle(np.exp(1j * (actual.angle - planned.angle)))))
+    return SettingCheck(
+        advice=max((check.advice for check in checks), key=ADVICE.index),
+        lost_readings=int((used.any(axis=0) & ~certain).sum()),
+        largest_error_deg=float(turned.max(initial=0.0)),
+        noise_bound=noise_bound,
+        targets=tuple(checks),
+    )
+
+
+def _compensated(wanted: NDArray, reached: NDArray, weights: NDArray) -> NDArray | None:
+    """Weights (K, M) of (4.2), unbiased at the actual angles; None where L cannot be solved."""
+    if reached.shape[0] != reached.shape[1] or np.linalg.cond(reached) > 1e9:
+        return None
+    mended = wanted @ np.linalg.solve(reached, weights)
+    return mended if np.abs(wanted @ np.linalg.solve(reached, reached) - wanted).max() < UNBIASED else None
+
+
+class EffectDistance(Result):
+    """How well an effect shows: the distance of the unit effect from the model's range.
+
+    Attributes
+    ----------
+    effect : str
+    distance_before, distance_after, distance_at_most : float
+        with the plan, with the extra positions, and with every position of the lattice
+    """
+
+    effect: str
+    distance_before: float
+    distance_after: float
+    distance_at_most: float
+
+
+def named_effects(names: Sequence[str]) -> list[EffectPlace]:
+    """The effects that a person names: "quadratic accelerometer-3", or "quadratic" for all its places.
+
+    Raises
+    ------
+    InputError
+        for a name that is not in the catalogue
+    """
+    places = {place.title: place for effect in POSITION_EFFECTS.values() for place in effect.places}
+    found: list[EffectPlace] = []
+    for name in names:
+        words = " ".join(name.split())
+        if words in POSITION_EFFECTS and not CATALOGUE[words].places:
+            raise InputError(f"--detect {name!r}: is of one reading; no choice of positions shows it better")
+        own = [place for title, place in places.items() if title == words or place.effect == words]
+        if not own:
+            effect = words.split(" ")[0]
+            of_it = [title for title in places if title.split(" ")[0] == effect]
+            known = of_it if effect in POSITION_EFFECTS else list(POSITION_EFFECTS)
+            raise InputError(f"--detect {name!r}: is not in the catalogue; {nearest(words, known)}")
+        found += [place for place in own if place not in found]
+    return found
+
+
+def detecting(task: Task, places: Places, effects: Sequence[EffectPlace]) -> tuple[Places, tuple[EffectDistance, ...]]:
+    """Add positions, one by one, that raise the least distance relative to what a whole lattice would give.
+
+    Parameters
+    ----------
+    task : Task
+        its request says how many positions are added, at most: none that help nothing
+    places : Places
+        the plan
+    effects : sequence of EffectPlace
+
+    Returns
+    -------
+    Places
+        the plan with the extra positions at its end
+    tuple of EffectDistance
+
+    Raises
+    ------
+    InputError
+        for an effect that does not depend on the positions
+    """
+    degrees = np.arange(0.0, 360.0, LATTICE_DEG)
+    angle = np.radians(np.stack(np.meshgrid(degrees, degrees, indexing="ij"), axis=-1).reshape(-1, 2))
+    lattice = on_all_mountings(angle[allowed(task, angle)], len(task.parametrisation.mountings))
+    lattice = lattice.chosen(np.unique(readings(task, lattice).position))
+
+    def distances(trial: Places) -> NDArray:
+        return np.array([distance(task, effect, trial) for effect in effects])
+
+    most, before = distances(places.joined(lattice)), distances(places)
+    for effect, limit in zip(effects, most, strict=True):
+        if limit <= NOTHING:
+            raise InputError(f"--detect {effect.title!r}: is imitated by the parameters at every position")
+    here, now = places, before
+    for _ in range(task.request.extra):
+        weakest = int((now / most).argmin())
+        if now[weakest] > 0.999 * most[weakest]:
+            break
+        trials = [here.joined(lattice.chosen([row])) for row in _promising(task, effects[weakest], here, lattice)]
+        judged = [distances(trial) for trial in trials]
+        worth = [(round(float((d / most).min()), 9), round(float((d / most).mean()), 9)) for d in judged]
+        pick = max(range(len(trials)), key=lambda k: worth[k])
+        here, now = trials[pick], judged[pick]
+    found = zip([effect.title for effect in effects], before.tolist(), now.tolist(), most.tolist(), strict=True)
+    return here, tuple(
+        EffectDistance(effect=title, distance_before=b, distance_after=a, distance_at_most=m)
+        for title, b, a, m in found
+    )
+
+
+def distance(task: Task, effect: EffectPlace, places: Places) -> float:
+    """Chebyshev distance of the unit effect from the range of the model on the readings of these positions."""
+    return _imitated(task, effect, places)[0]
+
+
+def _imitated(task: Task, effect: EffectPlace, places: Places) -> tuple[float, NDArray, NDArray]:
+    """The least distance over the effect's phases, the phase, and the parameters that imitate it best."""
+    given = readings(task, places)
+    columns = _columns(task, effect, places, given)
+    units = list(np.eye(columns.shape[1]))
+    if len(units) == 2:
+        units = [np.array([np.cos(phase), np.sin(phase)]) for phase in np.pi * np.arange(PHASES) / PHASES]
+    solved = []
+    for unit in units:
+        signal = columns @ unit
+        size = float(np.abs(signal).max(initial=0.0))
+        if size < NOTHING:
+            solved.append((0.0, unit, np.zeros(given.regressor.shape[1])))
+            continue
+        radius, x, _ = chebyshev_radius(given.regressor, signal / size, np.ones(len(signal)))
+        solved.append(((radius if radius > 1e-8 else 0.0) * size, unit, x * size))
+    return min(solved, key=lambda one: one[0])
+
+
+def _columns(task: Task, effect: EffectPlace, places: Places, given: Readings) -> NDArray:
+    """What the unit effect adds to the readings that count (M, K)."""
+    entry = CATALOGUE[effect.effect].at(effect)
+    columns = np.zeros((len(places), 3, 1))
+    if entry.variants is None:
+        columns = entry.signature(effect, _rows(task, places)).reshape(len(places), 3, -1)
+    if not columns.any():
+        raise InputError(
+            f"--detect {effect.title!r}: is not linear, or shows in time, temperature or moves, not by positions alone"
+        )
+    return columns[given.position, task.accelerometer[given.sheet]]
+
+
+def _rows(task: Task, places: Places) -> Rows:
+    alpha, beta = places.angle.T
+    matrix = task.parametrisation.matrices[places.mounting]
+    stand = stand_regressors(alpha, beta, matrix)
+    turn = np.stack([np.sin(alpha) * np.cos(beta), -np.sin(alpha) * np.sin(beta), np.zeros(len(places))], axis=1)
+    return Rows(
+        hours=np.zeros(len(places)),
+        alpha=alpha,
+        beta=beta,
+        n=nominal_input(alpha, beta, matrix),
+        by_alpha=-stand[..., 1],
+        by_beta=np.squeeze(matrix @ turn[..., None], -1),
+        by_kappa=stand[..., 0],
+        by_epsilon=stand[..., 2],
+        temperature=np.full(len(places), 20.0),
+    )
+
+
+def _promising(task: Task, effect: EffectPlace, here: Places, lattice: Places) -> NDArray:
+    """Positions of the lattice where the parameters that imitate the effect best on the plan fail most."""
+    _, unit, x = _imitated(task, effect, here)
+    there = readings(task, lattice)
+    missed = np.abs(_columns(task, effect, lattice, there) @ unit - there.regressor @ x)
+    highest = np.zeros(len(lattice))
+    np.maximum.at(highest, there.position, missed)
+    return np.argsort(-np.round(highest, 9), kind="stable")[:SHORTLIST]

@@ -1,0 +1,437 @@
+"""What is asked of a common set of positions, the readings that such a set gives, and what they cost.
+
+One set serves all targets and all accelerometers at once: a reading counts where the sign of its input is certain by
+the admissible set, at every angle that an error of setting may lead to. The cost of a target is the least guaranteed
+error with the readings that count.
+"""
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calibration.model import Parametrisation, parametrise
+from ..calibration.mountings import mountings_of
+from ..calibration.targets import Target, convention_targets
+from ..errors import InputError
+from ..progress import shown_status
+from .certificate import UndeterminedError
+from .continuum import Continuum, scaled_optimum
+from .forms import DEFAULT_BOUNDS, basis, padded_terms, sheets
+from .grid import Columns
+
+CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
+TURN = 2.0 * np.pi
+MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
+"""More searches, cuts or positions would not end within days."""
+NOT_DETERMINED = 1e3
+"""A ratio above this says that the positions do not determine the target."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a user asks of a common set of positions.
+
+    Attributes
+    ----------
+    criterion : {"worst", "mean"}
+        which ratio of costs to the targets' own optima is made small
+    reserve_deg : float
+        readings still count when positions are set with an error up to that [deg]
+    resolution_deg : float or None
+        of the table [deg]
+    keep_out : tuple of str
+        angles that are not used, "alpha:LOW:HIGH" in degrees
+    order : {"tour", "random"}
+    repeat : int
+        so many positions are measured twice
+    detect : tuple of str
+        effects that the extra positions show
+    extra : int
+        how many positions more, at most
+    seed, starts, cuts : int
+        of the random numbers; local searches; cuts for the lower bound
+    admissible, bounds, convention, baseline
+        as of the plans of single targets
+    mountings : tuple
+        presets, files or matrices by name: the set is split over them
+    """
+
+    criterion: str = "worst"
+    reserve_deg: float = 0.0
+    resolution_deg: float | None = None
+    keep_out: tuple[str, ...] = ()
+    order: str = "tour"
+    repeat: int = 0
+    detect: tuple[str, ...] = ()
+    extra: int = 6
+    seed: int = 0
+    starts: int = 30
+    cuts: int = 40
+    admissible: str = "paper"
+    bounds: tuple[float, float] = DEFAULT_BOUNDS
+    convention: str = "A1"
+    baseline: str = "asymmetric"
+    mountings: tuple[Mapping[str, ArrayLike] | str, ...] = ("identity",)
+
+    def check(self) -> None:
+        """Refuse options that no plan can fulfil.
+
+        Raises
+        ------
+        InputError
+            one line that names the option
+        """
+        for name, value, known in (
+            ("criterion", self.criterion, ("worst", "mean")),
+            ("order", self.order, ("tour", "random")),
+            ("convention", self.convention, ("A1", "A2")),
+            ("baseline", self.baseline, ("asymmetric", "symmetric")),
+        ):
+            if value not in known:
+                raise InputError(f"--{name} {value}: must be one of {', '.join(known)}")
+        if not 0.0 <= self.reserve_deg <= 10.0:
+            raise InputError(f"--reserve {self.reserve_deg:g}: must be between 0 and 10 degrees")
+        if self.resolution_deg is not None and not 1e-6 <= self.resolution_deg <= 30.0:
+            raise InputError(f"--resolution {self.resolution_deg:g}: must be between 1e-6 and 30 degrees")
+        for name, number, least, most in (
+            ("starts", self.starts, 1, MOST_STARTS),
+            ("cuts", self.cuts, 0, MOST_CUTS),
+            ("extra", self.extra, 0, MOST_EXTRA),
+            ("seed", self.seed, 0, 2**31 - 1),
+        ):
+            if not least <= number <= most:
+                raise InputError(f"--{name} {number}: must be from {least} to {most}")
+        for text in self.keep_out:
+            parsed_keep_out(text)
+
+    def parametrisation(self) -> Parametrisation:
+        """The parameters with all mountings.
+
+        Raises
+        ------
+        InputError
+            for mountings that cannot be used, are given twice, or cannot name files
+        """
+        found: dict[str, NDArray] = {}
+        for given in self.mountings:
+            for name, matrix in mountings_of(given).items():
+                if name in found:
+                    raise InputError(f"--mountings: {name} is given twice")
+                if not name.replace("-", "").replace("_", "").isalnum():
+                    raise InputError(f"--mountings: '{name}' cannot name files; use letters, digits, - and _")
+                found[name] = matrix
+        return parametrise(found, symmetric=self.baseline == "symmetric")
+
+
+def parsed_keep_out(text: str) -> tuple[int, float, float]:
+    """Axis, low and high [rad] of a keep-out as a person writes it: "alpha:100:150".
+
+    Raises
+    ------
+    InputError
+        for what is not an axis and two angles, the second above the first, less than a turn apart
+    """
+    where, parts = f"--keep-out {text!r}", text.split(":")
+    if len(parts) != 3 or parts[0] not in ("alpha", "beta"):
+        raise InputError(f"{where}: write alpha:LOW:HIGH or beta:LOW:HIGH, in degrees")
+    try:
+        low, high = float(parts[1]), float(parts[2])
+    except ValueError:
+        raise InputError(f"{where}: LOW and HIGH must be numbers of degrees") from None
+    if not (np.isfinite([low, high]).all() and 0.0 < high - low < 360.0):
+        raise InputError(f"{where}: HIGH must be above LOW by less than 360")
+    return ("alpha", "beta").index(parts[0]), float(np.radians(low)), float(np.radians(high))
+
+
+@dataclass(frozen=True)
+class Places:
+    """Table positions.
+
+    Attributes
+    ----------
+    angle : (N, 2) array
+        α and β [rad]
+    mounting : (N,) array of int
+        index into the mountings
+    """
+
+    angle: NDArray
+    mounting: NDArray
+
+    def __len__(self) -> int:
+        """N."""
+        return len(self.angle)
+
+    def at(self, angle: NDArray) -> "Places":
+        """The same mountings at other angles (N, 2)."""
+        return Places(angle, self.mounting)
+
+    def chosen(self, rows: Sequence[int] | NDArray) -> "Places":
+        """Some of them."""
+        return Places(self.angle[rows], self.mounting[rows])
+
+    def joined(self, other: "Places") -> "Places":
+        """These and others after them."""
+        return Places(np.concatenate([self.angle, other.angle]), np.concatenate([self.mounting, other.mounting]))
+
+
+def on_all_mountings(angle: NDArray, mountings: int) -> Places:
+    """The same angles (N, 2) [rad] with every mounting, one mounting after the other."""
+    return Places(np.concatenate([angle] * mountings), np.repeat(np.arange(mountings), len(angle)))
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is asked: targets, admissible set, where the table may stand.
+
+    Attributes
+    ----------
+    request : Request
+    parametrisation : Parametrisation
+    targets : tuple of Target
+        K of them
+    best : (K,) array
+        cost of each target's own optimal plan over all angles [σ]
+    support : (n, 2) array
+        positions of those plans [rad]; none where the costs were given
+    keep_out : tuple
+        of each axis, intervals [rad] (low, high), low < high, of encoder readings that are not used
+    regressor, base, terms : (S, P, 3, 3), (S, 3, 3), (S, T, 3, 3) array
+        the sheets, stacked
+    accelerometer, mounting : (S,) array of int
+        of each sheet
+    """
+
+    request: Request
+    parametrisation: Parametrisation
+    targets: tuple[Target, ...]
+    best: NDArray
+    support: NDArray
+    keep_out: tuple[tuple[tuple[float, float], ...], ...]
+    regressor: NDArray
+    base: NDArray
+    terms: NDArray
+    accelerometer: NDArray
+    mounting: NDArray
+
+    @cached_property
+    def weights(self) -> NDArray:
+        """a of every target (K, P)."""
+        return np.array([target.weights for target in self.targets])
+
+    @cached_property
+    def shifts(self) -> NDArray:
+        """Corners (C, 2) of the box of setting errors [rad]."""
+        reserve = np.radians(self.request.reserve_deg)
+        return reserve * np.array(CORNERS) if reserve > 0.0 else np.zeros((1, 2))
+
+    @cached_property
+    def room(self) -> NDArray:
+        """How far the clearance (S,) inside that box may lie below that of its corners."""
+        forms = np.concatenate([self.base[:, None], self.terms], axis=1)
+        bent = np.linalg.norm(forms[..., :2, :], 2, axis=(-2, -1)) + np.linalg.norm(forms[..., :, :2], 2, axis=(-2, -1))
+        # A form with second derivatives below M is within M r²/2, for each axis, of the interpolation of the corners.
+        return 0.5 * np.radians(self.request.reserve_deg) ** 2 * np.sqrt(2.0) * bent.sum(axis=1)
+
+
+def task_of(request: Request, *, best: NDArray | None = None, progress: bool = False) -> Task:
+    """What is asked, checked, with the optimum of every target over all angles (setting errors not allowed for).
+
+    Parameters
+    ----------
+    request : Request
+    best : (K,) array or None
+        the optima where they are known already; computed when None
+    progress : bool
+        show on a terminal that they are computed
+
+    Raises
+    ------
+    InputError
+        for options that cannot be used, also when no positions can determine a target
+    """
+    request.check()
+    p = request.parametrisation()
+    targets = convention_targets(p, request.convention)
+    parsed = [parsed_keep_out(text) for text in request.keep_out]
+    keep_out = tuple(tuple((low, high) for at, low, high in parsed if at == axis) for axis in (0, 1))
+    for name, intervals in zip(("alpha", "beta"), keep_out, strict=True):
+        if not free_arcs(intervals):
+            raise InputError(f"--keep-out: nothing of {name} is left; leave some of its angles free")
+    found = sheets(p, bounds=request.bounds, rule=request.admissible)
+    support = np.zeros((0, 2))
+    if best is None:
+        try:
+            with shown_status("optima of the targets", show=progress):
+                everywhere = Continuum(found)
+                optima = [scaled_optimum(everywhere, target.weights) for target in targets]
+        except UndeterminedError:
+            raise InputError("the admissible positions cannot determine every target; give smaller --bounds") from None
+        best = np.array([optimum.cost for optimum in optima])
+        support = np.concatenate([np.column_stack([optimum.alpha, optimum.beta]) for optimum in optima])
+    return Task(
+        request,
+        p,
+        tuple(targets),
+        best,
+        support,
+        keep_out,
+        regressor=np.array([sheet.regressor for sheet in found]),
+        base=np.array([sheet.base for sheet in found]),
+        terms=padded_terms(found),
+        accelerometer=np.array([sheet.accelerometer for sheet in found]),
+        mounting=np.array([sheet.mounting for sheet in found]),
+    )
+
+
+def clearances(task: Task, places: Places) -> NDArray:
+    """Clearance (N, S) [g] of each sheet at each position, setting errors allowed for; a reading counts above 0."""
+    lowest = np.full((len(places), len(task.base)), np.inf)
+    for shift in task.shifts:
+        a, b = basis(places.angle[:, 0] + shift[0]), basis(places.angle[:, 1] + shift[1])
+        clear = np.einsum("sij,ni,nj->ns", task.base, a, b, optimize=True)
+        clear -= np.abs(np.einsum("stij,ni,nj->nst", task.terms, a, b, optimize=True)).sum(axis=2)
+        lowest = np.minimum(lowest, clear)
+    lowest -= task.room
+    lowest[places.mounting[:, None] != task.mounting] = -np.inf
+    return lowest
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The readings that count.
+
+    Attributes
+    ----------
+    position, sheet : (M,) array of int
+    regressor : (M, P) array
+        F
+    clearance : (M,) array
+        [g]
+    """
+
+    position: NDArray
+    sheet: NDArray
+    regressor: NDArray
+    clearance: NDArray
+
+
+def readings(task: Task, places: Places) -> Readings:
+    """The readings of a set of positions whose inputs are certain."""
+    clear = clearances(task, places)
+    position, sheet = np.nonzero(clear > 0.0)
+    a, b = basis(places.angle[position, 0]), basis(places.angle[position, 1])
+    f = np.einsum("mpij,mi,mj->mp", task.regressor[sheet], a, b, optimize=True)
+    return Readings(position, sheet, f, clear[position, sheet])
+
+
+@dataclass(frozen=True)
+class Costs:
+    """The cost of every target on a set of positions.
+
+    Attributes
+    ----------
+    places : Places
+    readings : Readings
+    weights : (K, M) array
+        Φ of each target's estimator
+    duals : (K, P) array
+        y: |F'y| ≤ 1 on the readings, a'y the cost
+    ratio : (K,) array
+        cost over the target's optimum over all angles
+    """
+
+    places: Places
+    readings: Readings
+    weights: NDArray
+    duals: NDArray
+    ratio: NDArray
+
+    @property
+    def worst(self) -> float:
+        """The largest ratio."""
+        return float(self.ratio.max())
+
+    @property
+    def mean(self) -> float:
+        """The mean ratio."""
+        return float(self.ratio.mean())
+
+    @property
+    def determined(self) -> NDArray:
+        """Which targets (K,) the positions determine."""
+        return self.ratio < NOT_DETERMINED
+
+
+def costs(task: Task, places: Places) -> Costs:
+    """Solve the linear programme of every target on the readings of these positions."""
+    given = readings(task, places)
+    weights = np.zeros((len(task.targets), len(given.position)))
+    duals, value = np.zeros_like(task.weights), np.zeros(len(task.targets))
+    programme = Columns(task.weights.shape[1])
+    if len(given.position):
+        programme.add(given.regressor)
+    for k, target in enumerate(task.weights):
+        programme.aim(target)
+        weights[k], duals[k], possible = programme.solve()
+        value[k] = duals[k] @ target
+        if possible:
+            used = np.flatnonzero(weights[k])
+            columns = given.regressor[used].T
+            # The solver's tolerance, taken out.
+            weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
+    return Costs(places, given, weights, duals, value / task.best)
+
+
+def allowed(task: Task, angle: NDArray) -> NDArray:
+    """Which positions (N, 2) [rad] lie in no keep-out, ends included."""
+    free = np.ones(len(angle), dtype=bool)
+    for axis, intervals in enumerate(task.keep_out):
+        for low, high in intervals:
+            inside = np.mod(angle[:, axis] - low, TURN)
+            free &= ~((inside > 1e-12) & (inside < high - low - 1e-12))
+    return free
+
+
+def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """What an axis' keep-outs leave of a turn: arcs [rad] (low, high), low < high; none where they leave nothing."""
+    if not intervals:
+        return [(0.0, TURN)]
+    ends = np.unique(np.mod(np.ravel(intervals), TURN))
+    return [
+        (float(a), float(b))
+        for a, b in pairwise([*ends, ends[0] + TURN])
+        if b - a > 1e-9 and not any((0.5 * (a + b) - low) % TURN < high - low for low, high in intervals)
+    ]
+
+
+def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray]:
+    """How far (N, 2) each angle may go down and up [rad], at most `radius`, without entering a keep-out."""
+    down, up = np.full(angle.shape, radius), np.full(angle.shape, radius)
+    for axis, intervals in enumerate(task.keep_out):
+        for low, high in intervals:
+            up[:, axis] = np.minimum(up[:, axis], np.mod(low - angle[:, axis] + 1e-12, TURN))
+            down[:, axis] = np.minimum(down[:, axis], np.mod(angle[:, axis] - high + 1e-12, TURN))
+    return np.maximum(down - 1e-12, 0.0), np.maximum(up - 1e-12, 0.0)
+
+
+def stored_positions(count: int) -> Places | None:
+    """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
+    angle = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in _stored_rows() if int(r["positions"]) == count]
+    return Places(np.radians(angle), np.zeros(count, dtype=int)) if angle else None
+
+
+def stored_counts() -> list[int]:
+    """For how many positions the package holds a plan."""
+    return sorted({int(row["positions"]) for row in _stored_rows()})
+
+
+def _stored_rows() -> Iterator[dict[str, str]]:
+    text = resources.files("trihedron.tools.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
+    return csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))

@@ -1,0 +1,396 @@
+"""The search for a common set of positions: many starts, each improved locally, and the best ones changed in part.
+
+Local improvement is sequential linear programming in the angles and all weights at once. Unknown are the angles θ and
+the weights Φ of every target's estimator: least r with Σ Φ F(θ) = a and Σ|Φ| ≤ r c. About the present weights the
+products Φ F(θ) are linear in dθ and the new Φ, to second order; readings that count must go on counting. A step is kept
+when the exact costs fall, and the region of trust follows what the steps are worth.
+
+Random numbers come from the seed, and the budget is counted in starts: the same options find the same plan.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import product
+
+import highspy
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from ..progress import progress_bar
+from .certificate import NO_WEIGHT
+from .forms import basis, slopes
+from .positions import NOT_DETERMINED, Costs, Places, Task, allowed, costs, free_arcs, freedom
+
+ELITE = 6
+"""So many of the best sets are kept and changed."""
+ALIKE = 1e-6
+"""Sets whose merit differs by less count as one."""
+FRESH = 0.2
+"""Share of starts that begin anew when there is something to change."""
+DRAWS = 6
+"""Of so many random sets the best one is improved."""
+SPREAD_DEG = 8.0
+"""How far from the axes' multiples of 90° a start looks, where it does."""
+GIVE_UP = ((8, 0.05), (15, 0.01))
+"""After so many steps an improvement must be so near the best sets [ratio], relative to what they lose themselves."""
+REDRAWS = 200
+LITTLE = 1e-3
+"""Weight of the mean ratio beside the worst: ties are broken by it."""
+WIDE, FINEST = 0.3, 1e-7
+"""Largest and least radius of trust [rad]."""
+NEAR_ONE = 0.35
+"""Columns with |F'y| so far below one do not enter a step's programme."""
+INSIDE = 2e-10
+"""Clearance [g] that a step leaves to readings on the boundary."""
+GAIN = 1e-10
+SMALL_GAIN, SMALL_STEPS = 1e-6, 4
+"""An improvement ends after so many steps in a row that gain so little."""
+MENDINGS = 6
+SWEEPS = 6
+
+
+def search(
+    task: Task, count: int, *, given: Sequence[Places] = (), progress: bool = False
+) -> tuple[Costs | None, int, bool]:
+    """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far.
+
+    Parameters
+    ----------
+    task : Task
+        its request says which criterion, how many starts, and the seed of the random numbers
+    count : int
+        N
+    given : sequence of Places
+        sets to begin with, beside the random ones
+    progress : bool
+        show a bar on a terminal
+
+    Returns
+    -------
+    best : Costs or None
+        None when no set was found that determines all targets
+    starts : int
+        local improvements that were made
+    interrupted : bool
+        whether Ctrl-C ended the search before its budget was spent
+
+    Raises
+    ------
+    KeyboardInterrupt
+        when Ctrl-C came before there was any set to keep
+    """
+    rng, starts = np.random.default_rng(task.request.seed), task.request.starts
+    elite: list[tuple[float, Costs]] = []
+    done, interrupted = 0, False
+    with progress_bar(f"{count} positions", len(given) + starts, show=progress) as advance:
+        try:
+            for places in [*given, *([None] * starts)]:
+                start = _start(task, count, rng, elite) if places is None else costs(task, places)
+                found = improve(task, start, hopeless=_hopeless(elite))
+                done += 1
+                value = merit(task, found)
+                if all(abs(value - other) > ALIKE for other, _ in elite):
+                    elite.append((value, found))
+                    elite.sort(key=lambda pair: pair[0])
+                    del elite[ELITE:]
+                state = f"{count} positions, ratio {elite[0][1].worst:.5f}" if elite[0][1].determined.all() else None
+                advance(1, state)
+        except KeyboardInterrupt:
+            if not elite:
+                raise
+            interrupted = True
+    best = elite[0][1] if elite and elite[0][1].determined.all() else None
+    return best, done, interrupted
+
+
+def _hopeless(elite: Sequence[tuple[float, Costs]]) -> Callable[[int, float], bool]:
+    if len(elite) < ELITE:
+        return lambda step, value: False
+    last = elite[-1][0]
+    room = max(1.0, last - 1.0)
+    return lambda step, value: any(step == at and value > last + share * room for at, share in GIVE_UP)
+
+
+def _start(task: Task, count: int, rng: np.random.Generator, elite: Sequence[tuple[float, Costs]]) -> Costs:
+    """A set to improve: random, or one of the best with one or two positions drawn anew."""
+    if len(elite) < ELITE or rng.random() < FRESH:
+        trials = [costs(task, drawn(task, count, rng)) for _ in range(DRAWS)]
+    else:
+        base = elite[int(rng.integers(len(elite)))][1].places
+        trials = []
+        for _ in range(2):
+            rows = rng.choice(count, min(count, int(rng.integers(1, 3))), replace=False)
+            new = drawn(task, len(rows), rng)
+            angle, mounting = base.angle.copy(), base.mounting.copy()
+            angle[rows], mounting[rows] = new.angle, new.mounting
+            trials.append(costs(task, Places(angle, mounting)))
+    return min(trials, key=lambda found: (min(found.worst, NOT_DETERMINED), found.mean))
+
+
+def drawn(task: Task, count: int, rng: np.random.Generator) -> Places:
+    """Random positions outside the keep-outs: anywhere, or near multiples of 90° of both axes."""
+    angle = _random_angles(count, rng, bool(rng.integers(2)))
+    for _ in range(REDRAWS):
+        wrong = ~allowed(task, angle)
+        if not wrong.any():
+            break
+        angle[wrong] = _random_angles(int(wrong.sum()), rng, False)
+    else:
+        wrong = ~allowed(task, angle)
+        angle[wrong] = _free_angles(task, int(wrong.sum()), rng)
+    return Places(angle, rng.integers(0, len(task.parametrisation.mountings), count))
+
+
+def _free_angles(task: Task, count: int, rng: np.random.Generator) -> NDArray:
+    """Random angles outside keep-outs that leave little: an arc by its width, then anywhere on it."""
+    angle = np.zeros((count, 2))
+    for axis, intervals in enumerate(task.keep_out):
+        low, high = np.array(free_arcs(intervals)).T
+        arc = rng.choice(len(low), count, p=(high - low) / (high - low).sum())
+        angle[:, axis] = rng.uniform(low[arc], high[arc])
+    return angle
+
+
+def _random_angles(count: int, rng: np.random.Generator, near_axes: bool) -> NDArray:
+    if not near_axes:
+        return rng.uniform(0.0, 2.0 * np.pi, (count, 2))
+    return np.radians(90.0 * rng.integers(0, 4, (count, 2)) + rng.normal(0.0, SPREAD_DEG, (count, 2)))
+
+
+def merit(task: Task, found: Costs) -> float:
+    """What is made small: the worst ratio with a little of the mean, or the mean with a little of the worst."""
+    if task.request.criterion == "mean":
+        return found.mean + LITTLE * found.worst
+    return found.worst + LITTLE * found.mean
+
+
+def improve(
+    task: Task,
+    start: Costs,
+    *,
+    radius: float = WIDE,
+    steps: int = 40,
+    hopeless: Callable[[int, float], bool] = lambda step, value: False,
+) -> Costs:
+    """Improve a set of positions until no small move helps.
+
+    Parameters
+    ----------
+    task : Task
+    start : Costs
+    radius : float
+        how far an angle may move in the first step [rad]
+    steps : int
+        at most
+    hopeless : callable
+        step, value of the merit -> whether to give up
+
+    Returns
+    -------
+    Costs
+        never worse than the start
+    """
+    best, value, slow = start, merit(task, start), 0
+    for number in range(steps):
+        step = _step(task, best, radius)
+        if step is None:
+            radius *= 0.3
+        else:
+            move, promised = step
+            angle = _mended(task, best, best.places.angle + move)
+            trial = costs(task, best.places.at(angle))
+            gained, hoped = value - merit(task, trial), value - promised
+            if gained > GAIN and allowed(task, angle).all():
+                slow = slow + 1 if gained < SMALL_GAIN else 0
+                best, value = trial, value - gained
+                radius = min(WIDE, radius * (2.0 if gained > 0.5 * hoped else 0.5 if gained < 0.1 * hoped else 1.0))
+            else:
+                radius *= 0.3
+        if radius < FINEST or slow >= SMALL_STEPS or hopeless(number, value):
+            break
+    return best
+
+
+def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | None:
+    """A step of the angles (N, 2) [rad] and the merit that the linear model promises; None where it has no solution."""
+    places, given = here.places, here.readings
+    count, (many, size) = len(places), task.weights.shape
+    used = (np.abs(here.weights) > NO_WEIGHT).any(axis=0)
+    kept = used | (given.clearance > 2.0 * radius)
+    rows, columns, values, cost = [], [], [], []
+    worst = task.request.criterion == "worst"
+    height = here.duals @ given.regressor.T
+    near = kept & ((np.abs(height) > 1.0 - NEAR_ONE) | (here.weights != 0.0))
+    column = 0
+    for k in range(many):
+        for sense in (1.0, -1.0):
+            picked = np.flatnonzero(near[k] & ((sense * height[k] > 0.0) | (np.abs(height[k]) < 0.2)))
+            block = sense * given.regressor[picked].T
+            p, j = np.nonzero(block)
+            rows += [k * size + p, np.full(len(picked), many * size + k)]
+            columns += [column + j, column + np.arange(len(picked))]
+            values += [block[p, j], np.ones(len(picked))]
+            cost.append(np.full(len(picked), (LITTLE if worst else 1.0) / many / task.best[k]))
+            column += len(picked)
+    weights_end = column
+    moved = _by_angles(task, here)
+    k, i, p = np.nonzero(np.abs(moved) > 1e-13)
+    rows.append(k * size + p)
+    columns.append(column + i)
+    values.append(moved[k, i, p])
+    column += 2 * count
+    rows.append(many * size + np.arange(many))
+    columns.append(np.full(many, column))
+    values.append(-task.best)
+    lower = [*task.weights.ravel(), *np.full(many, -np.inf)]
+    upper = [*task.weights.ravel(), *np.zeros(many)]
+    for position, slope, least in _edges(task, here, np.flatnonzero(kept), radius):
+        rows.append(np.full(2, len(lower)))
+        columns.append(weights_end + 2 * position + np.arange(2))
+        values.append(slope)
+        lower.append(least)
+        upper.append(np.inf)
+    matrix = csc_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(len(lower), column + 1)
+    )
+    down, up = freedom(task, places.angle, radius)
+    solved = _solve(
+        np.concatenate([*cost, np.zeros(2 * count), [1.0 if worst else LITTLE]]),
+        np.concatenate([np.zeros(weights_end), -down.ravel(), [0.0]]),
+        np.concatenate([np.full(weights_end, np.inf), up.ravel(), [np.inf]]),
+        matrix,
+        np.array(lower),
+        np.array(upper),
+    )
+    if solved is None:
+        return None
+    values_of, promised = solved
+    return values_of[weights_end : weights_end + 2 * count].reshape(count, 2), promised
+
+
+def _by_angles(task: Task, here: Costs) -> NDArray:
+    """Derivatives (K, 2 N, P) of Σ Φ F by the angles, at the present weights."""
+    places, given = here.places, here.readings
+    alpha, beta = places.angle[given.position].T
+    f = task.regressor[given.sheet]
+    by = (
+        np.einsum("mpij,mi,mj->mp", f, slopes(alpha), basis(beta), optimize=True),
+        np.einsum("mpij,mi,mj->mp", f, basis(alpha), slopes(beta), optimize=True),
+    )
+    moved = np.zeros((len(here.weights), 2 * len(places), f.shape[1]))
+    for m, position in enumerate(given.position):
+        for axis in (0, 1):
+            moved[:, 2 * position + axis] += here.weights[:, m, None] * by[axis][m]
+    return moved
+
+
+def _edges(task: Task, here: Costs, kept: NDArray, radius: float) -> list[tuple[int, NDArray, float]]:
+    """Linear conditions (position, slope (2,), least) that keep readings near the boundary inside it."""
+    found = []
+    for m in kept:
+        sheet, position = here.readings.sheet[m], int(here.readings.position[m])
+        forms = np.concatenate([task.base[sheet][None], task.terms[sheet]])
+        for shift in task.shifts:
+            alpha, beta = here.places.angle[position] + shift
+            a, b = basis(alpha), basis(beta)
+            value = np.einsum("tij,i,j->t", forms, a, b)
+            slope = np.stack(
+                [np.einsum("tij,i,j->t", forms, slopes(alpha), b), np.einsum("tij,i,j->t", forms, a, slopes(beta))],
+                axis=1,
+            )
+            reach = np.abs(slope).sum(axis=1) * radius
+            clear = value[0] - np.abs(value[1:]).sum() - task.room[sheet]
+            if clear > 2.0 * reach.sum():
+                continue
+            sign = np.where(value >= 0.0, 1.0, -1.0)
+            open_terms = [t for t in range(1, len(value)) if abs(value[t]) <= reach[t] and reach[t] > 0.0][:3]
+            for turned in product((1.0, -1.0), repeat=len(open_terms)):
+                signs = sign.copy()
+                signs[open_terms] *= turned
+                signs[0] = -1.0
+                line = -(signs[:, None] * slope).sum(axis=0)
+                found.append((position, line, INSIDE + float((signs * value).sum()) + task.room[sheet]))
+    return found
+
+
+def _mended(task: Task, here: Costs, angle: NDArray) -> NDArray:
+    """Angles after a step, moved back where readings that carry weight have just ceased to count."""
+    angle = angle.copy()
+    used = np.flatnonzero((np.abs(here.weights) > NO_WEIGHT).any(axis=0))
+    position, sheet = here.readings.position[used], here.readings.sheet[used]
+    forms = np.concatenate([task.base[sheet][:, None], task.terms[sheet]], axis=1)
+    for _ in range(MENDINGS):
+        lines: dict[int, list[tuple[NDArray, float]]] = {}
+        for shift in task.shifts:
+            alpha, beta = angle[position, 0] + shift[0], angle[position, 1] + shift[1]
+            a, b = basis(alpha), basis(beta)
+            value = np.einsum("mtij,mi,mj->mt", forms, a, b, optimize=True)
+            signs = np.where(value >= 0.0, -1.0, 1.0)
+            signs[:, 0] = 1.0
+            clear = (signs * value).sum(axis=1) - task.room[sheet]
+            by_alpha = (signs * np.einsum("mtij,mi,mj->mt", forms, slopes(alpha), b, optimize=True)).sum(axis=1)
+            by_beta = (signs * np.einsum("mtij,mi,mj->mt", forms, a, slopes(beta), optimize=True)).sum(axis=1)
+            for m in np.flatnonzero((clear < 0.5 * INSIDE) & (clear > -0.02)):
+                lines.setdefault(int(position[m]), []).append(
+                    (np.array([by_alpha[m], by_beta[m]]), INSIDE - float(clear[m]))
+                )
+        if not lines:
+            break
+        for where, found in lines.items():
+            matrix, missing = np.array([line for line, _ in found]), np.array([amount for _, amount in found])
+            angle[where] += np.linalg.lstsq(matrix, missing, rcond=1e-8)[0]
+    return angle
+
+
+def _solve(
+    cost: NDArray, low: NDArray, high: NDArray, matrix: csc_matrix, row_low: NDArray, row_high: NDArray
+) -> tuple[NDArray, float] | None:
+    """Solve one step's programme; None where it has no solution."""
+    model = highspy.HighsLp()
+    model.num_row_, model.num_col_ = len(row_low), len(cost)
+    model.col_cost_, model.col_lower_, model.col_upper_ = cost, low, high
+    model.row_lower_, model.row_upper_ = row_low, row_high
+    model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    model.a_matrix_.start_ = matrix.indptr.astype(np.int32)
+    model.a_matrix_.index_ = matrix.indices.astype(np.int32)
+    model.a_matrix_.value_ = matrix.data  # pyright: ignore[reportAttributeAccessIssue]
+    highs = highspy.Highs()
+    for name, option in (("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex")):
+        highs.setOptionValue(name, option)
+    if highs.passModel(model) == highspy.HighsStatus.kError:
+        return None
+    highs.run()
+    if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        return None
+    return np.array(highs.getSolution().col_value), float(highs.getInfo().objective_function_value)
+
+
+def rounded(task: Task, found: Costs) -> Costs:
+    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
+
+    One position after the other goes to the best of the four multiples around it, while the later ones are still where
+    they were; then each may move by one step, while that helps.
+    """
+    step_deg = task.request.resolution_deg
+    assert step_deg is not None
+
+    def best_of(here: Costs, row: int, trials: list[NDArray]) -> Costs:
+        angles = np.repeat(here.places.angle[None], len(trials), axis=0)
+        angles[:, row] = np.radians(np.array(trials) * step_deg)
+        inside = angles[allowed(task, angles[:, row])]
+        if not len(inside):
+            return costs(task, here.places.at(angles[0]))
+        return min((costs(task, here.places.at(angle)) for angle in inside), key=lambda trial: merit(task, trial))
+
+    best = found
+    for row in range(len(found.places)):
+        low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
+        best = best_of(best, row, [low + shift for shift in product((0, 1), repeat=2)])
+    for _ in range(SWEEPS):
+        before = merit(task, best)
+        for row in range(len(found.places)):
+            own = np.round(np.degrees(best.places.angle[row]) / step_deg)
+            best = best_of(best, row, [own + shift for shift in product((0, -1, 1), repeat=2)])
+        if merit(task, best) >= before:
+            break
+    return best
