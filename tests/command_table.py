@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from bench_cases import write_hidden_record
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import cli
-from trihedron.tools.hidden import write_hidden_record
 from trihedron.tools.records import write_record
 from trihedron.tools.templates import new
 

@@ -22,11 +22,11 @@ from trihedron.tools.campaign.order import make_order
 from trihedron.tools.campaign.runners import columns_of, make_runner
 from trihedron.tools.campaign.simulation_runs import reduced
 from trihedron.tools.errors import InputError
-from trihedron.tools.hidden_suite.cases import SuiteOptions
-from trihedron.tools.hidden_suite.suite import run_suite
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.repeated import RepeatedScenario
 from trihedron.tools.scenario import checked_scenario, read_scenario
+from trihedron.tools.trials.draw import BenchOptions
+from trihedron.tools.trials.suite import run_suite
 
 ROOT = Path(__file__).resolve().parents[1]
 HEAD = 'schema = "trihedron.campaign/1"\n'
@@ -194,12 +194,12 @@ def test_a_column_becomes_a_number(take):
 
 def test_hidden_effect_cases_are_those_of_the_suite():
     text = "seed = 5\nrepeats = 2\n[hidden]\neffects = ['quadratic']\npositions = [20, 30]\nnoise = 'uniform'\n"
-    suite = run_suite(SuiteOptions("single", ("quadratic",), (20, 30), "uniform"), 2, 5)
+    suite = run_suite(BenchOptions("single", ("quadratic",), (20, 30), "uniform"), 2, 5)
     found = results(parsed(text + "[keep]\ndiagnosis = true\n"))
-    for outcome, result in zip(suite.outcomes, found, strict=True):
-        assert result.scalars["outcome"] == outcome.kind == "right"
+    for outcome, result in zip(suite.results, found, strict=True):
+        assert result.scalars["outcome"] == outcome.outcome == "right"
         assert result.scalars["radius"] == outcome.radius
-        assert result.scalars["relative_size"] == outcome.case.hidden[0].relative_size
+        assert result.scalars["relative_size"] == outcome.hidden[0].relative_size
         assert result.scalars["named"] == result.scalars["hidden"] == "quadratic"
         told = json.loads(result.diagnosis or "")
         assert {key: told[key] for key in outcome.to_json()} == json.loads(json.dumps(outcome.to_json()))

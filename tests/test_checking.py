@@ -18,7 +18,7 @@ STATIC = SCENARIOS / "static-calibration.toml"
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A position record that is as it should be."""
     path = tmp_path_factory.mktemp("record") / "measured.csv"
-    from trihedron.tools.hidden import write_hidden_record
+    from bench_cases import write_hidden_record
 
     write_hidden_record(path, 5, None, effects=())
     return path

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import trihedron
+from bench_cases import write_hidden_record
 from trihedron.tools import cli
-from trihedron.tools.hidden import write_hidden_record
 
 COMMANDS = ("simulate", "calibrate", "diagnose", "hidden", "export", "attitude", "demo")
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from bench_cases import HiddenCase, draw_case, measure
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
@@ -15,9 +16,8 @@ from trihedron.tools.diagnosis.classes import classes_of, residual_spaces, same_
 from trihedron.tools.diagnosis.disturbance import is_linear
 from trihedron.tools.diagnosis.search import catalogue_places
 from trihedron.tools.evidence.gain import export_extended
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_case, draw_truth
 from trihedron.tools.records import PositionRecord, read_record, write_record
+from trihedron.tools.trials.bench import NOISE_BOUND, bench_positions, draw_truth
 
 CONTRACT_KEYS = {
     "schema",

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from bench_cases import draw_case, measure
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis.circumstances import circumstances_of
 from trihedron.tools.diagnosis.extended_fit import fit_extended
 from trihedron.tools.diagnosis.judgement import judge, predicted_errors
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
+from trihedron.tools.trials.bench import NOISE_BOUND
 
 
 def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None):

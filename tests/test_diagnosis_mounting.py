@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from bench_cases import HiddenCase, measure
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.mountings import PRESETS
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.second_mounting import correlation, second_mounting, with_mountings
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
+from trihedron.tools.trials.bench import NOISE_BOUND, bench_positions, draw_truth
 
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
 CUBIC = EffectPlace("cubic", "accelerometer-3")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench_cases import HiddenCase
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
@@ -19,11 +20,9 @@ from trihedron.tools.diagnosis.possible import is_possible, within_possible
 from trihedron.tools.diagnosis.search import catalogue_places
 from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.errors import InputError
-from trihedron.tools.hidden_cases import NOISE_BOUND, HiddenCase, bench_positions, draw_truth
-from trihedron.tools.hidden_suite.benches import Bench, draw_bench
-from trihedron.tools.hidden_suite.cases import Hidden, SuiteCase
-from trihedron.tools.hidden_suite.measurement import measure_case
-from trihedron.tools.hidden_suite.suite import diagnosed
+from trihedron.tools.trials.bench import NOISE_BOUND, Bench, bench_positions, draw_bench, draw_truth
+from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
+from trihedron.tools.trials.outcome import diagnosed
 
 Effects = dict[EffectPlace, tuple[float, ...]]
 CUBIC_1 = EffectPlace("cubic", "accelerometer-1")
@@ -71,11 +70,11 @@ def test_outliers_of_a_whole_g_are_found_although_they_turn_the_signs_of_other_i
         assert low <= 1.0 <= high
 
 
-def case_with(effects: Effects, seed: int, *, positions: int = 60, noise: str = "edge") -> SuiteCase:
+def case_with(effects: Effects, seed: int, *, positions: int = 60, noise: str = "edge") -> BenchCase:
     """A drawn bench with these effects."""
     bench = draw_bench(np.random.default_rng(seed), (positions, positions))
     nothing = SureSizes(1.0, 1.0, None)
-    return SuiteCase(seed, 0, bench, tuple(Hidden(place, v, 1.0, nothing) for place, v in effects.items()), noise)
+    return BenchCase(seed, 0, bench, tuple(Hidden(place, v, 1.0, nothing) for place, v in effects.items()), noise)
 
 
 def standard_bench(seed: int) -> Bench:
@@ -92,7 +91,7 @@ def standard_bench(seed: int) -> Bench:
 def test_three_effects_are_named_together_though_every_error_is_at_its_bound(seed):
     effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
     case = case_with(effects, seed)
-    result = diagnosed(case, measure_case(case))
+    result = diagnosed(case, measure_bench(case))
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
 
@@ -101,7 +100,7 @@ def test_three_effects_are_named_together_though_every_error_is_at_its_bound(see
 def test_large_turns_of_the_table_are_exact_at_the_bound_of_the_noise(effects):
     """The second order of 3e-3 rad is half a σ: with a signature alone the right name would be refused."""
     case = case_with(effects, 5)
-    result = diagnosed(case, measure_case(case))
+    result = diagnosed(case, measure_bench(case))
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
     assert result.findings[0].fit.radius <= 1.0 + 1e-5
@@ -120,8 +119,8 @@ def test_what_is_not_linear_is_named_beside_a_linear_effect(bent, values):
     nothing = SureSizes(1.0, 1.0, None)
     drift = EffectPlace("bias-drift", "accelerometer-1")
     hidden = (Hidden(drift, (3e-3,), 1.0, nothing), Hidden(bent, values, 1.0, nothing))
-    case = SuiteCase(11, 0, standard_bench(11), hidden, "uniform")
-    result = diagnosed(case, measure_case(case))
+    case = BenchCase(11, 0, standard_bench(11), hidden, "uniform")
+    result = diagnosed(case, measure_bench(case))
     assert result.verdict in ("explained", "ambiguous")
     named = [{cause.place for cause in finding.causes} for finding in result.findings]
     assert {drift, bent} in named
@@ -138,7 +137,7 @@ def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name(seed):
     """Every error is at its bound: what rounding adds is beyond it."""
     place = EffectPlace("temperature-bias", "accelerometer-1")
     case = case_with({place: (6e-5,)}, seed)
-    record = measure_case(case)
+    record = measure_bench(case)
     assert record.temperature is not None
     digit = np.deg2rad(1e-6)
     rounded = replace(
@@ -160,7 +159,7 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     """Five hundred σ of one and ten of the other: the search begins where the large one no longer draws the fit."""
     effects: Effects = {EffectPlace("encoder-harmonic", "outer-axis", 3): (5e-3, 0.3), CUBIC_1: (8e-4,)}
     case = case_with(effects, 7)
-    record = measure_case(case)
+    record = measure_bench(case)
     nominal = calibrate(
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
     ).linearised
@@ -178,7 +177,7 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
 def test_two_outliers_and_an_effect_are_three_causes():
     effects = {CUBIC_1: (8e-4,), place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,)}
     case = case_with(effects, 9)
-    result = diagnosed(case, measure_case(case))
+    result = diagnosed(case, measure_bench(case))
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
     assert result.judgement is not None
@@ -189,7 +188,7 @@ def test_three_outliers_are_no_cause():
     """At most two: enough outliers explain anything."""
     effects = {place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,), place_of(40, 1): (5e-4,)}
     case = case_with(effects, 13)
-    result = diagnosed(case, measure_case(case))
+    result = diagnosed(case, measure_bench(case))
     assert result.verdict == "unexplained"
     assert result.causes == ()
 
@@ -197,7 +196,7 @@ def test_three_outliers_are_no_cause():
 def test_impossible_sizes_are_no_cause():
     """A cubic term of 0.4 per g² is not one that an accelerometer has; within its limits the fit does not reach."""
     case = case_with({CUBIC_1: (8e-4,)}, 15)
-    record = measure_case(case)
+    record = measure_bench(case)
     far = record.specific_force.copy()
     here = calibrate(record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices)
     far[:, 0] += 9.80665 * 0.4 * here.linearised.input[:, 0] ** 3

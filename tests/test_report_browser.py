@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench_cases import draw_case, measure
 from browser import browser, browser_program
 from strapdown_records import strapdown_record
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.errors import InputError
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.planning.plan import plan_targets
 from trihedron.tools.printing import without_times, write_report
 from trihedron.tools.report.calibration_page import calibration_page
@@ -22,6 +21,7 @@ from trihedron.tools.report.diagnosis_sections import diagnosis_page
 from trihedron.tools.report.plan_page import plan_page
 from trihedron.tools.report.strapdown_page import strapdown_page
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.trials.bench import NOISE_BOUND
 
 PROGRAM = browser_program()
 needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the path")

@@ -10,13 +10,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from bench_cases import draw_case, measure
 from trihedron.models.effects import POSITION_EFFECTS, EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.circumstances import circumstances_of
 from trihedron.tools.diagnosis.likeness import likeness
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.planning.plan import plan_targets
 from trihedron.tools.report.bars import Bar, bars
 from trihedron.tools.report.calibration_page import calibration_page
@@ -27,6 +26,7 @@ from trihedron.tools.report.next_sections import next_positions_csv
 from trihedron.tools.report.plan_page import plan_page
 from trihedron.tools.report.rounding import minus, outwards, significant, symbol_text, to_bound, upwards
 from trihedron.tools.report.target_sections import target_section
+from trihedron.tools.trials.bench import NOISE_BOUND
 
 MATH = "{http://www.w3.org/1998/Math/MathML}"
 

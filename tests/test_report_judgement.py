@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench_cases import draw_case, measure
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.report.diagnosis_sections import diagnosis_page
 from trihedron.tools.report.evidence_sections import refused_words
 from trihedron.tools.report.judgement_sections import judgement_sections, shares, structure_sections, target_sections
+from trihedron.tools.trials.bench import NOISE_BOUND
 
 
 @pytest.fixture(scope="module")

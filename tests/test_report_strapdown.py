@@ -12,7 +12,6 @@ from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.models.effects import STRAPDOWN_EFFECTS
 from trihedron.tools.diagnosis.likeness import cosines
 from trihedron.tools.diagnosis.result import Cause
-from trihedron.tools.hidden_strapdown.cases import draw_case
 from trihedron.tools.report.rounding import to_bound
 from trihedron.tools.report.strapdown_excluded import in_words
 from trihedron.tools.report.strapdown_model import effect_lines, own_words
@@ -20,6 +19,8 @@ from trihedron.tools.report.strapdown_page import strapdown_page, verdict_senten
 from trihedron.tools.report.strapdown_sections import parameter_section
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 from trihedron.tools.strapdown.separation import OF_ACCELEROMETERS, what_separates
+from trihedron.tools.trials.draw import BlockOptions, draw_block_case
+from trihedron.tools.trials.measure import measure_block
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def page(explained):
 
 @pytest.fixture(scope="module")
 def ambiguous():
-    found = diagnose_strapdown(draw_case(4, 4, ()).record())
+    found = diagnose_strapdown(measure_block(draw_block_case(BlockOptions(), 4, 4)))
     assert found.verdict == "ambiguous"
     return found
 

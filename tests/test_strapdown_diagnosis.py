@@ -11,13 +11,14 @@ from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.evidence.carried import carried_evidence
 from trihedron.tools.evidence.references import Gravity, turned
-from trihedron.tools.hidden_strapdown.cases import draw_case, draw_clean
 from trihedron.tools.orchestrator.built import usual_flavour
 from trihedron.tools.strapdown import inspect_record
 from trihedron.tools.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 from trihedron.tools.strapdown.judging import order_of_effects, witnesses
 from trihedron.tools.strapdown.search import classes_of, seen_places, smallest_sets
+from trihedron.tools.trials.draw import BlockOptions, draw_block_case, draw_clean_block
+from trihedron.tools.trials.measure import measure_block
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
@@ -111,8 +112,8 @@ def test_the_truth_at_its_noise_names_nothing():
 @pytest.mark.parametrize("reference", ["gravity", "truth"])
 def test_signatures_are_what_the_exported_components_do(reference):
     """An effect of a small size in the compensation turns the errors as its columns say, to a few per cent."""
-    case = draw_clean(11, 0 if reference == "gravity" else 1)
-    found = inspect_record(case.record())
+    case = draw_clean_block(11, 0 if reference == "gravity" else 1)
+    found = inspect_record(measure_block(case))
     built = carried_evidence(found, "nominal")
     part = next(p for p in built.parts if p.scored)
     for place, value in ((SENSITIVITY, 1e-4), (SCALE, 1e-4)):
@@ -143,8 +144,8 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):
     """The extended compensation, exported and run by the orchestrator: the attitude of the simulation inside."""
     if usual_flavour() != "native":
         pytest.skip("nothing compiles here")
-    case = draw_clean(11, 1)
-    found = inspect_record(case.record())
+    case = draw_clean_block(11, 1)
+    found = inspect_record(measure_block(case))
     built = carried_evidence(found, "nominal")
     model = GyroModel(built.model.bias, built.model.scale_misalignment, {LATENCY: (0.004,), SENSITIVITY: (1e-4,) * 9})
     inside = carried_attitude(built.motion, model, found.gravity)
@@ -206,10 +207,9 @@ def test_least_squares_and_the_search_agree_on_a_known_error():
 
 
 def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
-    case = draw_case(1, 17)
-    assert case.secret is not None
-    assert case.secret.place == LATENCY
-    found = diagnose_strapdown(case.record())
+    case = draw_block_case(BlockOptions(), 1, 17)
+    assert case.places == (LATENCY,)
+    found = diagnose_strapdown(measure_block(case))
     assert found.verdict == "explained"
     assert [cause.place for cause in found.causes] == [LATENCY]
     assert found.gain is not None
@@ -222,7 +222,7 @@ def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
 @pytest.mark.parametrize(("factor", "said"), [(1.05, "5 % too long"), (0.97, "3 % too short"), (1.0, None)])
 def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(factor, said):
     """Rates times wrong intervals turn the block too far about every axis alike."""
-    record = draw_clean(11, 3, "truth").record()
+    record = measure_block(draw_clean_block(11, 3, "truth"))
     assert record.rate is not None
     found = diagnose_strapdown(replace(record, time_s=factor * record.time_s), rerun=False)
     assert [cause.place.effect for cause in found.causes] == ([] if said is None else ["gyro-scale-misalignment"])
@@ -232,7 +232,7 @@ def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(fa
 @pytest.mark.parametrize("index", [0, 2, 8])
 def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
     """Accelerometers that lag by 200 rows belong to no block: the fit of one goes beyond its parameters' limits."""
-    record = draw_clean(11, index).record()
+    record = measure_block(draw_clean_block(11, index))
     moved = replace(record, specific_force=np.roll(record.specific_force, 200, axis=0))
     found = diagnose_strapdown(moved, rerun=False)
     assert found.verdict == "unexplained"

@@ -9,9 +9,10 @@ import pytest
 from strapdown_records import strapdown_record
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.hidden_strapdown.cases import draw_clean
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
+from trihedron.tools.trials.draw import draw_clean_block
+from trihedron.tools.trials.measure import measure_block
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def clean() -> StrapdownRecord:
 @pytest.fixture(scope="module")
 def filmed() -> StrapdownRecord:
     """A record with true attitude."""
-    return draw_clean(3, 1, "truth").record()
+    return measure_block(draw_clean_block(3, 1, "truth"))
 
 
 def some_rows(record: StrapdownRecord, rows: np.ndarray) -> StrapdownRecord:

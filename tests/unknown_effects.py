@@ -13,11 +13,10 @@ from trihedron.tools.calibration.procedure import fit_record
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.circumstances import circumstances_of
 from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
-from trihedron.tools.hidden_cases import NOISE_BOUND
-from trihedron.tools.hidden_suite.benches import classes_with
-from trihedron.tools.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
-from trihedron.tools.hidden_suite.measurement import measure_case
 from trihedron.tools.records import PositionRecord
+from trihedron.tools.trials.bench import NOISE_BOUND, classes_with
+from trihedron.tools.trials.draw import BenchOptions, draw_bench_case
+from trihedron.tools.trials.measure import BenchCase, measure_bench
 
 LEAST_RADIUS = 1.5
 """What the catalogue's best set of three leaves, at least, in units of σ."""
@@ -96,7 +95,7 @@ UNKNOWN: tuple[Callable[[int, Rows], NDArray], ...] = (
 class UnknownCase:
     """A record with an effect that the catalogue lacks."""
 
-    case: SuiteCase
+    case: BenchCase
     record: PositionRecord
     name: str
     nearest: float
@@ -111,8 +110,8 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
     rng = np.random.default_rng([seed, index])
     effect = UNKNOWN[index % len(UNKNOWN)]
     for attempt in range(20):
-        case = draw_case(SuiteOptions("clean", positions=positions), seed, 1000 * index + attempt)
-        clean = measure_case(case)
+        case = draw_bench_case(BenchOptions("clean", positions=positions), seed, 1000 * index + attempt)
+        clean = measure_bench(case)
         p = int(rng.integers(3))
         bench = case.bench
         here = fit_record(clean, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
@@ -131,7 +130,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
     raise AssertionError(f"{effect.__name__}: no bench shows it")
 
 
-def is_beyond_three(case: SuiteCase, record: PositionRecord) -> bool:
+def is_beyond_three(case: BenchCase, record: PositionRecord) -> bool:
     """Whether no set of three keeps every residual within 1.5 σ."""
     bench = case.bench
     bound = LEAST_RADIUS * NOISE_BOUND
@@ -139,7 +138,7 @@ def is_beyond_three(case: SuiteCase, record: PositionRecord) -> bool:
     return wide.verdict == "unexplained"
 
 
-def nearest_triple(case: SuiteCase, record: PositionRecord, change: NDArray | None = None) -> float:
+def nearest_triple(case: BenchCase, record: PositionRecord, change: NDArray | None = None) -> float:
     """The least distance [g] of a record's residual, or of a change, from the model with three effects, as found.
 
     A beam search of its own: singles, pairs and triples, outliers among them, are grown by least squares, the best

@@ -21,8 +21,6 @@ from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
 from .evidence.gain import export_extended
 from .files import write_text
-from .hidden import write_hidden_record
-from .hidden_cases import NOISE_BOUND
 from .records import PositionRecord, StrapdownRecord, read_record
 from .report.diagnosis_sections import diagnosis_sections
 from .report.page import Section, render_page
@@ -30,6 +28,9 @@ from .report.run_sections import attitude_section, run_section
 from .report.target_sections import calibration_section
 from .scenario import Scenario, read_scenario
 from .summaries import calibration_summary, diagnosis_summary
+from .trials.bench import NOISE_BOUND
+from .trials.draw import draw_alone
+from .trials.suite import write_hidden_record
 
 STATIC_CALIBRATION = "static-calibration.toml"
 MEASURED_RECORD = "broad-03.strapdown.csv"
@@ -71,7 +72,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     say("3  Measure: a record with one hidden effect comes in")
     measured = out / "measured.csv"
     answer_file = out / "hidden-answer.json"
-    write_hidden_record(measured, seed, answer_file, effects=EXTENDING_EFFECTS, progress=True)
+    write_hidden_record(draw_alone(seed, effects=EXTENDING_EFFECTS), measured, answer_file, progress=True)
 
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
     measured_record = read_record(measured, PositionRecord)

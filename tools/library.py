@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from .checking import Check as Check
     from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
-    from .hidden import HiddenRecord
     from .installation import Installation as Installation
     from .planning.plan import Plans, PositionPlan
     from .records import Source
     from .strapdown.inspection import Inspection
     from .strapdown.result import StrapdownDiagnosis
+    from .trials.suite import HiddenRecord
 
 __all__ = [
     "Check",
@@ -476,7 +476,7 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     >>> th.diagnose(hidden.record, noise_bound=1e-5).causes[0].place.effect
     'quadratic'
     """
-    from .hidden import hidden_record
+    from .trials.suite import hidden_record
 
     if baseline not in ("asymmetric", "symmetric"):
         raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")

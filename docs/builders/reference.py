@@ -12,9 +12,10 @@ from trihedron.fmus.units import UNITS
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.files import write_text
-from trihedron.tools.hidden import measure
-from trihedron.tools.hidden_cases import NOISE_BOUND, draw_case
 from trihedron.tools.report.diagnosis_sections import residual_sections
+from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials.draw import draw_alone
+from trihedron.tools.trials.measure import measure
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""
@@ -116,7 +117,7 @@ def formula_text(effect: Effect) -> str:
 
 def readme_picture() -> str:
     """Residuals of a record with a hidden effect, before and after the simulation was extended (SVG)."""
-    record = measure(draw_case(PICTURE_SEED, effects=["quadratic"]), PICTURE_SEED)
+    record = measure(draw_alone(PICTURE_SEED, effects=["quadratic"]))
     sections = residual_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
     return sections[0].svg or ""
 

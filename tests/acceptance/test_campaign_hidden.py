@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from trihedron.tools import cli
-from trihedron.tools.hidden_suite.suite import named_suite, run_suite
-from trihedron.tools.hidden_suite.summary import detection, suite_json
+from trihedron.tools.trials.suite import named_suite, run_suite
 
 pytestmark = pytest.mark.acceptance
 CASES = max(10, round(200 * float(os.environ.get("TRIHEDRON_SUITE_SHARE", "0.1"))))
@@ -23,10 +22,10 @@ def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path, capsy
     done = run_suite(suite.options, CASES, suite.seed)
     computed = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["computed"]
     falsified, right, confusion, inside = (item["result"] for item in computed)
-    expected = {b.low: (b.cases, b.detected, b.named) for b in detection(done.outcomes)}
+    expected = {b.low: (b.cases, b.detected, b.named) for b in done.detection}
     found = {
         f["low"]: (f["cases"], f["count"], r["count"]) for f, r in zip(falsified, right, strict=True) if f["cases"]
     }
     assert found == expected
-    assert confusion == suite_json(done)["confusion"]
-    assert inside[0]["count"] == suite_json(done)["size_errors"]["inside_intervals"]
+    assert confusion == done.confusion
+    assert inside[0]["count"] == done.size_errors["inside_intervals"]

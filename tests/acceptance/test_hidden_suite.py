@@ -5,18 +5,18 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from trihedron.tools.calibration.mountings import PRESETS
-from trihedron.tools.hidden_cases import NOISE_BOUND, STAND_BOUND
-from trihedron.tools.hidden_suite.benches import Bench
-from trihedron.tools.hidden_suite.cases import SuiteCase, draw_case
-from trihedron.tools.hidden_suite.measurement import measure_case
-from trihedron.tools.hidden_suite.outcomes import Outcome, kind_of
-from trihedron.tools.hidden_suite.suite import diagnosed, named_suite, run_suite
-from trihedron.tools.hidden_suite.summary import detection, suite_text
+from trihedron.tools.report.suite_page import suite_text
+from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND, Bench
+from trihedron.tools.trials.draw import draw_bench_case
+from trihedron.tools.trials.measure import BenchCase, measure_bench
+from trihedron.tools.trials.outcome import BenchOutcome, diagnosed, judged
+from trihedron.tools.trials.suite import detection, named_suite, run_suite
 from unknown_effects import LEAST_RADIUS, draw_unknown
 
 pytestmark = pytest.mark.acceptance
@@ -24,11 +24,11 @@ SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 """A part of each suite is run where somebody only wants to look; limits are parts of what is run."""
 
 
-def run(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[Sequence[Outcome], Counter[str]]:
+def run(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[Sequence[BenchOutcome], Counter[str]]:
     suite = named_suite(name)
-    done = run_suite(suite.options, max(1, round(SHARE * suite.cases)), suite.seed)
+    done: Any = run_suite(suite.options, max(1, round(SHARE * suite.cases)), suite.seed)
     say(capsys, suite_text(done))
-    return done.outcomes, Counter(outcome.kind for outcome in done.outcomes)
+    return done.results, Counter(done.outcomes)
 
 
 def say(capsys: pytest.CaptureFixture[str], text: str) -> None:
@@ -36,9 +36,9 @@ def say(capsys: pytest.CaptureFixture[str], text: str) -> None:
         print(f"\n{text}", file=sys.stderr, flush=True)
 
 
-def assert_inside(outcomes: Sequence[Outcome]) -> None:
+def assert_inside(outcomes: Sequence[BenchOutcome]) -> None:
     """The size of the effect is inside its interval in every case that was named rightly."""
-    assert [outcome.case.index for outcome in outcomes if outcome.inside is False] == []
+    assert [outcome.case for outcome in outcomes if outcome.inside is False] == []
 
 
 def test_no_effect_is_named_on_clean_records(capsys):
@@ -87,7 +87,7 @@ def test_effects_that_the_catalogue_lacks_get_no_name(capsys):
     assert counts["unexplained"] >= 0.95 * counts.total()
 
 
-def measured_too(case: SuiteCase, positions: Sequence[dict]) -> SuiteCase:
+def measured_too(case: BenchCase, positions: Sequence[dict]) -> BenchCase:
     """The case with more positions at the end of its programme."""
     bench = case.bench
     alpha, beta = (np.radians([float(p[name]) for p in positions]) for name in ("alpha_deg", "beta_deg"))
@@ -120,12 +120,12 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
     for index in range(1000):
         if counts.total() == asked:
             break
-        case = draw_case(suite.options, suite.seed + 1, index)
-        first = diagnosed(case, measure_case(case))
-        if kind_of(case, first) != "candidate" or not first.next_positions:
+        case = draw_bench_case(suite.options, suite.seed + 1, index)
+        first = diagnosed(case, measure_bench(case))
+        if judged(case, first).outcome != "candidate" or not first.next_positions:
             continue
         longer = measured_too(case, first.next_positions)
-        counts[kind_of(longer, diagnosed(longer, measure_case(longer)))] += 1
+        counts[judged(longer, diagnosed(longer, measure_bench(longer))).outcome] += 1
     say(capsys, f"ambiguous, then measured where it was proposed: {dict(counts)}")
     assert counts["right"] + counts["candidate"] >= 0.95 * asked
 
@@ -135,8 +135,8 @@ def test_held_out_errors_fall_to_the_noise(capsys):
     suite = named_suite("single")
     ratios, worse = [], 0
     for index in range(max(3, round(SHARE * 40))):
-        case = draw_case(suite.options, suite.seed + 2, index)
-        result = diagnosed(case, measure_case(case), rerun=True)
+        case = draw_bench_case(suite.options, suite.seed + 2, index)
+        result = diagnosed(case, measure_bench(case), rerun=True)
         if result.gain is None:
             continue
         gain = result.gain.summary()

@@ -16,11 +16,9 @@ from trihedron.tools.diagnosis.classes import classes_of
 from trihedron.tools.diagnosis.disturbance import is_linear
 from trihedron.tools.diagnosis.search import catalogue_places
 from trihedron.tools.diagnosis.sizes import SureSizes
-from trihedron.tools.hidden_cases import NOISE_BOUND
-from trihedron.tools.hidden_suite.benches import draw_bench
-from trihedron.tools.hidden_suite.cases import Hidden, SuiteCase
-from trihedron.tools.hidden_suite.measurement import measure_case
-from trihedron.tools.hidden_suite.suite import diagnosed
+from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
+from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
+from trihedron.tools.trials.outcome import diagnosed
 
 pytestmark = pytest.mark.benchmark_ratio
 EFFECTS = {
@@ -31,15 +29,15 @@ EFFECTS = {
 LEAST_RATIO = 100.0
 
 
-def three_effects(positions: int) -> SuiteCase:
+def three_effects(positions: int) -> BenchCase:
     bench = draw_bench(np.random.default_rng(1), (positions, positions))
     nothing = SureSizes(1.0, 1.0, None)
-    return SuiteCase(1, 0, bench, tuple(Hidden(p, v, 1.0, nothing) for p, v in EFFECTS.items()), "uniform")
+    return BenchCase(1, 0, bench, tuple(Hidden(p, v, 1.0, nothing) for p, v in EFFECTS.items()), "uniform")
 
 
 def test_proof_against_a_programme_for_each_set(capsys):
     case = three_effects(100)
-    record = measure_case(case)
+    record = measure_bench(case)
     result = diagnosed(case, record)
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     here = result.baseline.linearised
@@ -70,7 +68,7 @@ def test_proof_against_a_programme_for_each_set(capsys):
 def test_a_whole_diagnosis(positions, capsys):
     """Falsified, searched to sets of three, judged on what was left out; not simulated again."""
     case = three_effects(positions)
-    record = measure_case(case)
+    record = measure_bench(case)
     begun = time.process_time()
     result = diagnose(
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices, rerun=False

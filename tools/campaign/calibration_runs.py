@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
 from ..calibration import calibrate
 from ..errors import InputError, nearest
-from ..hidden_cases import draw_truth
-from ..hidden_suite.benches import true_elementary
 from ..records import PositionRecord
+from ..trials.bench import draw_truth, true_elementary
 from .design import Value
 from .file import Campaign
 from .kinds import Output, Result

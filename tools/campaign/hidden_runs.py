@@ -7,11 +7,10 @@ import numpy as np
 import polars as pl
 
 from ..errors import InputError
-from ..hidden_suite.cases import SuiteOptions, draw_case
-from ..hidden_suite.measurement import measure_case
-from ..hidden_suite.outcomes import outcome_of
-from ..hidden_suite.suite import diagnosed, named_suite
-from ..hidden_suite.summary import hidden_name, named_name
+from ..trials.draw import BenchOptions, draw_bench_case
+from ..trials.measure import measure_bench
+from ..trials.outcome import diagnosed, judged
+from ..trials.suite import named_suite
 from .calibration_runs import record_table
 from .design import Value
 from .file import Campaign
@@ -32,7 +31,7 @@ class HiddenRuns:
             self.options, self.seed = named.options, named.seed
         else:
             size = setting.size
-            self.options = SuiteOptions(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
+            self.options = BenchOptions(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
             self.seed = campaign.seed
         self.outputs = {
             "hidden": Output(pl.String),
@@ -49,19 +48,19 @@ class HiddenRuns:
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Result:
         """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
-        case = draw_case(self.options, self.seed, number)
-        record = measure_case(case)
+        case = draw_bench_case(self.options, self.seed, number)
+        record = measure_bench(case)
         found = diagnosed(case, record)
-        outcome = outcome_of(case, found)
+        outcome = judged(case, found)
         scalars: dict[str, Value | int | None] = {
-            "hidden": hidden_name(outcome),
-            "named": named_name(outcome),
+            "hidden": outcome.hidden_words,
+            "named": outcome.named_words,
             "verdict": outcome.verdict,
-            "outcome": outcome.kind,
+            "outcome": outcome.outcome,
             "relative_size": case.hidden[0].relative_size if len(case.hidden) == 1 else None,
             "radius": outcome.radius,
             "inside": outcome.inside,
-            "size_error": outcome.errors[0] if len(outcome.errors) == 1 else None,
+            "size_error": outcome.size_errors[0] if len(outcome.size_errors) == 1 else None,
             "positions": len(case.bench.alpha),
             "redrawn": case.redrawn,
         }

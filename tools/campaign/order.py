@@ -14,7 +14,7 @@ from ..errors import InputError
 from .file import Campaign, parse_campaign, read_campaign
 
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
-_CODE = ("campaign", "attitude", "calibration", "diagnosis", "hidden_suite", "orchestrator", "records")
+_CODE = ("campaign", "attitude", "calibration", "diagnosis", "orchestrator", "records", "trials")
 """Sub-packages that results follow from, beside models and fmus."""
 
 

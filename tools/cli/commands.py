@@ -307,7 +307,7 @@ def demo(
         Open the page in a browser where there is a screen.
     """
     from ..demo import run_demo
-    from ..hidden import check_seed
+    from ..trials.draw import check_seed
 
     check_seed(seed)
     with redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):

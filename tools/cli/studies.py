@@ -1,9 +1,9 @@
 """The commands that plan measurements, hide effects and carry out campaigns: each has several uses."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -11,6 +11,10 @@ from .. import library
 from ..errors import InputError
 from .answer import Answer, answer
 from .options import File, Folder, JsonFile, ReportFile, distinct_files, takes
+
+if TYPE_CHECKING:
+    from ..trials.draw import Options
+    from ..trials.measure import Case
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -299,63 +303,70 @@ def hidden(
         return _one_record(record, what, json, baseline or "asymmetric")
     only = {"the record": record, "--answer": what.secret, "--baseline": baseline}
     _refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
-    from ..hidden_suite.cases import SuiteOptions
-    from ..hidden_suite.suite import NamedSuite, named_suite, run_suite
-    from ..hidden_suite.summary import write_suite
+    from ..trials.draw import BenchOptions
+    from ..trials.suite import NamedSuite, named_suite
 
     if suite is not None:
         _refuse({**drawn, "--effect": what.effect or None, "--clean": what.clean or None}, "is what --suite decides")
         named = named_suite(suite)
     else:
         chosen = "clean" if what.clean else mode or "single"
-        named = NamedSuite(SuiteOptions(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0)
-    done = run_suite(
-        named.options,
-        named.cases if what.cases is None else what.cases,
-        named.seed if what.seed is None else what.seed,
-        records=_records_folder(what.out),
-        jobs=what.jobs,
-        progress=True,
-    )
-    return answer(done, json, files=write_suite(done, what.out) if what.out is not None else ())
+        named = NamedSuite(BenchOptions(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0)
+    cases, seed = named.cases if what.cases is None else what.cases, named.seed if what.seed is None else what.seed
+    return _suite(named.options, cases, seed, what, json)
 
 
 def _one_record(record: Path | None, what: HiddenOptions, json: Path | None, baseline: str) -> Answer:
-    from ..hidden import write_hidden_record
+    from ..trials.draw import draw_alone
 
     if record is None:
         raise InputError("hidden: give the file of one record, as measured.csv, or --cases for a suite")
-    distinct_files({"the record": record, "--answer": what.secret, "--json": json})
     chosen = () if what.clean else what.effect or None
-    seed = what.seed or 0
-    write_hidden_record(record, seed, what.secret, effects=chosen, symmetric=baseline == "symmetric", progress=True)
-    return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
+    return _written(
+        record, what, json, lambda seed: draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
+    )
 
 
 def _one_strapdown(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
-    from ..hidden_strapdown.one_record import write_hidden_strapdown
+    from ..trials.draw import BlockOptions, draw_case
 
     _refuse({"--size": what.size, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
     if record is None:
         raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
+    options = BlockOptions(clean=what.clean, effects=what.effect)
+    return _written(record, what, json, lambda seed: draw_case(options, seed, seed))
+
+
+def _written(record: Path, what: HiddenOptions, json: Path | None, draw: "Callable[[int], Case]") -> Answer:
+    """Write one record with a secret."""
+    from ..trials.draw import check_seed
+    from ..trials.suite import write_hidden_record
+
     distinct_files({"the record": record, "--answer": what.secret, "--json": json})
     seed = what.seed or 0
-    write_hidden_strapdown(record, seed, what.secret, effects=what.effect, clean=what.clean)
+    check_seed(seed)
+    write_hidden_record(draw(seed), record, what.secret, progress=True)
     return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
 
 
 def _strapdown_suite(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
-    from ..hidden_strapdown.cases import SIZES
-    from ..hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
-    from ..hidden_strapdown.summary import suite_json, suite_text, write_suite
+    from ..trials.draw import BLOCK_SIZES, BlockOptions
 
     _refuse({"the record": record, "--answer": what.secret}, "is of one record, --cases of many; give one of the two")
     assert what.cases is not None
-    options = StrapdownOptions(clean=what.clean, effects=what.effect, sizes=what.size or SIZES)
-    records = _records_folder(what.out)
-    done = run_strapdown_suite(options, what.cases, what.seed or 0, records=records, jobs=what.jobs, progress=True)
+    return _suite(
+        BlockOptions(what.clean, what.effect, what.size or BLOCK_SIZES), what.cases, what.seed or 0, what, json
+    )
+
+
+def _suite(options: "Options", cases: int, seed: int, what: HiddenOptions, json: Path | None) -> Answer:
+    """Draw, measure, diagnose and count the cases of a suite."""
+    from ..report.suite_page import suite_text, write_suite
+    from ..trials.suite import run_suite
+
+    done = run_suite(options, cases, seed, records=_records_folder(what.out), jobs=what.jobs, progress=True)
     files = write_suite(done, what.out) if what.out is not None else ()
-    return answer(suite_text(done), json, suite_json(done), files=files)
+    return answer(suite_text(done), json, done.to_json(), files=files)
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:

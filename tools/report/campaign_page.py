@@ -10,7 +10,7 @@ from ..campaign.computing import Results, summarise
 from ..campaign.file import Campaign
 from ..campaign.store import Store
 from ..campaign.texts import rate_text, told_values
-from ..hidden_suite.suite import named_suite
+from ..trials.suite import named_suite
 from .campaign_pictures import chance_of, distributions_picture, rates_picture, sensitivity_picture
 from .cells import Cell
 from .page import Section, Table, render_page

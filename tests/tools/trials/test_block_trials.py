@@ -1,6 +1,7 @@
 """Hidden strapdown records: the motion is exact, the noise is what it says, the effects are in the readings."""
 
 import json
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,19 +9,45 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
+from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.hidden_strapdown.cases import draw_case, draw_clean, hideable, sure_size, system_of
-from trihedron.tools.hidden_strapdown.measurement import Instruments, Secret, measure
-from trihedron.tools.hidden_strapdown.motion import BEFORE_A_CAMERA, BETWEEN_RESTS, draw_motion, without_coning
-from trihedron.tools.hidden_strapdown.noise import Noise, flicker_noise
-from trihedron.tools.hidden_strapdown.one_record import write_hidden_strapdown
-from trihedron.tools.hidden_strapdown.suite import StrapdownOptions, run_strapdown_suite
-from trihedron.tools.hidden_strapdown.summary import suite_text, write_suite
-from trihedron.tools.records import read_record
+from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.records.noise import allan_deviation
+from trihedron.tools.report.suite_page import suite_text, write_suite
+from trihedron.tools.trials.block import (
+    BEFORE_A_CAMERA,
+    BETWEEN_RESTS,
+    Instruments,
+    Noise,
+    TrueMotion,
+    draw_motion,
+    flicker_noise,
+    without_coning,
+)
+from trihedron.tools.trials.draw import (
+    BlockOptions,
+    draw_block_case,
+    draw_clean_block,
+    evidence_of,
+    hideable_in_block,
+    size_in_block,
+)
+from trihedron.tools.trials.measure import BlockCase, Hidden, Reference, measure_block
+from trihedron.tools.trials.suite import BlockSuite, run_suite
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)
+
+
+def read(
+    motion: TrueMotion,
+    instruments: Instruments = QUIET,
+    hidden: tuple[Hidden, ...] = (),
+    reference: Reference = "gravity",
+    jitter: float = 0.0,
+) -> StrapdownRecord:
+    """What a block reads of a motion."""
+    return measure_block(BlockCase(0, 1, reference, motion, instruments, None, hidden, jitter))
 
 
 @pytest.mark.parametrize("schedule", [BETWEEN_RESTS, BEFORE_A_CAMERA], ids=["gravity", "truth"])
@@ -64,17 +91,17 @@ def test_flicker_noise_is_flat_and_bounded():
 
 def test_without_errors_the_block_reads_the_motion():
     motion = draw_motion(np.random.default_rng(3), BEFORE_A_CAMERA, 0.01)
-    seen = measure(motion, QUIET, [], 1, truth=True)
+    seen = read(motion, reference="truth")
     assert seen.increment == pytest.approx(motion.increment, abs=1e-12)
     assert seen.specific_force == pytest.approx(G * motion.force[1:], abs=1e-9)
     assert seen.attitude == pytest.approx(motion.attitude[1:], abs=1e-14)
-    rates = measure(motion, replace(QUIET, increments=False), [], 1).rate
+    rates = read(motion, replace(QUIET, increments=False)).rate
     assert rates == pytest.approx(motion.rate[1:], abs=1e-12)
 
 
 def test_white_noise_has_its_density():
     motion = draw_motion(np.random.default_rng(3), BETWEEN_RESTS, 0.01)
-    seen = measure(motion, replace(QUIET, gyro_noise=Noise(2e-4, 0.0)), [], 1)
+    seen = read(motion, replace(QUIET, gyro_noise=Noise(2e-4, 0.0)))
     assert seen.increment is not None
     error = (seen.increment - motion.increment) / motion.period
     # One-sided density d at 100 Hz: standard deviation d √50.
@@ -85,8 +112,8 @@ def test_white_noise_has_its_density():
 def test_what_is_hidden_is_in_the_readings():
     motion = draw_motion(np.random.default_rng(5), BETWEEN_RESTS, 0.01)
     place, values = EffectPlace("gyro-g-sensitivity", "gyro-block"), tuple(np.linspace(1e-3, 9e-3, 9))
-    secrets = [Secret(place, values), Secret(EffectPlace("quadratic", "accelerometer-2"), (2e-3,))]
-    seen, clean = (measure(motion, QUIET, hidden, 1) for hidden in (secrets, []))
+    secrets = (Hidden(place, values), Hidden(EffectPlace("quadratic", "accelerometer-2"), (2e-3,)))
+    seen, clean = (read(motion, hidden=hidden) for hidden in (secrets, ()))
     assert seen.increment is not None
     assert clean.increment is not None
     turned = (seen.increment - clean.increment) / motion.period
@@ -99,14 +126,14 @@ def test_what_is_hidden_is_in_the_readings():
 def test_stamps_that_jitter_leave_rates_and_spoil_increments():
     """An instrument that makes increments of rates and of its own time stamps makes them wrong; rates stay right."""
     motion = draw_motion(np.random.default_rng(6), BETWEEN_RESTS, 0.01)
-    jitter = Secret(EffectPlace("jitter", "gyro-block"), (1.0,))
-    logged = measure(motion, QUIET, [jitter], 1, jitter=0.1)
+    jitter = Hidden(EffectPlace("jitter", "gyro-block"), (1.0,))
+    logged = read(motion, hidden=(jitter,), jitter=0.1)
     lengths = np.diff(np.append(0.0, logged.time_s))
     assert 0.05 < np.abs(lengths / motion.period - 1.0).max() <= 0.2
     assert logged.increment is not None
     expected = motion.increment * (lengths / motion.period)[:, None]
     assert logged.increment[1:] == pytest.approx(expected[1:], abs=1e-10)
-    rates = measure(motion, replace(QUIET, increments=False), [], 1, jitter=0.1)
+    rates = read(motion, replace(QUIET, increments=False), jitter=0.1)
     assert rates.rate == pytest.approx(motion.rate[1:], abs=1e-12)
 
 
@@ -122,60 +149,53 @@ def test_increments_without_coning_turn_the_body_elsewhere():
 
 
 def test_cases_do_not_depend_on_each_other_and_have_both_references():
-    first, again = draw_clean(3, 4), draw_clean(3, 4)
-    assert first.record().specific_force.tobytes() == again.record().specific_force.tobytes()
-    assert [draw_clean(3, index).reference for index in range(4)] == ["gravity", "truth"] * 2
-    assert draw_clean(3, 4).record().attitude is None
-    assert draw_clean(3, 5).record().attitude is not None
+    first, again, other = (measure_block(draw_clean_block(3, index)) for index in (4, 4, 5))
+    assert first.specific_force.tobytes() == again.specific_force.tobytes()
+    assert [draw_clean_block(3, index).reference for index in range(4)] == ["gravity", "truth"] * 2
+    assert first.attitude is None
+    assert other.attitude is not None
 
 
 @pytest.mark.parametrize("index", [0, 1])
 def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
     """An effect of the size of sure detection, and the noise within its bounds, is more than the model can take."""
-    case = draw_case(8, index)
-    assert case.secret is not None
-    assert 2.0 <= case.size <= 3.0
-    clean = draw_clean(8, index)
-    system = system_of(clean, clean.record())
-    assert system is not None
-    place = case.secret.place
-    if place.effect != "jitter":
-        coefficients = np.array(case.secret.values)
+    (hidden,) = draw_block_case(BlockOptions(), 8, index).hidden
+    assert 2.0 <= hidden.relative_size <= 3.0
+    clean = draw_clean_block(8, index)
+    evidence = evidence_of(clean, measure_block(clean))
+    assert evidence is not None
+    if hidden.place.effect != "jitter":
+        coefficients = np.array(hidden.values)
         size = float(np.linalg.norm(coefficients))
-        assert size / sure_size(system, place, coefficients / size) == pytest.approx(case.size, rel=1e-6)
+        relative = size / size_in_block(evidence, hidden.place, coefficients / size)
+        assert relative == pytest.approx(hidden.relative_size, rel=1e-6)
 
 
 def test_what_no_record_shows_is_not_hidden():
-    assert "gyro-bias" not in hideable()
-    assert "gyro-quantisation" not in hideable()
-    assert {"latency", "jitter", "gyro-g-squared", "quadratic"} <= set(hideable())
-    assert set(STRAPDOWN_EFFECTS) - set(hideable()) == {"gyro-bias", "gyro-quantisation"}
-    with pytest.raises(InputError, match="not one that can be hidden"):
-        draw_case(1, 0, ("encoder-harmonic",))
+    known = set(hideable_in_block())
+    assert {"latency", "jitter", "gyro-g-squared", "quadratic"} <= known
+    assert set(STRAPDOWN_EFFECTS) - known == {"gyro-bias", "gyro-quantisation"}
     with pytest.raises(InputError, match="cannot show such an effect"):
-        draw_case(1, 0, ("latency",))
+        draw_block_case(BlockOptions(effects=("latency",)), 1, 0)
 
 
 def test_a_record_with_a_secret_is_written(tmp_path):
-    write_hidden_strapdown(tmp_path / "moved.csv", 8, tmp_path / "answer.json", effects=("gyro-bias-drift",))
-    answer = json.loads((tmp_path / "answer.json").read_text())
-    assert answer["hidden"]["effect"] == "gyro-bias-drift"
-    record = read_record(tmp_path / "moved.csv")
-    assert len(record) > 5000
-    with pytest.raises(InputError, match="--seed"):
-        write_hidden_strapdown(tmp_path / "moved.csv", -1, None)
+    words = ["hidden", str(tmp_path / "moved.csv"), "--strapdown", "--seed", "8", "--effect", "gyro-bias-drift"]
+    assert cli.main([*words, "--answer", str(tmp_path / "answer.json")]) == 0
+    assert json.loads((tmp_path / "answer.json").read_text())["hidden"]["effect"] == "gyro-bias-drift"
+    assert len(read_record(tmp_path / "moved.csv")) > 5000
 
 
 def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
     """A share of the suite: one effect of each kind of record, and two clean records."""
-    hidden = run_strapdown_suite(StrapdownOptions(effects=("gyro-scale-asymmetry",)), 2, 21)
-    assert [outcome.kind for outcome in hidden.outcomes] == ["right", "right"]
-    assert all(outcome.inside for outcome in hidden.outcomes)
-    clean = run_strapdown_suite(StrapdownOptions(clean=True), 2, 22)
-    assert [outcome.kind for outcome in clean.outcomes] == ["right", "right"]
+    hidden = run_suite(BlockOptions(effects=("gyro-scale-asymmetry",)), 2, 21)
+    assert hidden.outcomes == {"right": 2}
+    assert all(outcome.inside for outcome in hidden.results)
+    clean = run_suite(BlockOptions(clean=True), 2, 22)
+    assert clean.outcomes == {"right": 2}
     assert "false alarms on clean records: 0 of 2" in suite_text(clean)
     files = write_suite(hidden, tmp_path)
-    assert json.loads(files[0].read_text())["outcomes"] == {"right": 2}
+    assert BlockSuite.model_validate_json(files[0].read_text()) == hidden
     assert files[1].read_text().count("\n") == 3
     assert "gyro-scale-asymmetry" in files[2].read_text()
 
@@ -187,11 +207,11 @@ def test_two_hundred_hidden_effects_and_two_hundred_clean_records():
     A verdict that leaves several sets open, the true one among them, counts as the right class: terms of an
     accelerometer that are nearly alike need not be told apart.
     """
-    hidden = run_strapdown_suite(StrapdownOptions(), 200, 1)
+    hidden = run_suite(BlockOptions(), 200, 1)
     print(suite_text(hidden))
-    counts = [outcome.kind for outcome in hidden.outcomes]
-    assert sum(kind in ("right", "candidate") for kind in counts) >= 180
-    assert counts.count("wrong") + counts.count("part") <= 4
-    clean = run_strapdown_suite(StrapdownOptions(clean=True), 200, 2)
+    counts = Counter(hidden.outcomes)
+    assert counts["right"] + counts["candidate"] >= 180
+    assert counts["wrong"] + counts["part"] <= 4
+    clean = run_suite(BlockOptions(clean=True), 200, 2)
     print(suite_text(clean))
-    assert sum(outcome.kind != "right" for outcome in clean.outcomes) < 2
+    assert clean.false_alarms["alarms"] < 2

@@ -1,10 +1,12 @@
-"""A block moved by hand from rest to rest: harmonics that begin and end at rest, exact to rounding."""
+"""A block of small instruments moved by hand: its motion, exact to rounding, its errors and its noise."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from ...models.harmonic_motion import HARMONICS
@@ -17,6 +19,8 @@ LARGEST_WIGGLE = 0.4
 """Of the part of a move that comes back to where it began [rad]."""
 LARGEST_PUSH = 0.25
 """Linear acceleration of the hand [g]."""
+OCTAVES = 4.0
+"""Ratio of the time constants of neighbouring processes, whose sum is nearly flicker noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +72,78 @@ BETWEEN_RESTS = Schedule(moves=(20, 30), first_rest=(20.0, 30.0), rest=(3.0, 6.0
 """A record that is made to be calibrated: gravity is the reference at each rest."""
 BEFORE_A_CAMERA = Schedule(moves=(14, 22), first_rest=(20.0, 30.0), rest=(0.5, 2.0), move=(2.5, 6.0))
 """A record whose true attitude is seen: mostly in motion."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Errors of three instruments.
+
+    Attributes
+    ----------
+    white : float
+        density of the white noise, one-sided [unit/√Hz]
+    flicker : float
+        the flat part of the Allan deviation [unit]
+    """
+
+    white: float
+    flicker: float
+
+    def bound(self, period: float) -> float:
+        """Bound of uniform errors that have the density, one drawn every period [unit]."""
+        return math.sqrt(3.0) * self.white / math.sqrt(2.0 * period)
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """Errors of a block that are no secret, as components take them, and its noise.
+
+    Attributes
+    ----------
+    gyros, accelerometers : mapping
+        parameters of the components
+    gyro_noise, accelerometer_noise : Noise
+        [rad/s], [g]
+    truth_noise : float
+        bound of each component of the error of the true attitude, a rotation vector [rad]
+    increments : bool
+        whether the gyros put out increments; else rates, at the rows
+    """
+
+    gyros: Mapping[str, object]
+    accelerometers: Mapping[str, object]
+    gyro_noise: Noise
+    accelerometer_noise: Noise
+    truth_noise: float
+    increments: bool
+
+
+def draw_instruments(rng: np.random.Generator, *, delivered: bool) -> Instruments:
+    """A block of small instruments; delivered gyros have scale factors that are right."""
+    scale = rng.uniform(-0.01, 0.01, 3).tolist()
+    gyros: dict[str, object] = {"bias": rng.uniform(-0.02, 0.02, 3).tolist()}
+    gamma = rng.uniform(-0.01, 0.01, 9).tolist()
+    if not delivered:
+        gyros["scale_misalignment"] = gamma
+    accelerometers: dict[str, object] = {
+        "scale_error_plus": scale,
+        "scale_error_minus": scale,
+        "bias": rng.uniform(-0.02, 0.02, 3).tolist(),
+        **{f"gamma_{ij}": float(rng.uniform(-0.01, 0.01)) for ij in ("21", "31", "32")},
+    }
+
+    def between(low: float, high: float) -> float:
+        """A number between two, every decade as likely as another."""
+        return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
+    return Instruments(
+        gyros=gyros,
+        accelerometers=accelerometers,
+        gyro_noise=Noise(math.radians(between(2e-3, 1.5e-2)), math.radians(between(2.0, 20.0) / 3600.0)),
+        accelerometer_noise=Noise(between(2e-5, 4e-4), between(4e-6, 6e-5)),
+        truth_noise=math.radians(rng.uniform(0.005, 0.02)),
+        increments=bool(rng.random() < 0.5),
+    )
 
 
 def draw_motion(rng: np.random.Generator, schedule: Schedule, period: float) -> TrueMotion:
@@ -142,3 +218,29 @@ def without_coning(motion: TrueMotion, coefficient: float) -> TrueMotion:
     """The motion with increments that lack c γ' × γ, γ' being the increment before: as one that sums rates has them."""
     before = np.vstack([motion.increment[:1], motion.increment[:-1]])
     return replace(motion, increment=motion.increment - coefficient * np.cross(before, motion.increment))
+
+
+def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficient: float) -> NDArray[np.float64]:
+    """Flicker noise (rows, 3): a sum of bounded processes of the first order, with time constants from rows to record.
+
+    Parameters
+    ----------
+    rng : Generator
+    rows : int
+    period : float
+        [s]
+    coefficient : float
+        the flat part of its Allan deviation, in the unit of the noise
+    """
+    total = np.zeros((rows, 3))
+    # Flicker noise has as much mean square in each octave of time; its Allan variance is 2 ln 2 of that in e-folds.
+    each = coefficient * math.sqrt(math.log(OCTAVES) / (2.0 * math.log(2.0)))
+    time = 2.0 * period
+    while time < 2.0 * rows * period:
+        kept = math.exp(-period / time)
+        drive = rng.uniform(-1.0, 1.0, (rows, 3)) * math.sqrt(3.0 * (1.0 - kept**2))
+        # The state at the start is drawn as the process has it at any time.
+        drive[0] = rng.uniform(-math.sqrt(3.0), math.sqrt(3.0), 3)
+        total += each * np.asarray(lfilter([1.0], [1.0, -kept], drive, axis=0))
+        time *= OCTAVES
+    return total

@@ -1,9 +1,8 @@
-"""A fixed part of the suites of hidden effects, and the ways of their cases."""
+"""Hidden effects on benches: drawn, measured, judged, counted; a fixed part of the suites."""
 
-import json
 import subprocess
 import sys
-from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,70 +11,63 @@ from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.hidden_cases import NOISE_BOUND
-from trihedron.tools.hidden_suite.benches import draw_positions, expected, faultless_record
-from trihedron.tools.hidden_suite.cases import SuiteCase, SuiteOptions, draw_case
-from trihedron.tools.hidden_suite.measurement import drawn_errors, measure_case
-from trihedron.tools.hidden_suite.outcomes import Outcome
-from trihedron.tools.hidden_suite.suite import diagnosed, named_suite, run_suite
+from trihedron.tools.trials.bench import NOISE_BOUND, draw_positions, expected, faultless_record
+from trihedron.tools.trials.draw import BenchOptions, draw_bench_case
+from trihedron.tools.trials.measure import BenchCase, drawn_errors, measure_bench
+from trihedron.tools.trials.outcome import diagnosed
+from trihedron.tools.trials.suite import BenchSuite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
 ARCSEC = np.pi / 180.0 / 3600.0
 
 
-def quick(name: str) -> tuple[Outcome, ...]:
+def quick(name: str) -> Any:
     suite = named_suite(name)
-    return run_suite(suite.options, suite.cases, suite.seed).outcomes
-
-
-def counted(outcomes: tuple[Outcome, ...]) -> Counter[str]:
-    return Counter(outcome.kind for outcome in outcomes)
+    return run_suite(suite.options, suite.cases, suite.seed)
 
 
 def test_nothing_is_named_on_clean_records_of_every_noise():
-    outcomes = quick("quick-clean")
-    assert counted(outcomes) == {"right": len(outcomes)}
-    assert {outcome.case.noise for outcome in outcomes} == {"uniform", "edge", "correlated"}
-    assert {len(outcome.case.bench.mountings) for outcome in outcomes} == {1, 2}
+    suite = quick("quick-clean")
+    assert suite.outcomes == {"right": suite.cases}
+    assert {outcome.noise for outcome in suite.results} == {"uniform", "edge", "correlated"}
+    assert {len(outcome.mountings) for outcome in suite.results} == {1, 2}
+    assert BenchSuite.model_validate_json(suite.json_text()) == suite
 
 
 def test_single_effects_of_the_second_size_are_named_and_their_sizes_are_inside():
-    outcomes = quick("quick-single")
-    assert counted(outcomes) == {"right": len(outcomes)}
-    assert all(outcome.inside is not False for outcome in outcomes)
+    suite = quick("quick-single")
+    assert suite.outcomes == {"right": suite.cases}
+    assert all(outcome.inside is not False for outcome in suite.results)
 
 
 def test_between_the_two_sizes_the_truth_is_among_the_candidates():
-    assert set(counted(quick("quick-between"))) <= {"right", "candidate"}
+    assert set(quick("quick-between").outcomes) <= {"right", "candidate"}
 
 
 def test_pairs_are_named_both():
-    outcomes = quick("quick-pairs")
-    assert counted(outcomes) == {"right": len(outcomes)}
+    suite = quick("quick-pairs")
+    assert suite.outcomes == {"right": suite.cases}
 
 
 @pytest.mark.parametrize("index", [1, 5])
 def test_what_the_catalogue_lacks_gets_no_name(index):
-    unknown = draw_unknown(501, index, (20, 24))
-    result = diagnosed(unknown.case, unknown.record)
-    assert (result.verdict, result.causes) == ("unexplained", ())
-
-
-def test_unknown_effects_are_ten():
     assert len(set(UNKNOWN)) == 10
+    unknown = draw_unknown(501, index, (20, 24))
+    result: Any = diagnosed(unknown.case, unknown.record)
+    assert (result.verdict, len(result.causes)) == ("unexplained", 0)
 
 
 def test_a_case_is_the_same_whatever_their_number():
-    options = SuiteOptions("clean", positions=(12, 14))
-    some, more = (run_suite(options, count, 3).outcomes for count in (1, 2))
-    assert some[0].to_json() == more[0].to_json()
-    assert np.array_equal(some[0].case.bench.alpha, more[0].case.bench.alpha)
-    assert measure_case(some[0].case).specific_force.tobytes() == measure_case(more[0].case).specific_force.tobytes()
-    assert not np.array_equal(more[0].case.bench.alpha, more[1].case.bench.alpha)
+    options = BenchOptions("clean", positions=(12, 14))
+    some, more = (run_suite(options, count, 3).results for count in (1, 2))
+    assert some[0] == more[0]
+    first, again, second = (draw_bench_case(options, 3, index) for index in (0, 0, 1))
+    assert measure_bench(first).specific_force.tobytes() == measure_bench(again).specific_force.tobytes()
+    assert not np.array_equal(first.bench.alpha, second.bench.alpha)
 
 
-def clean_case(noise: str, index: int) -> SuiteCase:
-    return draw_case(SuiteOptions("clean", positions=(24, 26), noise=noise), 8, index)
+def clean_case(noise: str, index: int) -> BenchCase:
+    return draw_bench_case(BenchOptions("clean", positions=(24, 26), noise=noise), 8, index)
 
 
 @pytest.mark.parametrize("noise", ["uniform", "edge", "correlated"])
@@ -83,31 +75,25 @@ def clean_case(noise: str, index: int) -> SuiteCase:
 def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(noise, index):
     """The components in time against the closed formula, by another way: every error is within σ."""
     case = clean_case(noise, index)
-    record, faultless = measure_case(case), faultless_record(case.bench)
+    record, faultless = measure_bench(case), faultless_record(case.bench)
     errors = (record.specific_force - faultless.specific_force) / STANDARD_GRAVITY / NOISE_BOUND
     # Nine decimals of m/s² are 5.1e-6 of σ.
-    assert np.abs(errors).max() <= 1.0 + 5.2e-6
-    assert np.abs(errors).max() > 0.3
+    assert 0.3 < np.abs(errors).max() <= 1.0 + 5.2e-6
     if noise == "edge":
         assert np.abs(errors).min() >= 1.0 - 5.2e-6
     assert np.abs(np.stack((record.alpha - faultless.alpha, record.beta - faultless.beta))).max() < 0.5 * ARCSEC
-    assert record.approach_alpha is not None
-    assert record.approach_beta is not None
-    assert faultless.approach_alpha is not None
-    assert faultless.approach_beta is not None
-    assert np.array_equal(record.approach_alpha, faultless.approach_alpha)
-    assert np.array_equal(record.approach_beta, faultless.approach_beta)
+    for name in ("approach_alpha", "approach_beta"):
+        assert getattr(record, name) is not None
+        assert np.array_equal(getattr(record, name), getattr(faultless, name))
     assert record.mounting == faultless.mounting
     # The sizes are computed for the times at which the bench will really be read.
     assert np.abs(record.time_s - record.time_s[0] - faultless.time_s + faultless.time_s[0]).max() < 8.0
 
 
-def test_more_positions_leave_the_first_errors_as_they_were():
-    case = clean_case("correlated", 1)
-    errors = drawn_errors(np.random.default_rng(1), case)
+def test_errors_that_wander_follow_each_other_within_the_bound():
+    errors = drawn_errors(np.random.default_rng(1), "correlated", 25)
     assert np.abs(errors).max() <= 1.0
-    following = np.corrcoef(errors[1:].ravel(), errors[:-1].ravel())[0, 1]
-    assert following > 0.5
+    assert np.corrcoef(errors[1:].ravel(), errors[:-1].ravel())[0, 1] > 0.5
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -120,17 +106,20 @@ def test_positions_are_so_many_and_all_different(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_sizes_that_are_drawn_are_those_of_the_mode(seed):
-    single = draw_case(SuiteOptions("single", positions=(20, 40)), seed, 0)
-    hidden = single.hidden[0]
-    if CATALOGUE[hidden.place.effect].variants is None:
-        assert hidden.size == pytest.approx(1.5 * hidden.sizes.excluded)
-    assert all(p.possible(v) for v, p in zip(hidden.values, CATALOGUE[hidden.place.effect].at(hidden.place).parameters,
-                                             strict=True))  # fmt: skip
-    between = draw_case(SuiteOptions("between", positions=(20, 40), effects=("cubic",)), seed, 0).hidden[0]
+    def hidden(mode: str, positions: tuple[int, int] = (20, 40), **options: Any):
+        return draw_bench_case(BenchOptions(mode, positions=positions, **options), seed, 0).hidden
+
+    (single,) = hidden("single")
+    effect = CATALOGUE[single.place.effect]
+    if effect.variants is None:
+        assert single.size == pytest.approx(1.5 * single.sizes.excluded)
+    parameters = zip(single.values, effect.at(single.place).parameters, strict=True)
+    assert all(parameter.possible(value) for value, parameter in parameters)
+    (between,) = hidden("between", effects=("cubic",))
     assert between.sizes.detected <= between.size <= between.sizes.excluded
-    relative = draw_case(SuiteOptions("single", positions=(20, 40), effects=("sag",), size=(0.5, 0.7)), seed, 0)
-    assert 0.5 <= relative.hidden[0].relative_size <= 0.7
-    first, second = draw_case(SuiteOptions("pairs", positions=(30, 40)), seed, 0).hidden
+    (relative,) = hidden("single", effects=("sag",), size=(0.5, 0.7))
+    assert 0.5 <= relative.relative_size <= 0.7
+    first, second = hidden("pairs", (30, 40))
     assert first.place != second.place
 
 
@@ -153,25 +142,22 @@ def test_what_is_known_of_a_bench_is_its_truth():
 )
 def test_wrong_options_are_refused_in_one_line(options, message):
     with pytest.raises(InputError, match=message):
-        SuiteOptions(**options)
+        BenchOptions(**options)
 
 
 def test_a_suite_from_the_command_line(tmp_path, capsys):
     out = tmp_path / "suite"
     words = ["hidden", "--cases", "2", "--seed", "5", "--effects", "quadratic", "--positions", "20", "30"]
     assert cli.main([*words, "--noise", "uniform", "--out", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("2 cases (single), seed 5: right 2")
-    content = json.loads((out / "suite.json").read_text(encoding="utf-8"))
-    assert content["schema"] == "trihedron.hidden-suite/1"
-    assert content["confusion"] == {"quadratic": {"quadratic": 2}}
-    assert content["size_errors"]["inside_intervals"] == 2
-    assert len(content["results"]) == 2
+    assert capsys.readouterr().out.startswith("2 cases (single), seed 5: right 2")
+    suite = BenchSuite.model_validate_json((out / "suite.json").read_text(encoding="utf-8"))
+    assert suite.confusion == {"quadratic": {"quadratic": 2}}
+    assert suite.size_errors["inside_intervals"] == 2
     assert (out / "cases.csv").read_text(encoding="utf-8").count("\n") == 3
     assert "<svg" in (out / "index.html").read_text(encoding="utf-8")
-    for index, result in enumerate(content["results"]):
-        case = draw_case(SuiteOptions("single", ("quadratic",), (20, 30), "uniform"), 5, index)
-        assert result["hidden"][0]["where"] == case.places[0].where
+    for index, result in enumerate(suite.results):
+        case = draw_bench_case(BenchOptions("single", ("quadratic",), (20, 30), "uniform"), 5, index)
+        assert result.places == case.places
     assert len(list((out / "records").glob("case-*.csv"))) == 2
 
 
@@ -181,14 +167,14 @@ from pathlib import Path
 
 import polars
 
-from trihedron.tools.hidden_suite.cases import SuiteOptions
-from trihedron.tools.hidden_suite.suite import run_suite
+from trihedron.tools.trials.draw import BenchOptions
+from trihedron.tools.trials.suite import run_suite
 
 polars.DataFrame({"x": [1.0, 2.0]}).select(polars.col("x").sum())
 for jobs in (1, 2):
     folder = Path(sys.argv[1]) / str(jobs)
     folder.mkdir()
-    run_suite(SuiteOptions("clean", (), (12, 13), "uniform"), 2, 1, records=folder, jobs=jobs)
+    run_suite(BenchOptions("clean", (), (12, 13), "uniform"), 2, 1, records=folder, jobs=jobs)
 """
 
 
@@ -211,6 +197,8 @@ def test_several_processes_give_the_same_records(tmp_path):
         (["--cases", "2", "--clean", "--mode", "pairs"], "--clean and --mode"),
         (["--cases", "2", "--jobs", "0"], "--jobs 0"),
         (["--cases", "2", "--seed", "-3"], "--seed -3"),
+        (["a.csv", "--strapdown", "--seed", "-1"], "--seed -1"),
+        (["a.csv", "--strapdown", "--effect", "encoder-harmonic"], "not one that can be hidden"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(words, message, capsys):

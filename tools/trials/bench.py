@@ -1,4 +1,4 @@
-"""Benches of the suite: truth, mountings, positions in random order, and what the diagnosis could know at best."""
+"""Benches to hide effects in: truth, mountings, positions in random order, and what could be known of them at best."""
 
 import math
 from collections.abc import Mapping
@@ -17,10 +17,16 @@ from ..calibration.mountings import PRESETS
 from ..calibration.procedure import fit_record
 from ..diagnosis.circumstances import Circumstances, circumstances_of
 from ..diagnosis.classes import Classes, classes_of
-from ..hidden import START_APART
-from ..hidden_cases import DWELL_S, NOISE_BOUND, STAND_BOUND, draw_truth, temperature_at
 from ..records import PositionRecord
 
+NOISE_BOUND = 1e-5
+"""σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""
+STAND_BOUND, BLOCK_BOUND = 3e-3, 1e-2
+"""The paper's bounds of the stand's and the block's errors."""
+DWELL_S = 6.0
+"""Rest at each position."""
+START_APART = 0.3
+"""So far [rad] from its first position the table starts."""
 SYMMETRIC_SHARE = 0.25
 """Part of the benches whose scale factors do not depend on the sign, and are diagnosed so."""
 TWO_MOUNTINGS_SHARE = 0.25
@@ -69,6 +75,12 @@ class Bench:
         return {name: PRESETS[name] for name in self.mountings}
 
 
+def plain_bench(truth: dict[str, dict[str, Any]], alpha: NDArray, beta: NDArray, *, symmetric: bool) -> Bench:
+    """A bench in the mounting `identity`, with the mounting error that stands in its truth."""
+    error = tuple(truth["TurntableMotion"]["mounting_error"])
+    return Bench(truth, symmetric, ("identity",), (error,), alpha, beta, np.zeros(len(alpha), dtype=int))
+
+
 def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
     """Draw a bench within the paper's bounds, its mountings, and positions of which there are so many to so many."""
     symmetric = bool(rng.random() < SYMMETRIC_SHARE)
@@ -85,6 +97,46 @@ def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
     alpha, beta = draw_positions(rng, count)
     mounting = (np.arange(count) >= count // 2).astype(int) if both else np.zeros(count, dtype=int)
     return Bench(truth, symmetric, names, errors, alpha, beta, mounting)
+
+
+def draw_truth(rng: np.random.Generator, *, symmetric: bool) -> dict[str, dict[str, Any]]:
+    """Parameters of table and block, uniform within the paper's bounds."""
+
+    def uniform(bound: float, size: int | None = None) -> Any:
+        value = rng.uniform(-bound, bound, size)
+        return value.tolist() if size else float(value)
+
+    plus = uniform(BLOCK_BOUND / 2, 3)
+    return {
+        "TurntableMotion": {
+            "kappa": uniform(STAND_BOUND),
+            "epsilon": uniform(STAND_BOUND),
+            "alpha_offset": uniform(STAND_BOUND / 2),
+            "alpha_star": uniform(STAND_BOUND / 2),
+            "beta_offset": uniform(STAND_BOUND / 2),
+            "gravity_error": uniform(BLOCK_BOUND / 10),
+            "mounting_error": uniform(STAND_BOUND, 3),
+        },
+        "AccelerometerBlock": {
+            "scale_error_plus": plus,
+            "scale_error_minus": plus if symmetric else uniform(BLOCK_BOUND / 2, 3),
+            "gamma_21": uniform(BLOCK_BOUND / 2),
+            "gamma_31": uniform(BLOCK_BOUND / 2),
+            "gamma_32": uniform(BLOCK_BOUND / 2),
+            "bias": uniform(BLOCK_BOUND, 3),
+        },
+    }
+
+
+def bench_positions() -> tuple[NDArray, NDArray]:
+    """Commanded angles [rad] of 40 positions: 24 with all signs certain, 16 between them.
+
+    The extra ones share no angle: harmonics of the encoders that look alike at equal steps of 45 degrees differ there.
+    """
+    pairs = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
+    pairs += [((13 + 67 * k) % 360, (33 + 101 * k) % 360) for k in range(16)]
+    angles = np.radians(np.array(pairs, dtype=float))
+    return angles[:, 0], angles[:, 1]
 
 
 def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArray]:
@@ -105,6 +157,11 @@ def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArr
     angles = np.radians(np.remainder(np.array(sorted(chosen), dtype=float), 360.0))
     angles = angles[rng.permutation(count)]
     return angles[:, 0], angles[:, 1]
+
+
+def temperature_at(hours: NDArray) -> NDArray:
+    """Temperature of the laboratory [degC]: it swings by 4 K, once in ten minutes, so that it is unlike the time."""
+    return 20.0 + 4.0 * np.sin(2.0 * math.pi * 6.0 * hours)
 
 
 def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tuple[float, ...]) -> NDArray:
@@ -157,12 +214,24 @@ def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
     return here, circumstances_of(record)
 
 
+def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDArray, *, symmetric: bool):
+    """The model linearised at a faultless bench, at positions in the first mounting.
+
+    Returns
+    -------
+    Linearisation
+    """
+    p = parametrise(mountings, symmetric=symmetric)
+    count = len(alpha)
+    at = Positions(alpha, beta, np.zeros(count, dtype=int))
+    return linearise(p, at, np.zeros((count, 3)), np.zeros(len(p.symbols)), np.full(3 * count, NOISE_BOUND))
+
+
 @lru_cache(maxsize=64)
 def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
     """Effects that are linear, sorted into what these mountings can tell apart."""
-    p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
-    at = Positions(np.zeros(1), np.zeros(1), np.zeros(1, dtype=int))
-    here = linearise(p, at, np.zeros((1, 3)), np.zeros(len(p.symbols)), np.full(3, NOISE_BOUND))
+    matrices = {name: PRESETS[name] for name in mountings}
+    here = faultless_model(matrices, np.zeros(1), np.zeros(1), symmetric=symmetric)
     baseline = "symmetric" if symmetric else "asymmetric"
     linear = [e for e in POSITION_EFFECTS.values() if e.within != baseline and e.variants is None]
     return classes_of(here, [place for effect in linear for place in effect.places])

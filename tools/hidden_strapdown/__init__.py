@@ -1,1 +1,0 @@
-"""Strapdown records with hidden effects: made by simulation, diagnosed, counted."""

@@ -1,0 +1,1 @@
+"""Trials: hidden effects drawn, measured by simulation, diagnosed and judged, for every kind of record."""

@@ -1,0 +1,415 @@
+"""What a diagnosis made of a case, held against the secret."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import permutations
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ...models.effects import CATALOGUE, EffectPlace
+from ..diagnosis import Cause, Diagnosis, diagnose
+from ..diagnosis.result import place_json
+from ..records import PositionRecord, StrapdownRecord
+from ..result import Result
+from ..strapdown.diagnosis import diagnose_strapdown
+from ..strapdown.result import StrapdownDiagnosis
+from .bench import NOISE_BOUND
+from .measure import BenchCase, Case, Hidden
+
+KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
+"""What can come of a case.
+
+right
+    named, all of it and nothing else, up to effects that no measurement on the bench could tell apart; or, of a clean
+    record, nothing named
+candidate
+    several sets remain, and the true one is among them
+part
+    an effect of several is named, and nothing that is not there
+wrong
+    something is named that is not there, or the sets that remain are all wrong
+unexplained, consistent, insufficient
+    the verdict, where something is hidden
+"""
+NOTHING = "nothing"
+"""Stands for the secret of a clean record."""
+DEGREES = {
+    **dict.fromkeys(("scale-asymmetry", "scale-drift", "temperature-scale"), 1),
+    **dict.fromkeys(("quadratic", "odd-quadratic", "cross-product", "cross-square"), 2),
+    "cubic": 3,
+}
+"""Degrees of effects in the inputs, where they are not 0."""
+
+
+class Placed(Result):
+    """An effect at its place, as files write it."""
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"order", "accelerometer", "axes"})
+    effect: str
+    where: str
+    order: int | None = None
+    accelerometer: int | None = None
+    axes: tuple[int, ...] = ()
+
+    @property
+    def place(self) -> EffectPlace:
+        """The place in the catalogue's terms."""
+        return EffectPlace(
+            self.effect, self.where, self.order, self.axes if self.accelerometer is None else (self.accelerometer,)
+        )
+
+
+class Secret(Placed):
+    """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory.
+
+    Attributes
+    ----------
+    parameters : dict
+    size : float
+        length of the vector of its linear coefficients; 1 for an effect that is not linear
+    surely_detected, rivals_excluded : float or None
+        sizes in the same measure; None where there is none
+    last_rival : str or None
+        the rival that is excluded last
+    """
+
+    parameters: dict[str, float]
+    size: float
+    surely_detected: float | None
+    rivals_excluded: float | None
+    last_rival: str | None
+
+    @property
+    def relative_size(self) -> float:
+        """Size over that of sure detection."""
+        return 0.0 if self.surely_detected is None else self.size / self.surely_detected
+
+
+class Outcome(Result):
+    """What came of a case of any kind of record.
+
+    Attributes
+    ----------
+    seed, case : int
+        of the suite, and of the case in it
+    verdict : str
+        of the diagnosis
+    outcome : str
+        one of `KINDS`
+    named : tuple of Placed
+        the set that was named, or the best of those that remain
+    inside : bool or None
+        whether the true parameters are inside their intervals; None where the effect was not named by its own name
+    """
+
+    if TYPE_CHECKING:
+        # Declared by each kind in its own order.
+        seed: int
+        case: int
+        verdict: str
+        outcome: str
+        named: tuple[Placed, ...]
+        inside: bool | None
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """What was hidden."""
+        raise NotImplementedError
+
+    @property
+    def size_errors(self) -> tuple[float, ...]:
+        """Relative error of the estimated size of each effect that was named by its own name."""
+        raise NotImplementedError
+
+    @property
+    def hidden_words(self) -> str:
+        """The secret in words: the names of the effects."""
+        return " + ".join(sorted(place.effect for place in self.places)) or NOTHING
+
+    @property
+    def named_words(self) -> str:
+        """What was made of it in words: names of the effects, or the verdict where there is none."""
+        if self.outcome == "candidate":
+            return "ambiguous, among them"
+        if self.verdict == "ambiguous":
+            return "ambiguous, not among them"
+        if self.verdict == "explained":
+            named = " + ".join(sorted(one.effect for one in self.named))
+            return self.hidden_words if self.outcome == "right" else named
+        return NOTHING if self.verdict == "consistent" else self.verdict
+
+    def titles(self, *, named: bool, between: str = " + ") -> str:
+        """What was hidden, or what was named, by effect and place."""
+        places = [one.place for one in self.named] if named else self.places
+        return between.join(place.title for place in places)
+
+
+class BenchOutcome(Outcome):
+    """What came of a record of a table's positions.
+
+    Attributes
+    ----------
+    positions : int
+    mountings : tuple of str
+    baseline, noise : str
+    redrawn : int
+        effects that were put aside
+    hidden : tuple of Secret
+    radius : float
+        that the nominal model leaves, in units of σ
+    errors : tuple of float
+        relative error of each estimated size
+    """
+
+    seed: int
+    case: int
+    positions: int
+    mountings: tuple[str, ...]
+    baseline: str
+    noise: str
+    redrawn: int
+    hidden: tuple[Secret, ...]
+    radius: float
+    verdict: str
+    outcome: str
+    named: tuple[Placed, ...]
+    inside: bool | None
+    errors: tuple[float, ...]
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """What was hidden."""
+        return tuple(secret.place for secret in self.hidden)
+
+    @property
+    def size_errors(self) -> tuple[float, ...]:
+        """Relative error of each estimated size."""
+        return self.errors
+
+
+class BlockOutcome(Outcome):
+    """What came of a record of a block moved by hand.
+
+    Attributes
+    ----------
+    reference : "gravity" or "truth"
+    hidden : dict or None
+        the effect as a scenario file writes it
+    size : float
+        relative to that of sure detection
+    stamps_jitter_periods : float
+    gyros, accelerometers : dict
+        parameters of the components that are no secret
+    rows, redrawn : int
+    radius : float or None
+        that the baseline leaves
+    error : float or None
+        relative error of the estimated size, along the true effect
+    why : str
+        what the diagnosis says beside its verdict
+    """
+
+    seed: int
+    case: int
+    reference: str
+    hidden: dict[str, Any] | None
+    size: float
+    stamps_jitter_periods: float
+    gyros: dict[str, Any]
+    accelerometers: dict[str, Any]
+    rows: int
+    redrawn: int
+    radius: float | None
+    verdict: str
+    outcome: str
+    named: tuple[Placed, ...]
+    inside: bool | None
+    error: float | None
+    why: str
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """What was hidden."""
+        names = Placed.model_fields
+        own = {key: value for key, value in (self.hidden or {}).items() if key in names}
+        return (Placed.model_validate(own).place,) if own else ()
+
+    @property
+    def size_errors(self) -> tuple[float, ...]:
+        """Relative error of the estimated size."""
+        return () if self.error is None else (self.error,)
+
+
+def diagnosed(
+    case: Case, record: PositionRecord | StrapdownRecord, *, rerun: bool = False
+) -> Diagnosis | StrapdownDiagnosis:
+    """The diagnosis of a case's record; of a bench σ, the mountings and the kind of block are known beside it."""
+    if isinstance(record, StrapdownRecord):
+        return diagnose_strapdown(record, rerun=rerun)
+    assert isinstance(case, BenchCase)
+    known = {"baseline": case.bench.baseline, "mounting": case.bench.matrices}
+    return diagnose(record, noise_bound=NOISE_BOUND, **known, rerun=rerun)
+
+
+def judged(case: Case, result: Diagnosis | StrapdownDiagnosis) -> BenchOutcome | BlockOutcome:
+    """Hold a diagnosis against the secret of its case."""
+    if isinstance(case, BenchCase):
+        assert isinstance(result, Diagnosis)
+        sets = [finding.causes for finding in result.findings]
+        kind = kind_of(case.places, result.verdict, sets, result.equivalent_sets)
+        inside, errors = _held_against(case.hidden, kind, sets, case.bench.truth["TurntableMotion"])
+        return BenchOutcome(
+            seed=case.seed,
+            case=case.index or 0,
+            positions=len(case.bench.alpha),
+            mountings=case.bench.mountings,
+            baseline=case.bench.baseline,
+            noise=case.noise,
+            redrawn=case.redrawn,
+            hidden=tuple(_secret(hidden) for hidden in case.hidden),
+            radius=result.baseline.radius,
+            verdict=result.verdict,
+            outcome=kind,
+            named=_named(sets),
+            inside=inside,
+            errors=errors,
+        )
+    assert isinstance(result, StrapdownDiagnosis)
+    sets = list(result.candidates)
+    kind = kind_of(case.places, result.verdict, sets)
+    inside, errors = _held_against(case.hidden, kind, sets)
+    return BlockOutcome(
+        **case.answer(),
+        rows=len(case.motion) - 1,
+        redrawn=case.redrawn,
+        radius=result.radius,
+        verdict=result.verdict,
+        outcome=kind,
+        named=_named(sets),
+        inside=inside,
+        error=errors[0] if errors else None,
+        why="; ".join((*result.objections, *result.missing)),
+    )
+
+
+def _secret(hidden: Hidden) -> Secret:
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return Secret(
+        **place_json(hidden.place),
+        parameters=hidden.parameters,
+        size=hidden.size,
+        surely_detected=finite(hidden.sizes.detected),
+        rivals_excluded=finite(hidden.sizes.excluded),
+        last_rival=hidden.sizes.rival,
+    )
+
+
+def _named(sets: Sequence[Sequence[Cause]]) -> tuple[Placed, ...]:
+    return tuple(Placed(**place_json(cause.place)) for cause in sets[0]) if sets else ()
+
+
+def kind_of(
+    places: Sequence[EffectPlace],
+    verdict: str,
+    sets: Sequence[Sequence[Cause]],
+    equivalent_sets: Iterable[Iterable[EffectPlace]] = (),
+) -> str:
+    """One of `KINDS`.
+
+    Parameters
+    ----------
+    places : sequence of EffectPlace
+        what is hidden
+    verdict : str
+        of the diagnosis
+    sets : sequence of sequence of Cause
+        the set that is named, or those that remain, the best one first
+    equivalent_sets : iterable of iterable of EffectPlace
+        whole sets that cannot be told from the one that is named
+    """
+    if verdict in ("consistent", "insufficient", "unexplained"):
+        return "right" if not places and verdict != "unexplained" else verdict
+    if any(_is_same(causes, places) for causes in sets):
+        return "right" if verdict == "explained" else "candidate"
+    if verdict == "explained":
+        if any(set(others) == set(places) for others in equivalent_sets):
+            return "right"
+        if sets and sets[0] and all(set(places) & _alike(cause) for cause in sets[0]):
+            return "part"
+    return "wrong"
+
+
+def _alike(cause: Cause) -> set[EffectPlace]:
+    """A cause and what no measurement on the bench could tell from it."""
+    return {cause.place, *cause.equivalents}
+
+
+def _is_same(causes: Sequence[Cause], places: Sequence[EffectPlace]) -> bool:
+    """Whether a set of causes is a set of effects, up to those that cannot be told apart."""
+    if len(causes) != len(places):
+        return False
+    return any(
+        all(place in _alike(cause) for place, cause in zip(order, causes, strict=True))
+        for order in permutations(places)
+    )
+
+
+def _held_against(
+    hidden: Sequence[Hidden], kind: str, sets: Sequence[Sequence[Cause]], table: Mapping[str, Any] | None = None
+) -> tuple[bool | None, tuple[float, ...]]:
+    """Whether the true parameters are inside their intervals, and errors of the sizes, of effects named as they are."""
+    own = [(h, cause) for h in hidden for cause in (sets[0] if sets else ()) if cause.place == h.place]
+    if kind != "right" or not own:
+        return None, ()
+    inside = None
+    if len(own) == len(hidden):
+        inside = all(is_inside(as_readings_tell(h, table), cause) for h, cause in own)
+    return inside, tuple(relative_error(h, cause) for h, cause in own)
+
+
+def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[float, ...]:
+    """True parameters as far as readings can tell them, which show neither Δg/g nor Δβ of the table.
+
+    The components' inputs are in units of the model's g: they have the factor 1 − Δg/g. Harmonics of the inner axis are
+    functions of the true angle, the encoder reading less Δβ, so that a phase of order h is known up to h Δβ.
+    """
+    if table is None:
+        return hidden.values
+    true_g, offset = 1.0 - float(table["gravity_error"]), float(table["beta_offset"])
+    place = hidden.place
+    factor = true_g ** DEGREES.get(place.effect, 0)
+    turn = (place.order or 1) * offset if place.where == "inner-axis" else 0.0
+    return tuple(
+        value - turn if name.endswith("phase") else value * factor for name, value in hidden.parameters.items()
+    )
+
+
+def is_inside(values: Iterable[float], cause: Cause) -> bool:
+    """Whether true parameters are inside a cause's intervals, phases up to whole turns."""
+    parameters = CATALOGUE[cause.place.effect].at(cause.place).parameters
+    turns = [(-1, 0, 1) if parameter.name.endswith("phase") else (0,) for parameter in parameters]
+    return all(
+        any(low <= value + 2.0 * math.pi * turn <= high for turn in possible)
+        for value, (low, high), possible in zip(values, cause.intervals, turns, strict=True)
+    )
+
+
+def relative_error(hidden: Hidden, cause: Cause) -> float:
+    """Error of the estimated size, along the true effect, as a part of the true size."""
+    names = list(hidden.parameters)
+    true, estimate = _vector(names, hidden.values), _vector(names, cause.values)
+    return float(sum(e * t for e, t in zip(estimate, true, strict=True)) / sum(t * t for t in true) - 1.0)
+
+
+def _vector(names: Sequence[str], values: Sequence[float]) -> list[float]:
+    """Parameters as a vector in which errors add: amplitudes and phases by their components."""
+    vector, k = [], 0
+    while k < len(names):
+        if names[k].endswith("amplitude"):
+            vector += [values[k] * math.cos(values[k + 1]), values[k] * math.sin(values[k + 1])]
+            k += 2
+        else:
+            vector.append(values[k])
+            k += 1
+    return vector

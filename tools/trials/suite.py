@@ -1,0 +1,373 @@
+"""Records with secrets: one that is written, or a suite of many that are diagnosed and counted."""
+
+import csv
+import io
+import json
+import math
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import InputError, nearest
+from ..files import write_text
+from ..progress import tracked
+from ..records import PositionRecord, write_record
+from ..result import Result
+from ..shown import Shown
+from ..workers import completed, started
+from .draw import BenchOptions, Options, draw_alone, draw_case
+from .measure import RECORD_DECIMALS, BenchCase, Case, measure, measure_bench
+from .outcome import KINDS, BenchOutcome, BlockOutcome, Outcome, diagnosed, judged
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+BINS = (0.0, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.7, 8.0, 16.0, math.inf)
+"""Edges of the sizes, relative to that of sure detection, over which detection is counted."""
+MOST_CASES, MOST_JOBS = 100_000, 64
+
+
+# One record
+
+
+@dataclass(frozen=True, repr=False)
+class HiddenRecord(Shown):
+    """A "measured" record, and what was hidden in it; printed, it keeps its secret."""
+
+    record: PositionRecord
+    secret: dict[str, Any]
+
+    def lines(self) -> Sequence[str]:
+        """The record alone."""
+        return str(self.record).split("\n")
+
+    def to_polars(self) -> "DataFrame":
+        """The record."""
+        return self.record.to_polars()
+
+
+def hidden_record(
+    seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False, progress: bool = False
+) -> HiddenRecord:
+    """Draw a record of a table's positions by itself, and measure it; arguments as for `draw_alone`."""
+    case = draw_alone(seed, effects=effects, symmetric=symmetric)
+    return HiddenRecord(measure_bench(case, progress=progress), case.answer())
+
+
+def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress: bool = False) -> None:
+    """Measure a case and write its record; the secret goes to `answer`, or nowhere.
+
+    Parameters
+    ----------
+    case : Case
+    path : Path
+        record (CSV)
+    answer : Path or None
+        JSON file for the secret and the instrument's true parameters
+    progress : bool
+        show how far the simulation is on standard error, where that is a terminal
+
+    Raises
+    ------
+    InputError
+        a file that cannot be written; then neither is there
+    """
+    record = measure_bench(case, progress=progress) if isinstance(case, BenchCase) else measure(case)
+    if answer is not None:
+        write_text(answer, json.dumps(case.answer(), indent=2) + "\n")
+    try:
+        write_record(record, path, decimals=RECORD_DECIMALS)
+    except InputError:
+        if answer is not None:
+            answer.unlink(missing_ok=True)
+        raise
+
+
+# Many
+
+
+class Detection(Result):
+    """Cases within a range of sizes relative to that of sure detection.
+
+    Attributes
+    ----------
+    low : float
+        of the range
+    high : float or None
+        None: any larger one
+    cases, detected, named : int
+        how many; in how many the model was falsified; in how many the effect was named rightly
+    """
+
+    low: float
+    high: float | None
+    cases: int
+    detected: int
+    named: int
+
+
+class BenchSuite(Result):
+    """A suite of records of a table's positions, and what came of it.
+
+    Attributes
+    ----------
+    mode, effects, positions, noise, size, seed
+        what was drawn, as in `BenchOptions`
+    cases, redrawn : int
+        how many; how many effects were put aside
+    outcomes : dict
+        how many of each kind, in the order of `KINDS`
+    false_alarms : dict
+        clean records, and those on which something was named
+    confusion : dict
+        secret in words -> what was made of it -> how often
+    detection : tuple of Detection
+        single effects by their size; ranges without cases are left out
+    size_errors : dict
+        estimated sizes against the true ones, relative; how many true values were inside their intervals
+    results : tuple of BenchOutcome
+        in the order of the cases
+    """
+
+    schema_: Literal["trihedron.hidden-suite/1"] = Field(default="trihedron.hidden-suite/1", alias="schema")
+    mode: str
+    effects: tuple[str, ...]
+    positions: tuple[int, int]
+    noise: str
+    size: tuple[float, float] | None
+    seed: int
+    cases: int
+    redrawn: int
+    outcomes: dict[str, int]
+    false_alarms: dict[str, int]
+    confusion: dict[str, dict[str, int]]
+    detection: tuple[Detection, ...]
+    size_errors: dict[str, int | float | None]
+    results: tuple[BenchOutcome, ...]
+
+
+class BlockSuite(Result):
+    """A suite of records of a block moved by hand, and what came of it; attributes as of `BenchSuite`.
+
+    Attributes
+    ----------
+    clean, effects, size
+        what was drawn, as in `BlockOptions`; no sizes where nothing is hidden
+    by_reference : dict
+        "gravity", "truth" -> how many of each kind
+    """
+
+    schema_: Literal["trihedron.hidden-strapdown-suite/1"] = Field(
+        default="trihedron.hidden-strapdown-suite/1", alias="schema"
+    )
+    clean: bool
+    effects: tuple[str, ...]
+    size: tuple[float, float] | None
+    seed: int
+    cases: int
+    outcomes: dict[str, int]
+    false_alarms: dict[str, int]
+    confusion: dict[str, dict[str, int]]
+    by_reference: dict[str, dict[str, int]]
+    size_errors: dict[str, int | float | None]
+    results: tuple[BlockOutcome, ...]
+
+
+Suite = BenchSuite | BlockSuite
+
+
+@dataclass(frozen=True)
+class NamedSuite:
+    """A suite of `scenarios/hidden/suites.toml`: what is drawn, how many cases, from which seed."""
+
+    options: BenchOptions
+    cases: int
+    seed: int
+
+
+def named_suite(name: str) -> NamedSuite:
+    """The suite of that name; InputError where there is none."""
+    text = resources.files("trihedron.scenarios").joinpath("hidden", "suites.toml").read_text(encoding="utf-8")
+    suites = tomllib.loads(text)
+    if name not in suites:
+        raise InputError(f"--suite {name}: {nearest(name, tuple(suites))}")
+    entry = suites[name]
+    size = tuple(entry["size"]) if "size" in entry else None
+    options = BenchOptions(
+        mode=entry["mode"], positions=tuple(entry["positions"]), noise=entry.get("noise", "all"), size=size
+    )
+    return NamedSuite(options, entry["cases"], entry["seed"])
+
+
+def run_suite(
+    options: Options, cases: int, seed: int, *, records: Path | None = None, jobs: int = 1, progress: bool = False
+) -> Suite:
+    """Draw, measure and diagnose cases; the diagnosis gets the record and what is known beside it, and nothing else.
+
+    Parameters
+    ----------
+    options : BenchOptions or BlockOptions
+    cases : int
+        how many; case i is the same whatever their number
+    seed : int
+    records : Path, optional
+        existing folder in which every record is written too
+    jobs : int
+        processes; 1: this one
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Raises
+    ------
+    InputError
+        numbers out of range, or instruments that cannot hide what is asked for
+    """
+    for name, number, least, most in (
+        ("cases", cases, 1, MOST_CASES),
+        ("seed", seed, 0, 2**31 - 1),
+        ("jobs", jobs, 1, MOST_JOBS),
+    ):
+        if not least <= number <= most:
+            raise InputError(f"--{name} {number}: must be a whole number from {least} to {most}")
+    run = partial(run_case, options, seed, records)
+    if jobs == 1:
+        found: Iterable[Outcome] = tracked(map(run, range(cases)), "cases", show=progress, total=cases)
+        return suite_of(options, seed, list(found))
+    with started("local", jobs) as workers:
+        each = completed(workers, run, range(cases))
+        by_case = dict(tracked(each, "cases", show=progress, total=cases))
+    return suite_of(options, seed, [by_case[index] for index in range(cases)])
+
+
+def run_case(options: Options, seed: int, records: Path | None, index: int) -> BenchOutcome | BlockOutcome:
+    """One case from the drawing to the outcome."""
+    case = draw_case(options, seed, index)
+    record = measure(case)
+    if records is not None:
+        write_record(record, records / f"case-{index:05d}.csv")
+    return judged(case, diagnosed(case, record))
+
+
+def suite_of(options: Options, seed: int, outcomes: Sequence[Any]) -> Suite:
+    """A suite from the outcomes of its cases, in their order."""
+    clean = [outcome for outcome in outcomes if not outcome.places]
+    counted: dict[str, Any] = {
+        "seed": seed,
+        "cases": len(outcomes),
+        "outcomes": kinds(outcomes),
+        "false_alarms": {"clean": len(clean), "alarms": sum(outcome.outcome != "right" for outcome in clean)},
+        "confusion": {name: dict(sorted(row.items())) for name, row in confusion(outcomes).items()},
+        "size_errors": _size_errors(outcomes),
+        "results": tuple(outcomes),
+    }
+    if isinstance(options, BenchOptions):
+        return BenchSuite(
+            mode=options.mode,
+            effects=options.effects,
+            positions=options.positions,
+            noise=options.noise,
+            size=options.size,
+            redrawn=sum(outcome.redrawn for outcome in outcomes),
+            detection=tuple(detection(outcomes)),
+            **counted,
+        )
+    del counted["size_errors"]["mean"]
+    return BlockSuite(
+        clean=options.clean,
+        effects=options.effects,
+        size=None if options.clean else options.sizes,
+        by_reference={
+            reference: kinds(own)
+            for reference in ("gravity", "truth")
+            if (own := [outcome for outcome in outcomes if outcome.reference == reference])
+        },
+        **counted,
+    )
+
+
+def kinds(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    """How many of each kind, in the order of `KINDS`."""
+    counts = Counter(outcome.outcome for outcome in outcomes)
+    return {kind: counts[kind] for kind in KINDS if counts[kind]}
+
+
+def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
+    """Secret in words -> what was made of it -> how often."""
+    table: dict[str, Counter[str]] = {}
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.hidden_words):
+        table.setdefault(outcome.hidden_words, Counter())[outcome.named_words] += 1
+    return table
+
+
+def detection(outcomes: Sequence[BenchOutcome]) -> list[Detection]:
+    """Single effects counted by their size relative to that of sure detection; ranges without cases are left out."""
+    singles = [outcome for outcome in outcomes if len(outcome.hidden) == 1]
+    found = []
+    for low, high in pairwise(BINS):
+        own = [outcome for outcome in singles if low <= outcome.hidden[0].relative_size < high]
+        if own:
+            detected = sum(outcome.verdict not in ("consistent", "insufficient") for outcome in own)
+            named = sum(outcome.outcome == "right" for outcome in own)
+            top = high if math.isfinite(high) else None
+            found.append(Detection(low=low, high=top, cases=len(own), detected=detected, named=named))
+    return found
+
+
+def _size_errors(outcomes: Sequence[Outcome]) -> dict[str, int | float | None]:
+    errors = np.array([error for outcome in outcomes for error in outcome.size_errors])
+    inside = [outcome.inside for outcome in outcomes if outcome.inside is not None]
+    return {
+        "estimates": len(errors),
+        "mean": float(errors.mean()) if len(errors) else None,
+        "rms": float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
+        "largest": float(np.abs(errors).max()) if len(errors) else None,
+        "cases_with_intervals": len(inside),
+        "inside_intervals": sum(inside),
+    }
+
+
+def cases_csv(suite: Suite) -> str:
+    """One row for each case."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    if isinstance(suite, BenchSuite):
+        header = ("case", "positions", "mountings", "baseline", "noise", "hidden", "size_over_detection")
+        header += ("exclusion_over_detection", "radius", "verdict", "outcome", "named", "inside", "error")
+        rows = [_bench_row(outcome) for outcome in suite.results]
+    else:
+        header = ("case", "reference", "rows", "hidden", "size_over_detection")
+        header += ("radius", "verdict", "outcome", "named", "inside")
+        rows = [_block_row(outcome) for outcome in suite.results]
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def _bench_row(o: BenchOutcome) -> list[object]:
+    first = o.hidden[0] if o.hidden else None
+    above = ""
+    if first is not None:
+        detected, excluded = (math.inf if x is None else x for x in (first.surely_detected, first.rivals_excluded))
+        above = f"{excluded / detected:.4g}"
+    size = "" if first is None else f"{first.relative_size:.4g}"
+    before = [o.case, o.positions, " ".join(o.mountings), o.baseline, o.noise, o.titles(named=False), size, above]
+    return [*before, f"{o.radius:.6g}", *_judgement(o), " ".join(f"{error:.4g}" for error in o.errors)]
+
+
+def _block_row(o: BlockOutcome) -> list[object]:
+    radius = "" if o.radius is None else f"{o.radius:.6g}"
+    size = f"{o.size:.4g}" if o.places else ""
+    return [o.case, o.reference, o.rows, o.titles(named=False), size, radius, *_judgement(o)]
+
+
+def _judgement(o: Outcome) -> list[object]:
+    return [o.verdict, o.outcome, o.titles(named=True), "" if o.inside is None else int(o.inside)]
