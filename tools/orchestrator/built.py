@@ -15,9 +15,16 @@ from typing import Literal
 
 from ... import fmus, models
 from ...fmus import build
-from ...fmus.native.compiler import BuildError, cache_folder, compiles, host_compiler, zig_version
-from ...fmus.native.platforms import PLATFORMS, host_name
-from ...fmus.native.prebuilt import has_prebuilt
+from ...fmus.native.compile import (
+    PLATFORMS,
+    BuildError,
+    cache_folder,
+    compiles,
+    has_prebuilt,
+    host_compiler,
+    host_name,
+    zig_version,
+)
 from ...models.effects import EffectPlace
 from .machine_code import keep
 

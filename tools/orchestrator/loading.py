@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...fmus import component_names
-from ...fmus.native.compiler import BuildError
+from ...fmus.native.compile import BuildError
 from ...models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
 from ..errors import InputError, nearest, said_of
 from ..scenario import FmuSetting, Scenario

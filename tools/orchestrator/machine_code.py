@@ -14,7 +14,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from ...fmus.native.compiler import cache_folder
+from ...fmus.native.compile import cache_folder
 
 _NAME = "trihedron_march"
 _SOURCES = ("compiled_loop.py", "machine_access.py", "operations.py", "machine_code.py")

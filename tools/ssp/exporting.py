@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from ...fmus import build
 from ...fmus.archive import write_archive
-from ...fmus.native.compiler import BuildError, chosen_platforms
+from ...fmus.native.compile import BuildError, chosen_platforms
 from ...models.effects import place_from_mapping
 from ..errors import InputError
 from ..exporting import Flavour

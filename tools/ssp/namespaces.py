@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from ...fmus.model_description import number
+from ...fmus.description import number
 from ..orchestrator.quantities import Scale
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement
 
-from ...fmus.model_description import number
+from ...fmus.description import number
 from ..orchestrator.interface import Value, Variable
 from ..orchestrator.quantities import Scale
 from .namespaces import add_units, declared, xml_bytes

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
-from ...fmus.model_description import number
+from ...fmus.description import number
 from ..orchestrator.interface import Interface, Variable
 from ..orchestrator.quantities import Scale
 from .namespaces import OMS, add_units, declared, xml_bytes
