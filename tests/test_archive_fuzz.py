@@ -9,13 +9,13 @@ from pathlib import Path
 import fmpy
 import pytest
 
+import trihedron as th
 from archive_mutations import OF_ANY, Members, Mutation, countless, packed
 from content_mutations import OF_FMUS, OF_SSPS
 from foreign_fmus import build_foreign
-from trihedron.tools.bench_run import run_scenario
 from trihedron.tools.errors import InputError
-from trihedron.tools.scenario import Scenario
-from trihedron.tools.ssp.exporting import export_ssp
+from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.ssp.write import export_ssp
 
 DESCRIPTIONS = {"fmu": "modelDescription.xml", "ssp": "SystemStructure.ssd"}
 KINDS: list[tuple[str, Mutation]] = [
@@ -78,7 +78,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, b
             start.write_text(f'schema = "trihedron.scenario/1"\n[run]\nstep_s = 0.1\nstop_s = 1.0\n{fmu}')
         before = everything(tmp_path)
         with pytest.raises(InputError) as error:
-            run_scenario(start, work / "out", progress=False)
+            th.simulate(start, out=work / "out")
         assert everything(tmp_path) == before
         said = str(error.value)
         assert "\n" not in said
@@ -104,7 +104,7 @@ def test_what_is_mutated_is_good(bases, tmp_path):
         'schema = "trihedron.scenario/1"\n[run]\nstep_s = 0.1\nstop_s = 1.0\n[fmus.a]\nfmu = "good.fmu"\n'
     )
     for name in ("good.toml", "good.ssp"):
-        assert run_scenario(tmp_path / name, tmp_path / "out", progress=False)
+        assert th.simulate(tmp_path / name, out=tmp_path / "out").files
 
 
 @pytest.mark.parametrize(("kind", "mutation"), KINDS, ids=lambda value: getattr(value, "__name__", value))

@@ -9,7 +9,7 @@ import pytest
 
 from foreign_fmus import build_foreign
 from trihedron.fmus.gyro_block import GYRO_BLOCK
-from trihedron.fmus.source import instantiate, references
+from trihedron.fmus.in_process import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.tools.attitude.choosing import Situation, situation_errors
 from trihedron.tools.attitude.published import algorithm_named
@@ -23,8 +23,8 @@ from trihedron.tools.campaign.runners import columns_of, make_runner
 from trihedron.tools.campaign.simulation_runs import reduced
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.repeated import RepeatedScenario
-from trihedron.tools.scenario import checked_scenario, read_scenario
+from trihedron.tools.orchestrator.run import PreparedScenario
+from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenario
 from trihedron.tools.trials.draw import BenchOptions
 from trihedron.tools.trials.suite import run_suite
 
@@ -121,7 +121,7 @@ def test_a_run_without_enough_samples_fails_alone():
 def test_a_scenario_run_again_and_again_gives_the_bits_of_simulate():
     scenario = read_scenario(ROOT / "scenarios" / "table-attitude.toml")
     once = simulate(scenario).table
-    repeated = RepeatedScenario(scenario)
+    repeated = PreparedScenario(scenario)
     changed = repeated.run({"table": {"kappa": 2e-3}})
     assert repeated.run({}).equals(once)
     assert not changed.equals(once)

@@ -9,10 +9,10 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus import build
-from trihedron.fmus.source import instantiate, references
+from trihedron.fmus.in_process import instantiate, references
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 COMPONENTS = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
 DISCARD = 2

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from foreign_fmus import build_foreign, declaring, rewritten
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.connections import Wire, stepping_order
 from trihedron.tools.orchestrator.interface import Variable
-from trihedron.tools.scenario import Scenario, read_scenario
+from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
+from trihedron.tools.orchestrator.wiring import Coupling, Wire, stepping_groups
 
 SCRIPTS = ("foreign_clock", "foreign_gain", "foreign_accumulator")
 
@@ -197,8 +197,12 @@ def test_the_same_scenario_gives_the_same_bytes(folder: Path, tmp_path: Path, fo
     assert {p.name for p in tmp_path.iterdir()} == {"a", "b"}
 
 
+def stepping_order(names: list[str], wires: list[Wire]) -> list[str]:
+    return [name for group in stepping_groups(names, wires, Coupling()) for name in group.members]
+
+
 def _wire(source: int, target: int) -> Wire:
-    port = Variable("x", "Real", 0, "output", "continuous", None, None, None, None)
+    port = Variable("x", "Real", "Real", 0, "output", "continuous")
     return Wire(f"f{source}", port, f"f{target}", port)
 
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import built, machine_code, simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator import load, loops, simulate
+from trihedron.tools.orchestrator.scenario import Scenario
 
 
 @pytest.fixture(autouse=True)
@@ -37,7 +37,7 @@ def test_both_flavours_give_the_same_bits() -> None:
 
 def test_without_a_compiler_components_run_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
     python = run("python").provenance["fmus"]["c"]["sha256"]
-    monkeypatch.setattr(built, "usual_flavour", lambda: "python")
+    monkeypatch.setattr(load, "usual_flavour", lambda: "python")
     assert run().provenance["fmus"]["c"]["sha256"] == python
 
 
@@ -52,18 +52,18 @@ def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch:
     def no_build(*_: object, **__: object) -> None:
         raise AssertionError("built again")
 
-    monkeypatch.setattr(built, "build", no_build)
+    monkeypatch.setattr(load, "build", no_build)
     assert run("python").table.equals(first.table)
 
 
 def test_damaged_machine_code_is_made_again(cache: Path) -> None:
-    machine_code.compiled_march.cache_clear()
-    machine_code.compiled_march()
+    loops.compiled_march.cache_clear()
+    loops.compiled_march()
     (kept,) = cache.glob("loops/*.o")
     content = kept.read_bytes()
     kept.write_bytes(content[:-8] + bytes(8))
-    machine_code.compiled_march.cache_clear()
-    machine_code.compiled_march()
+    loops.compiled_march.cache_clear()
+    loops.compiled_march()
     assert kept.read_bytes() == content
 
 
@@ -79,11 +79,11 @@ def test_a_flavour_belongs_to_a_component() -> None:
 
 
 def test_native_is_refused_where_nothing_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trihedron.fmus.native.compile import BuildError
+    from trihedron.fmus.native.compiler import BuildError
 
     def fails(*_: object, **__: object) -> None:
         raise BuildError("there is no C compiler here")
 
-    monkeypatch.setattr(built, "build", fails)
+    monkeypatch.setattr(load, "build", fails)
     with pytest.raises(InputError, match=r"^fmus\.c\.flavour: there is no C compiler here$"):
         run("native")

@@ -13,10 +13,10 @@ import pytest
 
 from foreign_fmus import build_foreign, rewritten
 from trihedron.fmus import build
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 NAMES = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
 FLAVOURS = {"python": ("python", 2), "native-2": ("native", 2), "native-3": ("native", 3)}
@@ -228,14 +228,14 @@ def test_a_step_is_a_multiple_of_what_an_fmu_makes_inside(everything, tmp_path, 
 
 
 def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trihedron.tools.orchestrator import machine_code
+    from trihedron.tools.orchestrator import loops
 
     expected = simulate(bench(folder, ("native-2",) * 3)).table
 
     def fails() -> None:
         raise RuntimeError("no compiler for this processor")
 
-    monkeypatch.setattr(machine_code, "compiled_march", fails)
+    monkeypatch.setattr(loops, "compiled_march", fails)
     assert simulate(bench(folder, ("native-2",) * 3)).table.equals(expected)
 
 

@@ -10,7 +10,7 @@ import pytest
 from foreign_fmus import build_foreign
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario, read_scenario
+from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 EARTH_RATE = 7.292115e-5

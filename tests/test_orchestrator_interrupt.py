@@ -9,8 +9,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from trihedron.tools.orchestrator import interrupts, simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator import loops, simulate
+from trihedron.tools.orchestrator.scenario import Scenario
 
 RUN = {
     "run": {"stop_s": 1.0, "step_s": 0.1},
@@ -51,12 +51,10 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
 
 
 def test_ctrl_c_before_the_first_row_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trihedron.tools.orchestrator import master
-
     def struck(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(master, "initialise", struck)
+    monkeypatch.setattr(loops, "initialise", struck)
     with pytest.raises(KeyboardInterrupt):
         simulate(Scenario.model_validate({**RUN, "base_folder": tmp_path}), tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
@@ -66,10 +64,10 @@ def test_the_second_ctrl_c_acts_at_once():
     """An FMU that never returns to the loop must not make the program immortal."""
 
     def stuck() -> None:
-        with interrupts.held_interrupt() as interrupt:
-            assert not interrupt
+        with loops.held_interrupt() as pressed:
+            assert not pressed()
             os.kill(os.getpid(), signal.SIGINT)
-            assert interrupt
+            assert pressed()
             os.kill(os.getpid(), signal.SIGINT)
             pytest.fail("the second signal was held back too")
 
@@ -81,9 +79,9 @@ def test_a_hosts_own_handler_stays_in_force():
     heard = []
     before = signal.signal(signal.SIGINT, lambda *_: heard.append("host"))
     try:
-        with interrupts.held_interrupt() as interrupt:
+        with loops.held_interrupt() as pressed:
             os.kill(os.getpid(), signal.SIGINT)
         assert heard == ["host"]
-        assert not interrupt
+        assert not pressed()
     finally:
         signal.signal(signal.SIGINT, before)

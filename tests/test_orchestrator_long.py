@@ -15,8 +15,8 @@ import pytest
 from foreign_fmus import build_foreign
 from foreign_fmus.foreign_failing import WAYS
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import blocks, journal, simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator import journal, simulate
+from trihedron.tools.orchestrator.scenario import Scenario
 
 TABLE = {
     "run": {"stop_s": 60.0, "step_s": 0.01},
@@ -35,7 +35,7 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
     monkeypatch.setattr(journal, "WHOLE_BYTES", 0)
     contents = []
     for size in (200_000, 37_777):
-        monkeypatch.setattr(blocks, "BLOCK_BYTES", size)
+        monkeypatch.setattr(journal, "BLOCK_BYTES", size)
         run = simulate(scenario(form), tmp_path / "parts")
         assert run.rows is None
         assert run.columns == whole.columns
@@ -51,14 +51,14 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
 
 def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = simulate(scenario("parquet"), tmp_path / "whole")
-    monkeypatch.setattr(blocks, "BLOCK_BYTES", 100_000)
+    monkeypatch.setattr(journal, "BLOCK_BYTES", 100_000)
     parts = simulate(scenario("parquet"), tmp_path / "parts")
     assert parts.files[0].read_bytes() == whole.files[0].read_bytes()
 
 
 def test_a_run_that_fails_late_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     build_foreign("foreign_failing", tmp_path)
-    monkeypatch.setattr(blocks, "BLOCK_BYTES", 80)
+    monkeypatch.setattr(journal, "BLOCK_BYTES", 80)
     parameters = {"way": WAYS["nan"], "after": 5.0}
     data = {"run": {"stop_s": 9.0, "step_s": 0.1}, "fmus": {"f": {"fmu": "Failing.fmu", "parameters": parameters}}}
     failing = Scenario.model_validate({**data, "base_folder": tmp_path})
@@ -74,9 +74,9 @@ def test_a_run_that_fails_late_leaves_nothing(tmp_path: Path, monkeypatch: pytes
 KILLED = """
 import sys
 from pathlib import Path
-from trihedron.tools.orchestrator import blocks, simulate
-from trihedron.tools.scenario import Scenario
-blocks.BLOCK_BYTES = 1_000_000
+from trihedron.tools.orchestrator import journal, simulate
+from trihedron.tools.orchestrator.scenario import Scenario
+journal.BLOCK_BYTES = 1_000_000
 data = {table}
 data["run"] = {{"stop_s": 1e6, "step_s": 0.01}}
 simulate(Scenario.model_validate(data), Path(sys.argv[1]))

@@ -10,7 +10,7 @@ import pytest
 
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Native" guid="native">

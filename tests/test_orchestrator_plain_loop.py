@@ -8,7 +8,7 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 STEP, STEPS = 0.1, 1500
 PARAMETERS = {

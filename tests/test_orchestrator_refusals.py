@@ -13,7 +13,7 @@ from foreign_fmus import build_foreign, declaring, rewritten
 from foreign_fmus.foreign_failing import WAYS
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 
 @pytest.fixture(scope="module")
@@ -235,9 +235,9 @@ def test_a_file_that_is_no_archive(folder: Path, tmp_path: Path) -> None:
 
 
 def test_an_archive_that_unpacks_to_too_much(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trihedron.tools.orchestrator import archive
+    from trihedron.tools.orchestrator import load
 
-    monkeypatch.setattr(archive, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(load, "MOST_BYTES", 1 << 20)
     with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr("resources/zeros", bytes(2 << 20))
     assert "unpacks to more than" in refusal(tmp_path, tmp_path, {"x": {"fmu": "Bomb.fmu"}})

@@ -11,8 +11,8 @@ import pytest
 from foreign_fmus import build_foreign, declaring
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.loading import Sources
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.load import Sources
+from trihedron.tools.orchestrator.scenario import Scenario
 
 
 @pytest.fixture(scope="module")

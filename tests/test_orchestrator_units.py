@@ -8,8 +8,8 @@ import pytest
 from foreign_fmus import build_foreign, declaring, rewritten
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.quantities import between, scale_of
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.interface import between, scale_of
+from trihedron.tools.orchestrator.scenario import Scenario
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,12 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.tools.bench_run import run_scenario
+import trihedron as th
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
-from trihedron.tools.scenario import read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 REFERENCE = json.loads((SCENARIOS / "reference-results.json").read_text(encoding="utf-8"))
@@ -24,7 +24,7 @@ ROUNDING = 1e-11
 @pytest.fixture(scope="module")
 def static_run(tmp_path_factory):
     out = tmp_path_factory.mktemp("static")
-    return run_scenario(SCENARIOS / "static-calibration.toml", out / "run", progress=False)
+    return th.simulate(SCENARIOS / "static-calibration.toml", out=out / "run").files
 
 
 def test_static_calibration_gives_its_reference_results(static_run):
@@ -52,7 +52,7 @@ def test_static_calibration_holds_the_truth(static_run):
 
 
 def test_static_calibration_gives_the_same_bytes_twice(static_run, tmp_path):
-    again = run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
+    again = th.simulate(SCENARIOS / "static-calibration.toml", out=tmp_path / "run").files
     assert [p.name for p in again] == ["run.parquet", "run.json", "positions.csv"]
     for first, second in zip(static_run, again, strict=True):
         assert first.read_bytes() == second.read_bytes()
@@ -64,13 +64,13 @@ def test_a_position_record_that_cannot_be_written_is_an_error(tmp_path, monkeypa
     def full(_record, path):
         raise InputError(f"{path}: cannot be written (No space left on device)")
 
-    monkeypatch.setattr("trihedron.tools.bench_run.write_record", full)
+    monkeypatch.setattr("trihedron.tools.orchestrator.run.write_record", full)
     with pytest.raises(InputError, match=r"positions\.csv: cannot be written"):
-        run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
+        th.simulate(SCENARIOS / "static-calibration.toml", out=tmp_path / "run")
 
 
 def test_table_and_attitude_computer_give_their_reference_results(tmp_path):
-    files = run_scenario(SCENARIOS / "table-attitude.toml", tmp_path / "run", progress=False)
+    files = th.simulate(SCENARIOS / "table-attitude.toml", out=tmp_path / "run").files
     run = pl.read_csv(files[0])
     names = ["q0", "q1", "q2", "q3"]
     reference = REFERENCE["table-attitude"]

@@ -13,11 +13,10 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario, read_scenario
-from trihedron.tools.ssp.document import children, parsed
-from trihedron.tools.ssp.exporting import export_ssp
-from trihedron.tools.ssp.importing import scenario_of_ssp
-from trihedron.tools.ssp.self_contained import self_contained
+from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
+from trihedron.tools.ssp.read import scenario_of_ssp
+from trihedron.tools.ssp.values import children, parsed
+from trihedron.tools.ssp.write import export_ssp, self_contained
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
@@ -103,9 +102,9 @@ def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(expo
     assert again.read_bytes() == exported.read_bytes()
     expected = simulate(bench()).table
     assert simulate(self_contained(bench())).table.select(expected.columns).equals(expected)
-    with scenario_of_ssp(exported) as imported:
-        assert imported.ignored == ()
-        found = simulate(imported.scenario).table
+    with scenario_of_ssp(exported) as (again, ignored):
+        assert ignored == ()
+        found = simulate(again).table
     assert found.select(expected.columns).equals(expected)
 
 
@@ -129,11 +128,11 @@ def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
 
 
 def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
-    from trihedron.tools.bench_run import run_scenario
+    import trihedron as th
     from trihedron.tools.calibration import calibrate
     from trihedron.tools.records import PositionRecord, read_record
 
-    files = run_scenario(SCENARIOS / "static-calibration.toml", tmp_path / "run", progress=False)
+    files = th.simulate(SCENARIOS / "static-calibration.toml", out=tmp_path / "run").files
     result = calibrate(read_record(files[-1], PositionRecord), noise_bound=1e-5)
     (tmp_path / "measured.json").write_text(result.json_text())
     fmus = {
@@ -165,11 +164,11 @@ def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
     assert ("TurntableMotion.kappa", "table.kappa") in mapping
     assert float(values["AccelerometerBlock.bias[1]"].value) != 0.0
     expected = simulate(scenario).table
-    with scenario_of_ssp(path) as imported:
-        fmus_again = imported.scenario.fmus
+    with scenario_of_ssp(path) as (again, _):
+        fmus_again = again.fmus
         assert fmus_again["second"].parameters["bias[1]"] == 0.0
         assert fmus_again["first"].parameters["bias[1]"] == float(values["AccelerometerBlock.bias[1]"].value)
-        assert simulate(imported.scenario).table.select(expected.columns).equals(expected)
+        assert simulate(again).table.select(expected.columns).equals(expected)
 
 
 def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
@@ -198,11 +197,11 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
     scenario = scenario.model_copy(update={"run": run})
     path = export_ssp(scenario, tmp_path / "around.ssp", flavour="python")
     expected = simulate(scenario).table
-    with scenario_of_ssp(path) as imported:
-        assert imported.scenario.run.coupling == scenario.run.coupling is not None
-        assert simulate(imported.scenario).table.equals(expected)
-    with scenario_of_ssp(path, coupling="jacobi") as imported:
-        assert imported.scenario.run.coupling == "jacobi"
+    with scenario_of_ssp(path) as (again, _):
+        assert again.run.coupling == scenario.run.coupling is not None
+        assert simulate(again).table.equals(expected)
+    with scenario_of_ssp(path, coupling="jacobi") as (again, _):
+        assert again.run.coupling == "jacobi"
     assert cli.main(["simulate", str(SCENARIOS / "table-stabilised.toml"), "--coupling", "jacobi"]) == 2
     assert "--coupling: belongs to an .ssp" in capsys.readouterr().err
 

@@ -14,8 +14,8 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
-from trihedron.tools.ssp.importing import scenario_of_ssp
+from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.ssp.read import scenario_of_ssp
 
 MEAN_RATE = next(a.number for a in ALGORITHMS if a.name == "mean-rate")
 STEP = (
@@ -36,12 +36,12 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def imported(path: Path) -> tuple[Scenario, tuple[str, ...]]:
     with scenario_of_ssp(path) as found:
-        return found.scenario, found.ignored
+        return found
 
 
 def run(path: Path) -> dict[str, list]:
     with scenario_of_ssp(path) as found:
-        return simulate(found.scenario).table.to_dict(as_series=False)
+        return simulate(found[0]).table.to_dict(as_series=False)
 
 
 def refusal(path: Path) -> str:

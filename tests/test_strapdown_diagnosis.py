@@ -11,7 +11,7 @@ from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.evidence.carried import carried_evidence
 from trihedron.tools.evidence.references import Gravity, turned
-from trihedron.tools.orchestrator.built import usual_flavour
+from trihedron.tools.orchestrator.load import usual_flavour
 from trihedron.tools.strapdown import inspect_record
 from trihedron.tools.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown

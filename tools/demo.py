@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from ..fmus import components
+from ..fmus.in_process import parameter_starts
 from ..models.bench import ELEMENTARY, TARGETS, elementary, target_values
 from .attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_rest
-from .bench_run import run_scenario
 from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
 from .evidence.gain import export_extended
 from .files import write_text
+from .orchestrator.run import simulate_table
+from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
 from .report.diagnosis_sections import diagnosis_sections
 from .report.page import Section, render_page
 from .report.run_sections import attitude_section, run_section
 from .report.target_sections import calibration_section
-from .scenario import Scenario, read_scenario
 from .summaries import calibration_summary, diagnosis_summary
 from .trials.bench import NOISE_BOUND
 from .trials.draw import draw_alone
@@ -58,7 +58,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     say(f"1  Simulate: table, accelerometer block and attitude computer ({STATIC_CALIBRATION})")
     scenario_file = copied_scenario(out)
-    files = run_scenario(scenario_file, out / "static-calibration-run", progress=True)
+    files = simulate_table(read_scenario(scenario_file), out / "static-calibration-run", progress=True).files
     record_file = files[-1]
 
     say("2  Calibrate: the guaranteed linear programme on the exported positions")
@@ -145,7 +145,7 @@ def true_targets(scenario: Scenario) -> dict[str, float]:
     values: dict[str, Any] = {}
     for setting in scenario.fmus.values():
         if setting.component in ("TurntableMotion", "AccelerometerBlock"):
-            values |= components()[setting.component].parameter_starts | setting.parameters
+            values |= parameter_starts(setting.component) | setting.parameters
     chosen: dict[str, float] = {}
     for name in ELEMENTARY:
         stem, _, number = name.rpartition("_")

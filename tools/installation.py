@@ -107,7 +107,9 @@ def _package(name: str) -> str | None:
 
 
 def _platforms() -> list[Finding]:
-    from ..fmus.native.compile import PLATFORMS, compiles, has_prebuilt, host_compiler, host_name, zig_version
+    from ..fmus.native.compiler import compiles, host_compiler, zig_version
+    from ..fmus.native.platforms import PLATFORMS, host_name
+    from ..fmus.native.prebuilt import has_prebuilt
 
     compiler, zig = host_compiler(), zig_version()
     said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
@@ -125,7 +127,7 @@ def _platforms() -> list[Finding]:
 
 
 def _cache() -> Finding:
-    from ..fmus.native.compile import cache_folder
+    from ..fmus.native.compiler import cache_folder
 
     folder = cache_folder()
     at = folder
@@ -152,9 +154,10 @@ def _run() -> Finding:
     """A run of the whole chain, on a template's scenario."""
     from time import perf_counter
 
-    from .bench_run import simulate
     from .calibration import calibrate
-    from .orchestrator.built import usual_flavour
+    from .orchestrator.load import usual_flavour
+    from .orchestrator.run import simulate_table
+    from .orchestrator.scenario import read_scenario
     from .templates import new
 
     subject = "a run"
@@ -164,7 +167,7 @@ def _run() -> Finding:
             text = scenario.read_text(encoding="utf-8")
             scenario.write_text(text.replace("dwell_s = 20.0", f"dwell_s = {DWELL_S}"), encoding="utf-8")
             begin = perf_counter()
-            done = simulate(scenario)
+            done = simulate_table(read_scenario(scenario))
             seconds = perf_counter() - begin
             if done.positions is None:
                 return Finding(subject, f"gives no positions: {done.no_positions}", False)

@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from .attitude import AttitudeRun
-    from .bench_run import Simulation as Simulation
     from .calibration import Calibration
     from .calibration.correction import Application
     from .campaign.campaign import Done
-    from .checking import Check as Check
+    from .check import Check as Check
     from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
     from .installation import Installation as Installation
+    from .orchestrator.run import Simulation as Simulation
+    from .orchestrator.scenario import Scenario
     from .planning.plan import Plans, PositionPlan
     from .records import Source
     from .strapdown.inspection import Inspection
@@ -53,7 +54,12 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
-_TYPES = {"Check": ".checking", "Exported": ".exporting", "Installation": ".installation", "Simulation": ".bench_run"}
+_TYPES = {
+    "Check": ".check",
+    "Exported": ".exporting",
+    "Installation": ".installation",
+    "Simulation": ".orchestrator.run",
+}
 """Where the types of results are defined that a user's annotations name."""
 
 
@@ -64,7 +70,7 @@ def __getattr__(name: str) -> Any:
 
 
 def simulate(
-    scenario: "str | Path | Mapping[str, Any]",
+    scenario: "str | Path | Mapping[str, Any] | Scenario",
     *,
     out: str | Path | None = None,
     step: float | None = None,
@@ -97,9 +103,11 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    from .bench_run import simulate as run
+    from .orchestrator.run import simulate_table
+    from .ssp.read import opened
 
-    return run(scenario, out=out, step=step, coupling=coupling, progress=progress)
+    with opened(scenario, step=step, coupling=coupling) as (checked, ignored):
+        return simulate_table(checked, None if out is None else Path(out), ignored=ignored, progress=progress)
 
 
 def export(
@@ -551,7 +559,7 @@ def check(file: str | Path) -> "Check":
     InputError
         no file that can be read
     """
-    from .checking import check as look
+    from .check import check as look
 
     return look(file)
 

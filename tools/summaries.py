@@ -10,6 +10,7 @@ import numpy as np
 from ..models.effects import CATALOGUE
 from .calibration import Calibration
 from .calibration.correction import ARCSEC, Application, Correction, correction_of, face_readings, levelling
+from .check import Check
 from .diagnosis import Cause, Diagnosis
 from .errors import InputError
 from .result import Result
@@ -33,7 +34,21 @@ def text_of(result: Result) -> str:
         return calibration_summary(result)
     if isinstance(result, Application):
         return application_summary(result)
+    if isinstance(result, Check):
+        return "\n".join(check_lines(result))
     return result.json_text()
+
+
+def check_lines(result: Check) -> list[str]:
+    """The verdict, then every problem as `file:line: what`."""
+    said = [result.verdict]
+    for problem in result.problems:
+        place = "" if problem.line is None else f":{problem.line}"
+        said.append(f"{result.file}{place}: {problem.text}")
+    if result.not_listed:
+        said.append(f"... and {result.not_listed} more")
+    said += [f"  {line}" for line in result.summary]
+    return said + [f"warning: {warning}" for warning in result.warnings]
 
 
 LATITUDE_DEG = 55.75

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus.native.compiler import host_compiler
 
 RUN = """
 import sys
 from pathlib import Path
 from trihedron.fmus import build
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 flavours = {"TurntableMotion": ("native", 3), "AccelerometerBlock": ("python", 2), "AttitudeComputer": ("native", 2)}
 for name, (flavour, fmi) in flavours.items():

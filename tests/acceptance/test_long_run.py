@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 def run(steps, out):
     began = time.perf_counter()

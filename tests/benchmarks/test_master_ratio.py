@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 STEP, STEPS, PLAIN_STEPS = 0.01, 4_000_000, 30_000
 VARIABLES = "".join(

@@ -12,9 +12,9 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus import build
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus.native.compiler import host_compiler
 from trihedron.tools.orchestrator import simulate
-from trihedron.tools.scenario import Scenario
+from trihedron.tools.orchestrator.scenario import Scenario
 
 STEP, ROUNDS = 0.01, 3
 PLAIN_STEPS, STEPS = 20_000, 1_000_000

@@ -10,9 +10,9 @@ import polars as pl
 from ...models.attitude import ALGORITHMS, Algorithm
 from ..errors import InputError, nearest
 from ..orchestrator import simulate
+from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
-from ..scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from .run import AttitudeRun, attitude_error, heading_and_tilt, rotation_of
 from .sampling import Increments, coarser, increments_from
 

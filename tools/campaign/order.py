@@ -99,7 +99,7 @@ def _inputs(campaign: Campaign) -> list[str]:
 
 
 def _inputs_of_scenario(file: Path) -> Iterable[str]:
-    from ..scenario import read_scenario
+    from ..orchestrator.scenario import read_scenario
 
     if file.suffix.lower() != ".toml":
         raise InputError(f"{file}: simulation.scenario must be a scenario file (TOML)")

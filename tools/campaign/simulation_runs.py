@@ -10,11 +10,11 @@ import polars as pl
 from ...models.bench import TARGETS
 from ..calibration import calibrate
 from ..errors import InputError, nearest
-from ..orchestrator.parameters import SETTABLE
-from ..orchestrator.repeated import RepeatedScenario
+from ..orchestrator.load import SETTABLE
+from ..orchestrator.run import PreparedScenario
+from ..orchestrator.scenario import read_scenario
 from ..records import PositionRecord, RawRecord
 from ..records.rests import position_record_of
-from ..scenario import read_scenario
 from .calibration_runs import record_table
 from .design import Value, short_seed
 from .file import Campaign
@@ -34,7 +34,7 @@ class SimulationRuns:
 
     def __init__(self, campaign: Campaign, setting: SimulationSetting) -> None:
         self.setting, self.keep = setting, campaign.keep
-        self.scenario = RepeatedScenario(read_scenario(campaign.base_folder / setting.scenario))
+        self.scenario = PreparedScenario(read_scenario(campaign.base_folder / setting.scenario))
         interfaces = self.scenario.interfaces
         for name in campaign.parameters:
             fmu, _, variable = name.partition(".")
@@ -47,7 +47,7 @@ class SimulationRuns:
                 raise InputError(f"parameters.{name}: {error}") from error
             if len(found) != 1:
                 raise InputError(f"parameters.{name}: has {len(found)} elements; sweep one: {name}[1]")
-        columns = self.scenario.columns
+        columns = [column.name for column in self.scenario.columns]
         self.reductions = setting.scalars or {name: Reduction(column=name) for name in columns}
         for name, reduction in self.reductions.items():
             if reduction.column not in columns:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import library
+from ..errors import one_line
 from .answer import STANDARD_OUTPUT, Answer, answer
 from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
 
@@ -25,9 +26,17 @@ def installed_version() -> str:
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     distinct_files({"the scenario": scenario, "--json": json})
-    from ..bench_run import run_into_folder
+    from ..orchestrator.run import default_folder, simulate_table
+    from ..ssp.read import opened
 
-    done = run_into_folder(scenario, options.pop("out", None), progress=True, **options)
+    out = options.pop("out", None)
+    with opened(scenario, **options) as (checked, ignored):
+        if ignored:
+            shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
+            print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
+        done = simulate_table(checked, out or default_folder(checked), ignored=ignored, progress=True)
+    if done.no_positions:
+        print(f"no position record: {done.no_positions}", file=sys.stderr)
     return answer("\n".join(str(file) for file in done.files), json, done.to_json())
 
 
@@ -66,8 +75,8 @@ def export_ssp(
     platform
         Of native FMUs: host (the default), all, or a name such as x86_64-windows.
     """
-    from ..scenario import read_scenario
-    from ..ssp.exporting import export_ssp as write
+    from ..orchestrator.scenario import read_scenario
+    from ..ssp.write import export_ssp as write
 
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
     path = write(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)

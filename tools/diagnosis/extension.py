@@ -10,7 +10,7 @@ from ...models.bench import TARGETS
 from ...models.effects import CATALOGUE
 from ..calibration.model import Linearisation
 from ..orchestrator import simulate
-from ..scenario import Scenario
+from ..orchestrator.scenario import Scenario
 from .circumstances import Circumstances
 from .disturbance import true_angles
 from .extended_fit import ExtendedFit

@@ -12,7 +12,7 @@ from pydantic import Field, model_serializer
 
 from ...fmus import build
 from ...models.effects import CATALOGUE, EffectPlace
-from ..orchestrator.built import usual_flavour
+from ..orchestrator.load import usual_flavour
 from ..result import Result
 from ..strapdown.carrying import carried_attitude, reads
 from ..strapdown.norm_calibration import NAMES

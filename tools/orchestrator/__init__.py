@@ -1,5 +1,5 @@
 """The orchestrator: couples FMUs as a scenario says, runs them, and writes the run with its provenance."""
 
-from .simulation import Run, default_folder, simulate
+from .run import Run, Simulation, default_folder, simulate
 
-__all__ = ["Run", "default_folder", "simulate"]
+__all__ = ["Run", "Simulation", "default_folder", "simulate"]

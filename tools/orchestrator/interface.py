@@ -1,20 +1,182 @@
-"""The variables of an FMU: found by name, with arrays put together from `name[1]`, `name[2]`, ..."""
+"""What an FMU lets through: variables found by name, their types and units, arrays of `name[1]`, `name[2]`, ..."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
-from fmpy.model_description import ModelDescription, ModelVariable, SimpleType
+import numpy as np
+from fmpy.model_description import ModelDescription, ModelVariable
 
+from ...fmus.units import UNITS, column_units
 from ..errors import InputError, nearest
-from .quantities import Scale, scale_of
-from .value_types import VALUE_TYPES, ValueType
 
 Value = bool | int | float | str
 MOST_ELEMENTS = 1_000_000
 MANY_ITEMS = 6
 """So many values of an enumeration can be listed in a line."""
+SAME = 1e-6
+"""Factors of one unit that agree so far are the same: some tools write few digits."""
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_NUMBERS = (
+    *(np.float64, np.float32, np.int8, np.uint8, np.int16, np.uint16, np.int32, np.uint32, np.int64, np.uint64),
+)
+"""In the order of their codes in a program."""
+
+
+class ValueType(NamedTuple):
+    """A type as `fmi2Get...` and `fmi3Get...` name it: Real, Integer, Boolean or String, and what it takes in memory.
+
+    The value of a String is the address of its bytes.
+    """
+
+    kind: str
+    dtype: Any
+
+    @property
+    def code(self) -> int:
+        """How a program's operations name it."""
+        return _NUMBERS.index(np.dtype(self.dtype).type)
+
+    @property
+    def whole_span(self) -> tuple[int, int]:
+        """The least and the greatest whole number."""
+        return int(np.iinfo(self.dtype).min), int(np.iinfo(self.dtype).max)
+
+
+VALUE_TYPES = {
+    "Real": ValueType("Real", np.float64),
+    "Integer": ValueType("Integer", np.int32),
+    "Boolean2": ValueType("Boolean", np.int32),
+    "Float64": ValueType("Real", np.float64),
+    "Float32": ValueType("Real", np.float32),
+    "Int8": ValueType("Integer", np.int8),
+    "UInt8": ValueType("Integer", np.uint8),
+    "Int16": ValueType("Integer", np.int16),
+    "UInt16": ValueType("Integer", np.uint16),
+    "Int32": ValueType("Integer", np.int32),
+    "UInt32": ValueType("Integer", np.uint32),
+    "Int64": ValueType("Integer", np.int64),
+    "UInt64": ValueType("Integer", np.uint64),
+    "Boolean": ValueType("Boolean", np.uint8),
+    # An FMU may reuse the memory of its strings at the next call: they come last.
+    "String": ValueType("String", np.uint64),
+}
+"""Every type by its name; FMI 2.0's Boolean, which is an int, is Boolean2."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How a unit stands to SI: SI value = factor * value + offset, with exponents of the base units."""
+
+    exponents: tuple[tuple[str, int], ...]
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 0.0) -> Scale:
+    """A scale with its exponents in a fixed order, zeros left out."""
+    return Scale(tuple(sorted((base, n) for base, n in exponents.items() if n)), factor, offset)
+
+
+_SCALES = {
+    name: scale_of(unit.exponents, unit.factor / display)
+    for unit in UNITS.values()
+    for name, display in unit.display.items()
+} | {unit.name: scale_of(unit.exponents, unit.factor, unit.offset) for unit in UNITS.values()}
+_SUFFIXES = column_units()
+
+
+def between(
+    first: str | None, second: str | None, scales: Mapping[str, Scale], others: Mapping[str, Scale], *, relative: bool
+) -> tuple[float, float] | None:
+    """How a value in one unit becomes a value in another: factor and offset.
+
+    Parameters
+    ----------
+    first, second : str or None
+        declared units; a variable without a unit goes with every unit
+    scales, others : mapping
+        what the FMU of the first and that of the second define; what they leave open is as in our table
+    relative : bool
+        the value is a difference: no offset
+
+    Returns
+    -------
+    tuple or None
+        second value = factor * first value + offset; None where the units are not of one dimension
+    """
+    if first is None or second is None:
+        return 1.0, 0.0
+    mine, theirs = scales.get(first) or _SCALES.get(first), others.get(second) or _SCALES.get(second)
+    if mine is None or theirs is None:
+        return (1.0, 0.0) if first == second else None
+    if mine.exponents != theirs.exponents:
+        return None
+    factor = mine.factor / theirs.factor
+    offset = 0.0 if relative else (mine.offset - theirs.offset) / theirs.factor
+    if abs(factor - 1.0) <= (SAME if first == second else 1e-12) and abs(offset) <= SAME:
+        return 1.0, 0.0
+    return factor, offset
+
+
+def is_angle(unit: str | None, scales: Mapping[str, Scale]) -> bool:
+    """Whether a unit is one of angles (and not of rates)."""
+    scale = {**scales, **_SCALES}.get(unit or "")
+    return scale is not None and scale.exponents == (("rad", 1),)
+
+
+def suffix_for(unit: str | None) -> str:
+    """The suffix that says a unit in a column's name, empty for a pure number."""
+    if unit is None or unit == "1":
+        return ""
+    exact = (suffix for suffix, (name, factor) in _SUFFIXES.items() if name == unit and factor == 1.0)
+    displayed = (
+        suffix
+        for suffix, (name, factor) in _SUFFIXES.items()
+        if factor != 1.0 and UNITS[name].display.get(unit) == factor
+    )
+    spelled = "".join(character for character in unit.replace("/", "p") if character.isalnum())
+    return next(exact, None) or next(displayed, spelled)
+
+
+def conversion(unit: str | None, column: str, scales: Mapping[str, Scale]) -> tuple[float, float]:
+    """How the value of a variable becomes the value of a column, whose name ends in the unit's suffix.
+
+    Parameters
+    ----------
+    unit : str or None
+        the variable's declared unit; without one the column's suffix is believed
+    column : str
+        name of the column
+    scales : mapping
+        the units that the variable's FMU defines
+
+    Returns
+    -------
+    factor, offset : float
+        column's value = factor * variable's value + offset
+
+    Raises
+    ------
+    InputError
+        when the suffix is missing or says another dimension
+    """
+    suffix, expected = column.rpartition("_")[2], suffix_for(unit)
+    suffix = suffix if "_" in column and suffix in _SUFFIXES else ""
+    if unit is None or suffix == expected or (expected and column.endswith(f"_{expected}")):
+        return 1.0, 0.0
+    if not suffix:
+        raise InputError(f"column '{column}' is in {unit} and must say so: name it '{column}_{expected}'")
+    name, factor = _SUFFIXES[suffix]
+    if name == unit:
+        return factor, 0.0
+    mine, theirs = _SCALES.get(unit) or scales.get(unit), _SCALES[name]
+    if mine is None or mine.exponents != theirs.exponents or unit == "1":
+        meant = f"; '{column.removesuffix('_' + suffix)}_{expected}' would be right" if expected else ""
+        raise InputError(f"column '{column}' ends in _{suffix}, but the variable is in {unit}{meant}")
+    return factor * mine.factor / theirs.factor, factor * (mine.offset - theirs.offset) / theirs.factor
 
 
 @dataclass(frozen=True)
@@ -27,6 +189,8 @@ class Variable:
         as the model description has them; the name of an array's element ends with its number
     kind : str
         Real, Integer, Boolean, String or Enumeration; Binary and Clock, which the orchestrator does not pass on
+    access : str
+        which of FMI's getters and setters serves it, a key of `VALUE_TYPES`
     reference : int
         value reference
     unit : str or None
@@ -35,8 +199,6 @@ class Variable:
     start : bool, int, float, str or None
     items : tuple
         the values of an enumeration with their names
-    type : str
-        a key of `VALUE_TYPES`
     place, size : int
         which element of the array with this value reference it is, and how many there are
     relative : bool
@@ -45,33 +207,22 @@ class Variable:
 
     name: str
     kind: str
+    access: str
     reference: int
     causality: str
     variability: str
-    unit: str | None
-    minimum: float | None
-    maximum: float | None
-    start: Value | None
+    unit: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    start: Value | None = None
     items: tuple[tuple[int, str], ...] = ()
-    type: str = ""
     place: int = 0
     size: int = 1
     relative: bool = False
 
     @property
-    def access(self) -> str:
-        """Which of FMI's getters and setters serves it: enumerations are passed as integers."""
-        return self.type or {"Enumeration": "Integer", "Boolean": "Boolean2"}.get(self.kind, self.kind)
-
-    @property
     def value_type(self) -> ValueType:
-        """How its value is kept in memory.
-
-        Raises
-        ------
-        InputError
-            a type whose values the orchestrator does not pass on
-        """
+        """How its value is kept in memory; an InputError for a type whose values the orchestrator does not pass on."""
         if self.access not in VALUE_TYPES:
             raise InputError(f"{self.name} is of type {self.kind}, which the orchestrator does not pass on")
         return VALUE_TYPES[self.access]
@@ -90,12 +241,16 @@ class Interface:
     @cached_property
     def arrays(self) -> dict[str, tuple[Variable, ...]]:
         """The arrays: base name to its elements 1 to n."""
-        counts: dict[str, int] = {}
-        for name in self.variables:
+        found: dict[str, list[Variable]] = {}
+        for name, variable in self.variables.items():
             base = name.partition("[")[0]
-            if name == f"{base}[{counts.get(base, 0) + 1}]":
-                counts[base] = counts.get(base, 0) + 1
-        return {base: tuple(self.variables[f"{base}[{i + 1}]"] for i in range(n)) for base, n in counts.items()}
+            if name == f"{base}[{len(found.get(base, ())) + 1}]":
+                found.setdefault(base, []).append(variable)
+        return {base: tuple(elements) for base, elements in found.items()}
+
+    def named(self, causality: str) -> list[str]:
+        """Names of the inputs, outputs, ..."""
+        return [v.name for v in self.variables.values() if v.causality == causality]
 
     def find(self, name: str, causalities: tuple[str, ...] | None = None) -> tuple[Variable, ...]:
         """The variable of this name, or the elements of the array of this name.
@@ -124,32 +279,16 @@ class Interface:
         fit = [v.name for v in self.variables.values() if causalities is None or v.causality in causalities]
         known = [n for n in self.arrays if self.arrays[n][0].name in fit]
         known += [n for n in fit if "[" not in n or n.partition("[")[0] not in self.arrays]
-        everything = list(self.arrays) + list(self.variables)
-        close = nearest(name, known)
-        if not close.startswith("did you"):
-            other = nearest(name, everything)
-            close = other if other.startswith("did you") else close
-        raise InputError(f"'{self.name}' has no variable '{name}'; {close}")
-
-
-def _number(text: object) -> float | None:
-    """A number as XML writes it, None where there is none."""
-    value = math.nan if text is None else float(str(text))
-    return None if math.isnan(value) else value
-
-
-def _items(declared: SimpleType | None) -> tuple[tuple[int, str], ...]:
-    """Values and names of an enumeration's items."""
-    return tuple((int(str(item.value)), str(item.name)) for item in declared.items) if declared is not None else ()
+        close, other = nearest(name, known), nearest(name, [*self.arrays, *self.variables])
+        meant = other if other.startswith("did you") and not close.startswith("did you") else close
+        raise InputError(f"'{self.name}' has no variable '{name}'; {meant}")
 
 
 def _start(kind: str, text: object) -> Value | None:
-    if text is None:
-        return None
+    if text is None or kind == "String":
+        return None if text is None else str(text)
     if kind == "Boolean":
         return str(text).lower() in ("true", "1")
-    if kind == "String":
-        return str(text)
     return float(str(text)) if kind == "Real" else int(str(text))
 
 
@@ -167,37 +306,43 @@ def _elements(entry: ModelVariable, version: int) -> list[Variable]:
     """The scalars of one entry of the model description."""
     declared = entry.declaredType
     kind = VALUE_TYPES[entry.type].kind if entry.type in VALUE_TYPES else str(entry.type)
+    if version == 2:
+        access = {"Enumeration": "Integer", "Boolean": "Boolean2"}.get(kind, kind)
+    else:
+        access = "Int64" if kind == "Enumeration" else str(entry.type)
 
     def attribute(key: str) -> object:
         own = getattr(entry, key, None)
         return own if own is not None else getattr(declared, key, None)
 
-    unit, ordered = attribute("unit"), kind in ("Real", "Integer", "Enumeration")
-    relative = bool(entry.relativeQuantity) or bool(getattr(declared, "relativeQuantity", False))
+    def limit(key: str) -> float | None:
+        text = attribute(key) if kind in ("Real", "Integer", "Enumeration") else None
+        value = math.nan if text is None else float(str(text))
+        return None if math.isnan(value) else value
+
+    items = declared.items if declared is not None and kind == "Enumeration" else ()
     size = math.prod(entry.shape) if entry.shape else 0
     if entry.shape and not 1 <= size <= MOST_ELEMENTS:
         raise ValueError(f"an array of {size} elements; 1 to {MOST_ELEMENTS} are possible")
-    found = []
-    for place, start in enumerate(_starts(kind, entry, size)):
-        found.append(
-            Variable(
-                f"{entry.name}[{place + 1}]" if size else str(entry.name),
-                kind,
-                int(entry.valueReference),
-                str(entry.causality),
-                str(entry.variability),
-                str(unit) if unit else None,
-                _number(attribute("min")) if ordered else None,
-                _number(attribute("max")) if ordered else None,
-                start,
-                _items(declared) if kind == "Enumeration" else (),
-                "" if version == 2 else "Int64" if kind == "Enumeration" else str(entry.type),
-                place,
-                max(size, 1),
-                relative,
-            )
+    return [
+        Variable(
+            name=f"{entry.name}[{place + 1}]" if size else str(entry.name),
+            kind=kind,
+            access=access,
+            reference=int(entry.valueReference),
+            causality=str(entry.causality),
+            variability=str(entry.variability),
+            unit=str(attribute("unit") or "") or None,
+            minimum=limit("min"),
+            maximum=limit("max"),
+            start=start,
+            items=tuple((int(str(item.value)), str(item.name)) for item in items),
+            place=place,
+            size=max(size, 1),
+            relative=bool(entry.relativeQuantity) or bool(getattr(declared, "relativeQuantity", False)),
         )
-    return found
+        for place, start in enumerate(_starts(kind, entry, size))
+    ]
 
 
 def interface_of(name: str, label: str, description: ModelDescription) -> Interface:
@@ -219,23 +364,18 @@ def interface_of(name: str, label: str, description: ModelDescription) -> Interf
             if variable.name in variables:
                 raise InputError(f"{label}: modelDescription.xml has two variables '{variable.name}'")
             variables[variable.name] = variable
-    return Interface(name, str(description.modelName), variables, _scales(description, label), version)
-
-
-def _scales(description: ModelDescription, label: str) -> dict[str, Scale]:
     scales = {}
-    for unit in description.unitDefinitions:
+    for unit in (unit for unit in description.unitDefinitions if unit.baseUnit is not None):
         base = unit.baseUnit
-        if base is None:
-            continue
         try:
-            exponents = {k: int(getattr(base, k) or 0) for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
-            factor = 1.0 if base.factor is None else float(base.factor)
-            offset = 0.0 if base.offset is None else float(base.offset)
+            exponents = {key: int(getattr(base, key) or 0) for key in BASE_UNITS}
+            factor, offset = (
+                default if text is None else float(text) for text, default in ((base.factor, 1.0), (base.offset, 0.0))
+            )
         except ValueError as error:
             raise InputError(f"{label}: modelDescription.xml, unit '{unit.name}': {error}") from error
         scales[str(unit.name)] = scale_of(exponents, factor, offset)
-    return scales
+    return Interface(name, str(description.modelName), variables, scales, version)
 
 
 def refer(
@@ -256,6 +396,16 @@ def refer(
     return interfaces[fmu], interfaces[fmu].find(name, causalities)
 
 
+def refer_to(causality: str, text: str, interfaces: Mapping[str, Interface]) -> tuple[Interface, tuple[Variable, ...]]:
+    """As `refer`, but anything else than an "input" (or "output") is refused."""
+    interface, variables = refer(text, interfaces, (causality,))
+    for variable in variables:
+        if variable.causality != causality:
+            close = nearest(variable.name, interface.named(causality))
+            raise InputError(f"'{text}' is not an {causality} ({variable.causality}); {close}")
+    return interface, variables
+
+
 def checked(value: Value, variable: Variable) -> Value:
     """A value as the variable's type takes it.
 
@@ -265,11 +415,12 @@ def checked(value: Value, variable: Variable) -> Value:
         another type, not finite, or outside the declared limits
     """
     kind, value_type = variable.kind, variable.value_type
-    if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if kind == "Real" and number:
         value = float(value)
         if not math.isfinite(value):
             raise InputError(f"{variable.name} = {value} is not a finite number")
-    elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
+    elif kind in ("Integer", "Enumeration") and number and isinstance(value, int):
         low, high = value_type.whole_span
         if not low <= value <= high:
             raise InputError(f"{variable.name} = {value} does not fit {(high - low).bit_length()} bits")
@@ -277,7 +428,7 @@ def checked(value: Value, variable: Variable) -> Value:
         shown = str(value).lower() if isinstance(value, bool) else repr(value)
         wanted = {"Real": "a number", "Boolean": "true or false", "String": "a text"}.get(kind, "a whole number")
         raise InputError(f"{variable.name} = {shown} must be {wanted}: it is {kind}")
-    if not isinstance(value, str | bool):
+    if number and not isinstance(value, str):
         low, high = variable.minimum, variable.maximum
         if (low is not None and value < low) or (high is not None and value > high):
             span = f"[{'-inf' if low is None else low}, {'inf' if high is None else high}]"

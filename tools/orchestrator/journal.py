@@ -1,28 +1,179 @@
-"""The record on its way: kept in memory while it is small, on disk while it grows, whole at its end.
+"""What is recorded: columns with units in their names, block by block, in memory while it is small, whole at its end.
 
+A long run needs no more memory than a short one: its blocks go to disk.
 While a run goes on, what is recorded stands in `run.incomplete/` in the run's folder: Parquet files, each whole, and a
 run.json that says `"complete": false`. A run that is killed leaves them; every other run takes them away.
 """
 
+import ctypes
 import json
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 
-from ..errors import InputError, reason
+from ..errors import InputError, reason, said_of
 from ..files import whole_folder
+from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
+from .program import Ports
+from .stimuli import Grid
 
 INCOMPLETE = "run.incomplete"
 FLUSH_SECONDS = 5.0
 WHOLE_BYTES = 256 << 20
 """A record of at most so many bytes is written in one go."""
 ROW_GROUP = 1 << 18
-Finished = tuple[pl.DataFrame | None, tuple[Path, ...]]
+BLOCK_BYTES = 16 << 20
+Values = Mapping[tuple[str, str], Any]
+Keep = Callable[[range, Values], None]
+"""(ticks of the rows, (FMU, variable) -> its values): called for each block."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the record: value = factor * variable + offset."""
+
+    name: str
+    fmu: str
+    variable: Variable
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def series(self, values: Any) -> pl.Series:
+        """The column from the recorded values of its variable, in the variable's own unit."""
+        if self.variable.kind == "String":
+            return pl.Series(self.name, values, dtype=pl.String)
+        if self.variable.kind == "Boolean":
+            return pl.Series(self.name, np.asarray(values) != 0, dtype=pl.Boolean)
+        if self.variable.kind != "Real":
+            return pl.Series(self.name, np.array(values))
+        found = np.array(values, dtype=np.float64)
+        same = (self.factor, self.offset) == (1.0, 0.0)
+        return pl.Series(self.name, found if same else self.factor * found + self.offset)
+
+
+def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
+    """The columns of the record; every output of every FMU where none are named.
+
+    Raises
+    ------
+    InputError
+        an unknown variable, an array, a repeated name, or a suffix that does not fit the variable's unit
+    """
+    resolved = []
+    if columns is None:
+        for fmu, interface in interfaces.items():
+            for variable in interface.variables.values():
+                if variable.causality == "output" and variable.access in VALUE_TYPES:
+                    suffix = suffix_for(variable.unit)
+                    name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
+                    resolved.append(Column(name, fmu, variable))
+        return resolved
+    for name, text in columns.items():
+        with said_of(f"record.columns.{name}"):
+            if name == "time_s" or not name.strip() or any(c in name for c in ',"\r\n'):
+                raise InputError("is not a name for a column (time_s is there by itself)")
+            interface, variables = refer(text, interfaces, ("output",))
+            if len(variables) != 1:
+                raise InputError(f"'{text}' has {len(variables)} elements; a column takes one: '{text}[1]'")
+            scaled = conversion(variables[0].unit, name, interface.scales)
+            _ = variables[0].value_type
+            resolved.append(Column(name, interface.name, variables[0], *scaled))
+    return resolved
+
+
+def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
+    """The variables of one FMU that are recorded, each once."""
+    return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
+
+
+def block_table(columns: Iterable[Column], values: Values, ticks: range, grid: Grid) -> pl.DataFrame:
+    """Rows of the record as a table, time first.
+
+    Parameters
+    ----------
+    columns : iterable of Column
+    values : mapping
+        (FMU, variable) -> its recorded values, in the variable's own unit
+    ticks : range
+        communication points of the rows
+    grid : Grid
+    """
+    time_s = pl.Series("time_s", grid.start + np.arange(ticks.start, ticks.stop, ticks.step) * grid.step)
+    return pl.DataFrame([time_s, *(column.series(values[column.fmu, column.variable.name]) for column in columns)])
+
+
+class Blocks:
+    """Rows of recorded values, handed on when a block is full.
+
+    Attributes
+    ----------
+    records : (N, 3) int64
+        target of row 0, source, bytes: what the loops copy for each row
+    rows, row : int
+        of a block, and the next one to be recorded
+    """
+
+    def __init__(self, ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep) -> None:
+        self._keep, self._every = keep, every
+        self._tick = self.row = 0
+        recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
+        numbers = [(name, port, count) for name, port, count in recorded if port.access != "String"]
+        width = sum(count * port.values.itemsize for _, port, count in numbers)
+        self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
+        self._tables = [(n, port, np.zeros((self.rows, c), dtype=port.values.dtype)) for n, port, c in numbers]
+        self._texts: dict[tuple[str, str], list[str]] = {}
+        self._addresses = []
+        for name, port, count in recorded:
+            for at, variable in enumerate(port.variables[:count] if port.access == "String" else ()):
+                texts = self._texts[name, variable.name] = []
+                self._addresses.append((texts, port.values, at))
+        copies = [(t.ctypes.data, port.address, t.shape[1] * t.itemsize) for _, port, t in self._tables]
+        self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
+
+    @property
+    def has_text(self) -> bool:
+        """Whether strings are recorded, which only Python can keep."""
+        return bool(self._texts)
+
+    def record(self) -> None:
+        """Record a row now."""
+        for target, source, size in self.records.tolist():
+            ctypes.memmove(target + self.row * size, source, size)
+        self.keep_texts()
+        self.advance(self.row + 1)
+
+    def keep_texts(self) -> None:
+        """Keep the strings of a row."""
+        for texts, addresses, at in self._addresses:
+            address = int(addresses[at])
+            texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
+
+    def advance(self, row: int) -> None:
+        """So many rows of the block are recorded; a full block is handed on."""
+        self.row = row
+        if row == self.rows:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand on what is recorded."""
+        if not self.row:
+            return
+        values: dict[tuple[str, str], Any] = dict(self._texts)
+        for name, port, table in self._tables:
+            for index, variable in enumerate(port.variables[: table.shape[1]]):
+                values[name, variable.name] = table[: self.row, index]
+        end = self._tick + self.row * self._every
+        self._keep(range(self._tick, end, self._every), values)
+        self._tick, self.row = end, 0
+        for texts in self._texts.values():
+            texts.clear()
 
 
 class Journal:
@@ -113,7 +264,7 @@ class Journal:
                 if folder != self.folder and folder.is_dir() and not any(folder.iterdir()):
                     folder.rmdir()
 
-    def finish(self, form: str, more: Mapping[str, Any]) -> Finished:
+    def finish(self, form: str, more: Mapping[str, Any]) -> tuple[pl.DataFrame | None, tuple[Path, ...]]:
         """Write the run whole into its folder, with run.json.
 
         Parameters
@@ -133,37 +284,33 @@ class Journal:
             return pl.concat(self._tables, rechunk=True), ()
         try:
             self._wait()
-            written = self._written(self._out, form, {**self._provenance, **more})
+            table = self._write(self._out, form, {**self._provenance, **more})
             # Of this run, or of one that was killed here.
             shutil.rmtree(self.folder, ignore_errors=True)
-            return written
         except pl.exceptions.PolarsError as error:
             raise InputError(f"{self._out}: cannot be written ({error})") from error
         finally:
             self.drop()
+        # A run of another form that stood here would not be the one that run.json describes.
+        for stale in {"run.csv", "run.parquet"} - {f"run.{form}"}:
+            (self._out / stale).unlink(missing_ok=True)
+        return table, (self._out / f"run.{form}", self._out / "run.json")
 
-    def _written(self, out: Path, form: str, provenance: dict[str, Any]) -> Finished:
-        data = f"run.{form}"
-        table: pl.DataFrame | None = None
+    def _write(self, out: Path, form: str, provenance: dict[str, Any]) -> pl.DataFrame | None:
         parts = [self.folder / f"{n:08d}.parquet" for n in range(self._parts)]
         with whole_folder(out) as beside:
+            data, table = beside / f"run.{form}", None
             if self._bytes <= WHOLE_BYTES:
                 table = pl.concat([*(pl.read_parquet(part) for part in parts), *self._tables], rechunk=True)
-                if form == "csv":
-                    table.write_csv(beside / data)
-                else:
-                    table.write_parquet(beside / data)
+                table.write_csv(data) if form == "csv" else table.write_parquet(data)
             else:
                 rows = pl.concat([*(pl.scan_parquet(part) for part in parts), *(t.lazy() for t in self._tables)])
                 if form == "csv":
-                    rows.sink_csv(beside / data, maintain_order=True)
+                    rows.sink_csv(data, maintain_order=True)
                 else:
-                    rows.sink_parquet(beside / data, row_group_size=ROW_GROUP, maintain_order=True)
+                    rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
             (beside / "run.json").write_text(provenance_text(provenance), encoding="utf-8", newline="\n")
-        # A run of another form that stood here would not be the one that run.json describes.
-        for stale in {"run.csv", "run.parquet"} - {data}:
-            (out / stale).unlink(missing_ok=True)
-        return table, (out / data, out / "run.json")
+        return table
 
 
 def _write_part(rows: pl.DataFrame, part: Path) -> None:

@@ -1,18 +1,244 @@
-"""What a step consists of: the operations of all FMUs in their order, made once for both loops."""
+"""What a step consists of: one flat table of operations on addresses, which two loops can run, and the memory for it.
+
+A row is an operation's code and seven whole numbers, with two real numbers beside it. The rows of a step are run from
+the first to the last, for every step; what is recorded has a table of its own.
+
+| operation | whole numbers | real numbers |
+|---|---|---|
+| FEED | steps from which rows hold, their number, first row, bytes of a row, target, its cursor | |
+| MOVE | target, source, bytes | |
+| MOVE8 | target, source: eight bytes | |
+| CONVERT | target, source, type of the target, of the source | factor, offset |
+| CALL4 | function, instance, references, their number, values: FMI 2.0's get and set | |
+| CALL5 | function, instance, references, their number, values, their number: FMI 3.0's | |
+| STEP2, STEP3 | fmi2DoStep or fmi3DoStep, instance, noSetFMUStatePriorToCurrentPoint, place of what it returns | |
+| FINITE | first of so many real numbers, their number | |
+| STATE | function of a state (get or free), instance, place of the state | |
+| BEGIN | a new loop of connections: the first iteration | |
+| RESTORE | function that sets a state, instance, place of the state: in all iterations but the first | |
+| COMPARE | value, place of its value in the iteration before, its type | tolerance |
+| REPEAT | row to go back to while a value changes, most iterations | |
+"""
 
 import ctypes
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import operations as op
-from .bus import FmuBus, Port
-from .coupling import Coupling, Group
-from .interface import Variable
+from .interface import VALUE_TYPES, Interface, Value, Variable
 from .slave import Slave
-from .value_types import VALUE_TYPES
+from .stimuli import Drive
+from .wiring import Coupling, Group, Wire
+
+WIDTH = 8
+FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
+
+# What both loops keep in whole numbers.
+STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, STATUS, AT, CURSORS = range(11)
+"""Step to make, step to stop before, row to record, every which step, rows of both tables, iteration, the row of the
+value that changed most, status of the call that failed, its row (-1: none), first cursor of a feed."""
+
+# What both loops keep in real numbers.
+START, LENGTH, CHANGE = range(3)
+"""Start and step [s], the largest change of a value in the last iteration, against what is allowed."""
+
+NOT_FINITE, NOT_SETTLED, ENDED, EARLY = 100, 101, 102, 103
+"""Statuses beside FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
+simulation, or that has returned before the end of the step."""
+WARNING = 1
+"""The worst status of FMI with which a run goes on."""
+
+
+class Feed(NamedTuple):
+    """A stimulus: from step `begins[i]` on (of `count`, at an address), `width` bytes of row i are at `target`."""
+
+    begins: int
+    count: int
+    rows: int
+    width: int
+    target: int
+
+
+class Move(NamedTuple):
+    """Bytes that are passed on as they are."""
+
+    target: int
+    source: int
+    size: int
+
+
+@dataclass
+class Port:
+    """Some variables of one FMU and one type, read or written in one call.
+
+    Attributes
+    ----------
+    access : str
+        a key of `VALUE_TYPES`
+    variables : tuple of Variable
+        in the order of `values`; an array of FMI 3.0 with all its elements
+    changing : int
+        so many of the first ones change during the run
+    values : array
+    references : ctypes array
+        each value reference once
+    """
+
+    access: str
+    variables: tuple[Variable, ...]
+    changing: int
+
+    def __post_init__(self) -> None:
+        self.values = np.zeros(len(self.variables), dtype=VALUE_TYPES[self.access].dtype)
+        # The elements of an array share their reference; two scalars that share one are two values.
+        references = [v.reference for v in self.variables if v.place == 0]
+        self.references = (ctypes.c_uint * len(references))(*references)
+
+    @property
+    def address(self) -> int:
+        """Where the values are."""
+        return self.values.ctypes.data
+
+    def address_of(self, variable: Variable) -> int:
+        """Where one variable's value is."""
+        return self.address + self.values.itemsize * self.variables.index(variable)
+
+
+class Ports:
+    """What goes into and out of one FMU at each step.
+
+    Parameters
+    ----------
+    interface : Interface
+    wires : sequence of Wire
+        all of the run
+    drives : sequence of Drive
+        its own stimuli
+    recorded : sequence of Variable
+    start_value : callable
+        what an input holds before anything is passed on
+
+    Attributes
+    ----------
+    inputs, outputs : dict
+        FMI type to port. Inputs that change come first, constants last; outputs that are recorded come first.
+    recorded : dict
+        FMI type to number of recorded values
+    feeds : list
+        what is copied into the inputs from stimuli
+    moves, conversions : dict
+        what is copied into the inputs from the outputs of each FMU; a conversion is the row and the numbers of CONVERT
+
+    Raises
+    ------
+    InputError
+        a variable of a type that the orchestrator does not pass on
+    """
+
+    def __init__(
+        self,
+        interface: Interface,
+        wires: Sequence[Wire],
+        drives: Sequence[Drive],
+        recorded: Sequence[Variable],
+        start_value: Callable[[Variable], Value | None],
+    ) -> None:
+        self.inputs: dict[str, Port] = {}
+        self.outputs: dict[str, Port] = {}
+        self.recorded: dict[str, int] = {}
+        self.feeds: list[Feed] = []
+        self.moves: dict[str, list[Move]] = {}
+        self.conversions: dict[str, list[tuple[tuple[int, ...], tuple[float, float]]]] = {}
+        self._kept: list[Any] = []
+        """Memory that addresses point to."""
+        driven = [v for drive in drives if drive.begins is not None for v in drive.variables]
+        wired = [w.input for w in wires if w.target == interface.name]
+        constant = [v for drive in drives if drive.begins is None for v in drive.variables]
+        feeding = [w.output for w in wires if w.source == interface.name]
+        changing, setting = _whole(interface, driven + wired), _whole(interface, driven + wired + constant)
+        first, reading = _whole(interface, recorded), _whole(interface, [*recorded, *feeding])
+        kinds = list(dict.fromkeys(v.access for v in setting + reading if v.value_type))
+        # An FMU may reuse the memory of its strings at the next call: they are read last.
+        for access in sorted(kinds, key="String".__eq__):
+            sets, gets = ([v for v in each if v.access == access] for each in (setting, reading))
+            if sets:
+                self.inputs[access] = port = Port(access, tuple(sets), sum(v.access == access for v in changing))
+                if access != "String":
+                    port.values[:] = [start_value(v) or 0 for v in sets]
+            if gets:
+                self.outputs[access] = Port(access, tuple(gets), len(gets))
+                self.recorded[access] = sum(v.access == access for v in first)
+        for drive in drives:
+            self._feed(drive)
+
+    def _feed(self, drive: Drive) -> None:
+        """Lay a stimulus on the inputs: for ever, or row by row."""
+        for access, port in self.inputs.items():
+            mine = [i for i, v in enumerate(drive.variables) if v.access == access]
+            if not mine:
+                continue
+            if not isinstance(drive.values, np.ndarray):
+                values = self._encoded(access, [[row[i] for i in mine] for row in drive.values])
+            elif len(mine) == drive.values.shape[1]:
+                values = self._encoded(access, drive.values)
+            else:
+                values = self._encoded(access, drive.values[:, mine])
+            places = [port.variables.index(drive.variables[i]) for i in mine]
+            if drive.begins is None:
+                port.values[places] = values[0]
+                continue
+            begins = np.ascontiguousarray(drive.begins, dtype=np.int64)
+            # Columns whose places follow each other are copied together.
+            firsts = [i for i, place in enumerate(places) if i == 0 or place != places[i - 1] + 1]
+            for first, end in zip(firsts, [*firsts[1:], len(places)], strict=True):
+                part = np.ascontiguousarray(values[:, first:end])
+                self._kept += [part, begins]
+                width, target = part.shape[1] * part.itemsize, port.address + places[first] * part.itemsize
+                self.feeds.append(Feed(begins.ctypes.data, len(begins), part.ctypes.data, width, target))
+
+    def _encoded(self, access: str, rows: Any) -> np.ndarray:
+        """Rows of values as a port holds them."""
+        if access == "String":
+            buffers = [[ctypes.create_string_buffer(str(value).encode()) for value in row] for row in rows]
+            self._kept.append(buffers)
+            rows = [[ctypes.addressof(buffer) for buffer in row] for row in buffers]
+        return np.ascontiguousarray(rows, dtype=VALUE_TYPES[access].dtype)
+
+    def connect(self, wires: Sequence[Wire], others: Mapping[str, "Ports"]) -> None:
+        """Lay the wires that come from the outputs of FMUs."""
+        for wire in wires:
+            target, source = self.inputs[wire.input.access], others[wire.source].outputs[wire.output.access]
+            codes = wire.input.value_type.code, wire.output.value_type.code
+            ends = target.address_of(wire.input), source.address_of(wire.output)
+            if codes[0] == codes[1] and (wire.factor, wire.offset) == (1.0, 0.0):
+                self.moves.setdefault(wire.source, []).append(Move(*ends, target.values.itemsize))
+            else:
+                row = ((CONVERT, *ends, *codes), (wire.factor, wire.offset))
+                self.conversions.setdefault(wire.source, []).append(row)
+        self.moves = {source: _merged(moves) for source, moves in self.moves.items()}
+
+
+def _merged(moves: Iterable[Move]) -> list[Move]:
+    """Neighbouring moves made into one."""
+    merged: list[Move] = []
+    for move in sorted(moves):
+        last = merged[-1] if merged else None
+        if last and last.target + last.size == move.target and last.source + last.size == move.source:
+            merged[-1] = last._replace(size=last.size + move.size)
+        else:
+            merged.append(move)
+    return merged
+
+
+def _whole(interface: Interface, variables: Iterable[Variable]) -> list[Variable]:
+    """The variables, each once; where one is an element of an array of FMI 3.0, the whole array."""
+    found: dict[Variable, None] = {}
+    for variable in variables:
+        base = variable.name.rpartition("[")[0]
+        found.update(dict.fromkeys(interface.arrays[base] if variable.size > 1 else (variable,)))
+    return list(found)
 
 
 @dataclass(frozen=True)
@@ -26,91 +252,120 @@ class Place:
     group: Group | None = None
 
 
-@dataclass
 class Program:
-    """The operations of a step, with what a message needs of each.
+    """Operations, with what a message needs of each.
+
+    Parameters
+    ----------
+    slaves : mapping
+        the running FMUs by their names
+    ports : mapping
+        what goes into and out of each
 
     Attributes
     ----------
     rows, numbers : list
-        of `trihedron.tools.orchestrator.operations`
+        as the table above says
     places : list of Place
-    kept : list
-        memory that addresses point to
     cursors : int
         how many feeds there are
     """
 
-    rows: list[tuple[int, ...]] = field(default_factory=list)
-    numbers: list[tuple[float, float]] = field(default_factory=list)
-    places: list[Place] = field(default_factory=list)
-    kept: list[Any] = field(default_factory=list)
-    cursors: int = 0
+    def __init__(self, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]) -> None:
+        self._slaves, self._ports = slaves, ports
+        self.rows: list[tuple[int, ...]] = []
+        self.numbers: list[tuple[float, float]] = []
+        self.places: list[Place] = []
+        self._kept: list[np.ndarray] = []
+        self.cursors = 0
 
-    def add(self, place: Place, *row: int, numbers: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Append an operation."""
-        self.rows.append((*row, *(0,) * (op.WIDTH - len(row))))
+    def _add(self, place: Place, *row: int, numbers: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.rows.append((*row, *(0,) * (WIDTH - len(row))))
         self.numbers.append(numbers)
         self.places.append(place)
 
-    def reserve(self, words: int) -> int:
+    def _add_call(self, name: str, code: int, function: str, *more: int, port: Port | None = None) -> None:
+        slave = self._slaves[name]
+        self._add(Place(name, function, port), code, slave.address(function), slave.component, *more)
+
+    def _reserve(self, words: int) -> int:
         """Address of so many words of memory, zero."""
-        memory = np.zeros(words, dtype=np.int64)
-        self.kept.append(memory)
-        return memory.ctypes.data
+        self._kept.append(np.zeros(words, dtype=np.int64))
+        return self._kept[-1].ctypes.data
 
-    def add_transfers(self, name: str, bus: FmuBus, sources: Collection[str]) -> None:
+    def add_transfers(self, name: str, sources: Collection[str]) -> None:
         """Pass the outputs of some FMUs on to the inputs of one."""
+        ports = self._ports[name]
         for source in sources:
-            for move in bus.moves.get(source, ()):
-                if move.size == 8:
-                    self.add(Place(name), op.MOVE8, move.target, move.source)
-                else:
-                    self.add(Place(name), op.MOVE, move.target, move.source, move.size)
-            for c in bus.conversions.get(source, ()):
-                row = (op.CONVERT, c.target, c.source, c.to_type, c.from_type)
-                self.add(Place(name), *row, numbers=(c.factor, c.offset))
+            for move in ports.moves.get(source, ()):
+                self._add(Place(name), *((MOVE8, *move[:2]) if move.size == 8 else (MOVE, *move)))
+            for row, numbers in ports.conversions.get(source, ()):
+                self._add(Place(name), *row, numbers=numbers)
 
-    def add_feeds(self, name: str, bus: FmuBus) -> None:
-        """Stimuli."""
-        for feed in bus.feeds:
-            row = (feed.begins.ctypes.data, len(feed.begins), feed.rows, feed.width, feed.target, self.cursors)
-            self.add(Place(name), op.FEED, *row)
-            self.cursors += 1
+    def _add_access(self, name: str, verb: str, port: Port, references: int, values: int) -> None:
+        slave = self._slaves[name]
+        code, more = (CALL4, ()) if slave.prefix == "fmi2" else (CALL5, (values,))
+        row = (ctypes.addressof(port.references), references, port.address, *more)
+        self._add_call(name, code, slave.accessor(verb, port.access), *row, port=port)
 
-    def _add_access(self, slave: Slave, verb: str, port: Port, references: int, values: int) -> None:
-        name = slave.accessor(verb, port.access)
-        row = (slave.address(name), slave.component, ctypes.addressof(port.references), references, port.address)
-        if slave.prefix == "fmi2":
-            self.add(Place(slave.name, name, port), op.CALL4, *row)
-        else:
-            self.add(Place(slave.name, name, port), op.CALL5, *row, values)
-
-    def add_sets(self, slave: Slave, bus: FmuBus, *, constants: bool) -> None:
+    def add_sets(self, name: str, *, constants: bool) -> None:
         """Set the inputs that change, or all of them."""
-        for port in bus.inputs.values():
-            references = len(port.references) if constants else port.changing_references
+        for port in self._ports[name].inputs.values():
+            values = len(port.variables) if constants else port.changing
+            references = sum(v.place == 0 for v in port.variables[:values])
             if references:
-                self._add_access(slave, "Set", port, references, len(port.variables) if constants else port.changing)
+                self._add_access(name, "Set", port, references, values)
 
-    def add_gets(self, slave: Slave, bus: FmuBus) -> None:
+    def add_gets(self, name: str) -> None:
         """Get the outputs and look whether they are finite."""
-        for port in bus.outputs.values():
-            self._add_access(slave, "Get", port, len(port.references), len(port.variables))
-        for access, port in bus.outputs.items():
-            if VALUE_TYPES[access].dtype is np.float64:
-                self.add(Place(slave.name, port=port), op.FINITE, port.address, len(port.variables))
+        ports = self._ports[name].outputs.values()
+        for port in ports:
+            self._add_access(name, "Get", port, len(port.references), len(port.variables))
+        for port in ports:
+            if port.values.dtype == np.float64:
+                self._add(Place(name, port=port), FINITE, port.address, len(port.variables))
 
-    def add_step(self, slave: Slave, *, final: bool) -> None:
-        """doStep; `final`: no state from before will be set again."""
-        name = f"{slave.prefix}DoStep"
-        place = 0 if slave.prefix == "fmi2" else self.reserve(2)
-        code = op.STEP2 if slave.prefix == "fmi2" else op.STEP3
-        self.add(Place(slave.name, name), code, slave.address(name), slave.component, int(final), place)
+    def add_member(self, name: str, sources: Collection[str], *, final: bool) -> None:
+        """Stimuli and outputs of others in, step, outputs out; `final`: no state from before will be set again."""
+        for feed in self._ports[name].feeds:
+            self._add(Place(name), FEED, *feed, self.cursors)
+            self.cursors += 1
+        self.add_transfers(name, sources)
+        self.add_sets(name, constants=False)
+        prefix = self._slaves[name].prefix
+        code, place = (STEP2, 0) if prefix == "fmi2" else (STEP3, self._reserve(2))
+        self._add_call(name, code, f"{prefix}DoStep", int(final), place)
+        self.add_gets(name)
+
+    def add_iteration(self, group: Group, sources: Collection[str], coupling: Coupling) -> None:
+        """Make the step of a cycle again from the same state until the values that go around no longer change."""
+        states = {name: self._reserve(1) for name in group.members}
+        for name, state in states.items():
+            self._add_call(name, STATE, self._slaves[name].get_state, state)
+        self._add(Place(group.members[0]), BEGIN)
+        again = len(self.rows)
+        for name, state in states.items():
+            self._add_call(name, RESTORE, self._slaves[name].set_state, state)
+        for name in group.members:
+            self.add_member(name, sources, final=False)
+        self.add_comparisons(group, coupling)
+        self._add(Place(group.members[0], group=group), REPEAT, again, coupling.iterations)
+        nothing = self._reserve(1)
+        for name, state in states.items():
+            self._add_call(name, STATE, self._slaves[name].free_state, state)
+            # FMI wants it to be NULL then; PythonFMU leaves it.
+            self._add(Place(name), MOVE8, state, nothing)
+
+    def add_comparisons(self, group: Group, coupling: Coupling) -> None:
+        """Compare each value that goes around with what it was before."""
+        for fmu, variable in group.around:
+            address = self._ports[fmu].outputs[variable.access].address_of(variable)
+            row = (COMPARE, address, self._reserve(1), variable.value_type.code)
+            self._add(Place(fmu, variable=variable), *row, numbers=(coupling.tolerance, 0.0))
 
 
 def step_program(
-    groups: Sequence[Group], slaves: Mapping[str, Slave], buses: Mapping[str, FmuBus], coupling: Coupling
+    groups: Sequence[Group], coupling: Coupling, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
     """The operations of one step of all FMUs.
 
@@ -118,71 +373,22 @@ def step_program(
     ----------
     groups : sequence of Group
         the FMUs in their order, those that form a cycle together
-    slaves, buses : mapping
-        by the FMU's name
     coupling : Coupling
         how cycles are taken
+    slaves, ports : mapping
+        by the FMU's name
     """
-    program = Program()
+    program = Program(slaves, ports)
+    everybody = [name for group in groups for name in group.members]
     for group in groups:
-        everybody = [name for g in groups for name in g.members]
         if group.cyclic and coupling.kind == "jacobi":
             for name in group.members:
-                program.add_transfers(name, buses[name], group.members)
+                program.add_transfers(name, group.members)
             sources = [name for name in everybody if name not in group.members]
             for name in group.members:
-                _add_member(program, slaves[name], buses[name], sources, final=True)
+                program.add_member(name, sources, final=True)
         elif group.cyclic:
-            _add_iteration(program, group, slaves, buses, everybody, coupling)
+            program.add_iteration(group, everybody, coupling)
         else:
-            _add_member(program, slaves[group.members[0]], buses[group.members[0]], everybody, final=True)
+            program.add_member(group.members[0], everybody, final=True)
     return program
-
-
-def _add_member(program: Program, slave: Slave, bus: FmuBus, sources: Sequence[str], *, final: bool) -> None:
-    """Inputs in, step, outputs out."""
-    program.add_feeds(slave.name, bus)
-    program.add_transfers(slave.name, bus, sources)
-    program.add_sets(slave, bus, constants=False)
-    program.add_step(slave, final=final)
-    program.add_gets(slave, bus)
-
-
-def _add_iteration(
-    program: Program,
-    group: Group,
-    slaves: Mapping[str, Slave],
-    buses: Mapping[str, FmuBus],
-    everybody: Sequence[str],
-    coupling: Coupling,
-) -> None:
-    """Make the step again from the same state until the values that go around no longer change."""
-    states = {name: program.reserve(1) for name in group.members}
-    for name, state in states.items():
-        _add_state(program, slaves[name], slaves[name].get_state, op.STATE, state)
-    program.add(Place(group.members[0]), op.BEGIN)
-    again = len(program.rows)
-    for name, state in states.items():
-        _add_state(program, slaves[name], slaves[name].set_state, op.RESTORE, state)
-    for name in group.members:
-        _add_member(program, slaves[name], buses[name], everybody, final=False)
-    add_comparisons(program, group, buses, coupling)
-    place = Place(group.members[0], group=group)
-    program.add(place, op.REPEAT, again, coupling.iterations)
-    nothing = program.reserve(1)
-    for name, state in states.items():
-        _add_state(program, slaves[name], slaves[name].free_state, op.STATE, state)
-        # FMI wants it to be NULL then; PythonFMU leaves it.
-        program.add(Place(name), op.MOVE8, state, nothing)
-
-
-def _add_state(program: Program, slave: Slave, name: str, code: int, state: int) -> None:
-    program.add(Place(slave.name, name), code, slave.address(name), slave.component, state)
-
-
-def add_comparisons(program: Program, group: Group, buses: Mapping[str, FmuBus], coupling: Coupling) -> None:
-    """Compare each value that goes around with what it was before."""
-    for fmu, variable in group.around:
-        port = buses[fmu].outputs[variable.access]
-        row = (port.address_of(variable), program.reserve(1), variable.value_type.code)
-        program.add(Place(fmu, variable=variable), op.COMPARE, *row, numbers=(coupling.tolerance, 0.0))

@@ -1,20 +1,42 @@
-"""Stimuli: which value drives which input over which step."""
+"""Stimuli: which value drives which input over which step; the steps counted, tables of numbers read strictly.
 
+Time is counted in whole steps, never accumulated. A position programme commands a table; it may say when a run ends.
+"""
+
+import csv
+import io
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 
-from ..errors import InputError, nearest
-from ..scenario import Stimulus
-from .grid import Grid
-from .interface import Interface, Value, Variable, checked, refer, spread
-from .quantities import conversion, is_angle
-from .tables import NumberTable
+from ...models.motion import move_duration
+from ...models.position_programme import TICK_TOLERANCE
+from ..errors import InputError, nearest, said_of
+from .interface import Interface, Value, Variable, checked, conversion, is_angle, refer_to, spread
+from .load import Loaded, Sources, interfaces_of
+from .scenario import RunSetting, Scenario, Stimulus
 
+MOST_STEPS = 10**9
 ROW_TOLERANCE = 1e-3
 """How far (in steps) a row's time may be off a tick that it is meant for: digits that a file leaves off."""
+PROGRAMME_COLUMNS = ["alpha_deg", "beta_deg", "dwell_s"]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The communication points: t_k = start + k step, k = 0 to steps."""
+
+    start: float
+    step: float
+    steps: int
+
+    def time(self, tick: int) -> float:
+        """t_k [s]."""
+        return self.start + tick * self.step
 
 
 @dataclass(frozen=True)
@@ -27,85 +49,185 @@ class Drive:
     begins: np.ndarray | None
 
 
-def input_variables(text: str, interfaces: Mapping[str, Interface]) -> tuple[Interface, tuple[Variable, ...]]:
-    """The inputs that a text names; anything but an input is refused."""
-    interface, variables = refer(text, interfaces, ("input",))
-    for variable in variables:
-        if variable.causality != "input":
-            inputs = [v.name for v in interface.variables.values() if v.causality == "input"]
-            raise InputError(f"'{text}' is not an input ({variable.causality}); {nearest(variable.name, inputs)}")
-    return interface, variables
+@dataclass(frozen=True)
+class Programme:
+    """A position programme in whole steps: the command of row i holds from tick `begins[i]` on."""
+
+    fmu: str
+    variables: tuple[Variable, ...]
+    command: np.ndarray
+    begins: np.ndarray
+    end: int
 
 
-def in_limits(value: Value, variable: Variable, where: str) -> Value:
-    """A value as the variable's type takes it; what is wrong with it begins with its place."""
+@dataclass(frozen=True)
+class NumberTable:
+    """Columns of finite numbers.
+
+    Attributes
+    ----------
+    label : str
+        as the user wrote it
+    columns : dict
+        name to (N,) float64
+    lines : (N,) int
+        where each row stands, as an editor counts lines
+    """
+
+    label: str
+    columns: dict[str, np.ndarray]
+    lines: np.ndarray
+
+    def row(self, index: int) -> str:
+        """The file and the row, for a message."""
+        return f"{self.label}, row {int(self.lines[index])}"
+
+
+def make_grid(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
+    """Count the run's steps; without a stop time the longest programme says when it ends.
+
+    Raises
+    ------
+    InputError
+        the step does not divide the run, or nothing says when it ends
+    """
+    if run.stop_s is None and not programme_ends:
+        raise InputError("run.stop_s is missing (only a position programme says by itself when a run ends)")
+    if run.stop_s is None:
+        steps: float = max(programme_ends)
+    else:
+        span = run.stop_s - run.start_s
+        steps = ratio = span / run.step_s
+        if ratio < 2**53:
+            steps = round(ratio)
+            if steps < 1 or abs(steps * run.step_s - span) > 1e-9 * span:
+                fewer, more = span / max(1, math.floor(ratio)), span / max(1, math.ceil(ratio))
+                fits = f"{more!r} would" if fewer == more else f"{more:.9g} or {fewer:.9g} would"
+                raise InputError(
+                    f"run.step_s = {run.step_s!r} does not divide the run of {span!r} s ({ratio:.9g} steps); {fits}"
+                )
+    if steps > MOST_STEPS:
+        shown = steps if isinstance(steps, int) else f"{steps:.3g}"
+        raise InputError(f"run.step_s = {run.step_s!r} makes {shown} steps; at most {MOST_STEPS} are possible")
+    return Grid(run.start_s, run.step_s, int(steps))
+
+
+def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[NumberTable, bytes]:
+    """Read columns of numbers from a CSV file, or from a Parquet file (by its name's ending).
+
+    Parameters
+    ----------
+    path : Path
+        the file
+    label : str
+        what to call it in messages
+    wanted : sequence of str or None
+        names of the columns; None: every column
+
+    Returns
+    -------
+    table : NumberTable
+    content : bytes
+        the file's bytes
+
+    Raises
+    ------
+    InputError
+        not a file, not UTF-8, a column missing, a field that is empty or no finite number (row and column named)
+    """
     try:
-        return checked(value, variable)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{label}: cannot be read ({error.strerror}; looked for {path})") from error
+    if path.suffix.lower() != ".parquet":
+        return _read_csv(content, label, wanted), content
+    try:
+        frame = pl.read_parquet(io.BytesIO(content))
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise InputError(f"{label}: is not a readable Parquet file ({str(error).splitlines()[0]})") from error
+    return table_from(frame, label, wanted), content
+
+
+def table_from(frame: pl.DataFrame, label: str, wanted: Sequence[str] | None) -> NumberTable:
+    """Columns of numbers from a table in memory; rows count from 1."""
+    return _numbers(label, frame.select(_chosen(label, frame.columns, wanted)), np.arange(1, frame.height + 1))
+
+
+def _chosen(label: str, header: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    """The columns that are wanted (all of them where none are named), each there exactly once."""
+    names = list(dict.fromkeys(header if wanted is None else wanted))
+    for name in names:
+        if name not in header:
+            raise InputError(f"{label}: has no column '{name}'; {nearest(name, list(header))}")
+        if header.count(name) > 1:
+            raise InputError(f"{label}: column '{name}' is there {header.count(name)} times")
+    return names
+
+
+def _read_csv(content: bytes, label: str, wanted: Sequence[str] | None) -> NumberTable:
+    if b"\0" in content:
+        raise InputError(f"{label}: is a binary file; a CSV file is needed")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = content[: error.start].count(b"\n") + 1
+        raise InputError(f"{label}, row {row}: is not UTF-8 text") from error
+    numbered = enumerate(text.replace("\r\n", "\n").split("\n"), start=1)
+    kept = [(number, line) for number, line in numbered if line.strip() and not line.startswith("#")]
+    if not kept:
+        raise InputError(f"{label}: is empty; a header line with the columns' names is needed")
+    (first, top), *rows = kept
+    try:
+        header = [name.strip() for name in next(csv.reader([top], strict=True))]
+    except (csv.Error, StopIteration) as error:
+        raise InputError(f"{label}, row {first}: is not a header line ({error})") from error
+    names = _chosen(label, header, wanted)
+    for number, line in rows:
+        fields = line.count(",") + 1
+        if fields != len(header) and '"' not in line:
+            raise InputError(f"{label}, row {number}: has {fields} fields; the header has {len(header)}")
+    if not rows:
+        raise InputError(f"{label}: has no rows")
+    body = io.BytesIO("\n".join(line for _, line in rows).encode())
+    try:
+        frame = pl.read_csv(body, has_header=False, infer_schema=False)
+    except pl.exceptions.PolarsError as error:
+        raise InputError(f"{label}: is not a readable CSV file ({str(error).splitlines()[0]})") from error
+    if frame.shape != (len(rows), len(header)):
+        raise InputError(f"{label}: rows and header do not have the same number of fields")
+    frame.columns = [str(i) for i in range(len(header))]
+    chosen = frame.select(pl.col(str(header.index(name))).alias(name) for name in names)
+    return _numbers(label, chosen, np.array([number for number, _ in rows], dtype=np.int64))
+
+
+def _numbers(label: str, frame: pl.DataFrame, lines: np.ndarray) -> NumberTable:
+    columns = {}
+    for name in frame.columns:
+        text = frame[name]
+        if text.dtype == pl.String:
+            text = text.str.strip_chars()
+        elif not text.dtype.is_numeric() and text.dtype not in (pl.Boolean, pl.Null):
+            raise InputError(f"{label}, column '{name}': holds {text.dtype}, not numbers")
+        numbers = text.cast(pl.Float64, strict=False)
+        bad = numbers.is_null() | ~numbers.is_finite().fill_null(False)
+        if bad.any():
+            index = int(bad.arg_true()[0])
+            written = frame[name][index]
+            what = "is empty" if written is None or written == "" else f"'{written}' is not a finite number"
+            raise InputError(f"{label}, row {int(lines[index])}, column '{name}': {what}")
+        columns[name] = np.ascontiguousarray(numbers.to_numpy(), dtype=np.float64)
+    if frame.height == 0:
+        raise InputError(f"{label}: has no rows")
+    return NumberTable(label, columns, lines)
 
 
 def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) -> Drive:
     """A constant for an input or for each element of an array."""
     assert stimulus.to is not None
     assert stimulus.constant is not None
-    interface, variables = input_variables(stimulus.to, interfaces)
+    interface, variables = refer_to("input", stimulus.to, interfaces)
     values = spread(stimulus.constant, variables, stimulus.to)
     return Drive(interface.name, variables, [[value for _, value in values]], None)
-
-
-def _stretches(table: NumberTable, grid: Grid, *, at_end: bool, increments: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The rows that hold over some step, and the step from which each holds."""
-    times = table.columns["time_s"]
-    back = np.flatnonzero(np.diff(times) <= 0.0)
-    if back.size:
-        raise InputError(f"{table.row(int(back[0]) + 1)}, column 'time_s': does not come after the row before")
-    ticks = (times - grid.start) / grid.step
-    near = np.round(ticks)
-    ticks = np.where(np.abs(ticks - near) <= ROW_TOLERANCE, near, ticks)
-    if not at_end:
-        if ticks[0] > 0.0:
-            raise InputError(
-                f"{table.row(0)}: begins at {times[0]:.9g} s, after the run's start {grid.start:.9g} s: "
-                'the input has no value before (stamp = "end" where rows hold up to their time)'
-            )
-        return _held(np.ceil(ticks), grid)
-    if ticks[-1] < grid.steps:
-        raise InputError(
-            f"{table.row(len(ticks) - 1)}: ends at {times[-1]:.9g} s, "
-            f"before the run's end {grid.time(grid.steps):.9g} s"
-        )
-    width = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
-    # Row i holds over the steps that end after the row before and not after it.
-    rows, begins = _held(np.concatenate([[-math.inf], np.floor(ticks[:-1])]), grid)
-    if rows[0] == 0 and ticks[0] - width > ROW_TOLERANCE:
-        raise InputError(
-            f"{table.row(0)}: its interval ends at {times[0]:.9g} s, "
-            f"and nothing covers the run's start {grid.start:.9g} s"
-        )
-    lost = np.flatnonzero(np.diff(rows) > 1)
-    if lost.size:
-        at = int(lost[0]) + 1
-        first, last = table.lines[rows[at] - 1], table.lines[rows[at]]
-        raise InputError(
-            f"{table.label}: rows {first} and {last} both end within the step that ends at "
-            f"{grid.time(int(begins[at]) + 1):.9g} s, so that one is lost; take a shorter run.step_s"
-        )
-    again = np.flatnonzero(np.diff(np.append(begins, grid.steps)) > 1)
-    if increments and again.size:
-        row, step = int(rows[again[0]]), int(begins[again[0]]) + 1
-        raise InputError(
-            f"{table.row(row)}: an increment would be applied again in the step that ends at "
-            f"{grid.time(step + 1):.9g} s; run.step_s must be the rows' interval"
-        )
-    return rows, begins
-
-
-def _held(begins: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Of rows that hold from fractional steps on, those that hold over a step, and their first steps."""
-    first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
-    kept = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
-    return kept, first[kept]
 
 
 def resolve_rows(
@@ -131,49 +253,225 @@ def resolve_rows(
         a column that is missing, of another dimension than its variable, or rows that do not cover the run
     """
     assert stimulus.columns is not None
-    wires: list[tuple[Interface, Variable, str, float, float]] = []
+    ends: list[tuple[Interface, Variable, str, tuple[float, float]]] = []
     for text, column in stimulus.columns.items():
-        interface, variables = input_variables(text, interfaces)
+        interface, variables = refer_to("input", text, interfaces)
         if len(variables) != 1:
             raise InputError(f"columns.'{text}' is an array; name each element: '{text}[1]' = \"...\"")
-        variable = variables[0]
-        if variable.kind == "String":
+        if variables[0].kind == "String":
             raise InputError(f"columns.'{text}' is a String; rows are numbers")
-        factor, offset = conversion(variable.unit, column, interface.scales)
-        wires.append((interface, variable, column, factor, offset))
-    table = read(["time_s", *(column for _, _, column, _, _ in wires)])
-    increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in wires)
-    rows, begins = _stretches(table, grid, at_end=stimulus.stamp == "end", increments=increments)
+        ends.append((interface, variables[0], column, conversion(variables[0].unit, column, interface.scales)))
+    table = read(["time_s", *(column for _, _, column, _ in ends)])
+    increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in ends)
+    if stimulus.stamp == "end":
+        rows, begins = _rows_that_end(table, grid, increments=increments)
+    else:
+        rows, begins = _rows_that_begin(table, grid)
     groups: dict[tuple[str, str], list[tuple[Variable, np.ndarray]]] = {}
-    for interface, variable, column, factor, offset in wires:
+    for interface, variable, column, (factor, offset) in ends:
         values = table.columns[column]
         if (factor, offset) != (1.0, 0.0):
             values = (values - offset) / factor
         groups.setdefault((interface.name, variable.access), []).append((variable, values))
         _check_column(table, column, variable, values)
-    return [
-        Drive(fmu, tuple(v for v, _ in group), _chosen(np.column_stack([values for _, values in group]), rows), begins)
-        for (fmu, _), group in groups.items()
-    ]
+    drives = []
+    for (fmu, _), group in groups.items():
+        values = np.column_stack([values for _, values in group])
+        # Where all rows hold over some step, no copy: runs of an hour at 1 kHz are large.
+        chosen = values if len(rows) == len(values) else values[rows]
+        drives.append(Drive(fmu, tuple(variable for variable, _ in group), chosen, begins))
+    return drives
 
 
-def _chosen(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Some rows; where these are all of them, no copy: runs of an hour at 1 kHz are large."""
-    return values if len(rows) == len(values) else values[rows]
+def _ticks(table: NumberTable, grid: Grid) -> np.ndarray:
+    """Times of the rows in steps, whole where a step is meant."""
+    times = table.columns["time_s"]
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if back.size:
+        raise InputError(f"{table.row(int(back[0]) + 1)}, column 'time_s': does not come after the row before")
+    ticks = (times - grid.start) / grid.step
+    near = np.round(ticks)
+    return np.where(np.abs(ticks - near) <= ROW_TOLERANCE, near, ticks)
+
+
+def _held(begins: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Of rows that hold from fractional steps on, those that hold over a step, and their first steps."""
+    first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
+    kept = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
+    return kept, first[kept]
+
+
+def _rows_that_begin(table: NumberTable, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """The rows that hold over some step from their time on, and the step from which each holds."""
+    ticks = _ticks(table, grid)
+    if ticks[0] > 0.0:
+        raise InputError(
+            f"{table.row(0)}: begins at {table.columns['time_s'][0]:.9g} s, after the run's start {grid.start:.9g} s: "
+            'the input has no value before (stamp = "end" where rows hold up to their time)'
+        )
+    return _held(np.ceil(ticks), grid)
+
+
+def _rows_that_end(table: NumberTable, grid: Grid, *, increments: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The rows that hold over some step up to their time, and the step from which each holds."""
+    times, ticks = table.columns["time_s"], _ticks(table, grid)
+    if ticks[-1] < grid.steps:
+        raise InputError(
+            f"{table.row(len(ticks) - 1)}: ends at {times[-1]:.9g} s, "
+            f"before the run's end {grid.time(grid.steps):.9g} s"
+        )
+    width = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+    # Row i holds over the steps that end after the row before and not after it.
+    rows, begins = _held(np.concatenate([[-math.inf], np.floor(ticks[:-1])]), grid)
+    if rows[0] == 0 and ticks[0] - width > ROW_TOLERANCE:
+        raise InputError(
+            f"{table.row(0)}: its interval ends at {times[0]:.9g} s, "
+            f"and nothing covers the run's start {grid.start:.9g} s"
+        )
+    lost = np.flatnonzero(np.diff(rows) > 1)
+    if lost.size:
+        at = int(lost[0]) + 1
+        raise InputError(
+            f"{table.label}: rows {table.lines[rows[at] - 1]} and {table.lines[rows[at]]} both end within the step "
+            f"that ends at {grid.time(int(begins[at]) + 1):.9g} s, so that one is lost; take a shorter run.step_s"
+        )
+    again = np.flatnonzero(np.diff(np.append(begins, grid.steps)) > 1)
+    if increments and again.size:
+        row, step = int(rows[again[0]]), int(begins[again[0]]) + 1
+        raise InputError(
+            f"{table.row(row)}: an increment would be applied again in the step that ends at "
+            f"{grid.time(step + 1):.9g} s; run.step_s must be the rows' interval"
+        )
+    return rows, begins
 
 
 def _check_column(table: NumberTable, column: str, variable: Variable, values: np.ndarray) -> None:
     """Refuse a value that the variable's type or limits do not take."""
+    suspects = np.arange(len(values))
     if variable.kind == "Real":
         low = -math.inf if variable.minimum is None else variable.minimum
         high = math.inf if variable.maximum is None else variable.maximum
         suspects = np.flatnonzero((values < low) | (values > high))
-    else:
-        suspects = np.arange(len(values))
     for index in suspects.tolist():
         value: Value = float(values[index])
         if variable.kind == "Boolean" and value in (0.0, 1.0):
             value = bool(value)
         elif variable.kind in ("Integer", "Enumeration") and value == math.floor(value):
             value = int(value)
-        in_limits(value, variable, f"{table.row(index)}, column '{column}'")
+        with said_of(f"{table.row(index)}, column '{column}'"):
+            checked(value, variable)
+
+
+def resolve_programme(stimulus: Stimulus, table: NumberTable, step: float, loaded: Mapping[str, Loaded]) -> Programme:
+    """Lay a position programme out in whole steps.
+
+    Each position's slot is the move from the position before (the slower axis, limited rate and acceleration)
+    and the dwell, rounded up to whole steps.
+
+    Parameters
+    ----------
+    stimulus : Stimulus
+        with `to`, the command of two angles [rad]
+    table : NumberTable
+        alpha_deg, beta_deg and, where it is there, dwell_s
+    step : float
+        of the run [s]
+    loaded : mapping
+        the FMUs
+
+    Raises
+    ------
+    InputError
+        a column that a programme does not have, no dwell, or a target that is not a two-axis command
+    """
+    for name in table.columns:
+        if name not in PROGRAMME_COLUMNS:
+            raise InputError(f"{table.label}: unknown column '{name}'; {nearest(name, PROGRAMME_COLUMNS)}")
+    for name in PROGRAMME_COLUMNS[:2]:
+        if name not in table.columns:
+            has = ", ".join(PROGRAMME_COLUMNS)
+            raise InputError(f"{table.label}: column '{name}' is missing; a programme has {has}")
+    assert stimulus.to is not None
+    interface, variables = refer_to("input", stimulus.to, interfaces_of(loaded))
+    if len(variables) != 2 or any(v.kind != "Real" for v in variables):
+        raise InputError(f"'{stimulus.to}' cannot take a position programme: two angles are needed")
+    for variable in variables:
+        if variable.unit not in (None, "rad"):
+            raise InputError(f"'{stimulus.to}' is in {variable.unit}; a position programme gives rad")
+    rates, accelerations, before = _limits(loaded[interface.name])
+    if "dwell_s" not in table.columns and stimulus.dwell_s is None:
+        raise InputError(f"{table.label}: has no column dwell_s, so the stimulus must give dwell_s")
+    dwell = table.columns.get("dwell_s", np.full(len(table.lines), stimulus.dwell_s))
+    command = np.radians(np.column_stack([table.columns["alpha_deg"], table.columns["beta_deg"]]))
+    begins, tick = [], 0
+    for row, target in enumerate(command.tolist()):
+        if dwell[row] <= 0.0:
+            raise InputError(f"{table.row(row)}, column 'dwell_s': {dwell[row]} must be positive")
+        with said_of(table.row(row)):
+            for variable, angle in zip(variables, target, strict=True):
+                checked(angle, variable)
+        turns = [abs(angle - previous) for angle, previous in zip(target, before, strict=True)]
+        move = max(map(move_duration, turns, rates, accelerations))
+        begins.append(tick)
+        slot = (move + float(dwell[row])) / step
+        if slot > MOST_STEPS:
+            raise InputError(f"{table.row(row)}: takes {slot:.3g} steps; no run is that long")
+        if slot <= TICK_TOLERANCE:
+            raise InputError(f"{table.row(row)}: takes {slot:.3g} of a step; take a shorter run.step_s")
+        tick += math.ceil(slot - TICK_TOLERANCE)
+        before = target
+    return Programme(interface.name, variables, command, np.array(begins), tick)
+
+
+def _limits(table: Loaded) -> list[list[float]]:
+    """Rates, accelerations and initial angles of a table's two axes."""
+    limits, interface = [], table.interface
+    for name in ("max_rate", "max_acceleration", "initial_angle"):
+        try:
+            found = interface.find(name)
+        except InputError as error:
+            raise InputError(f"a position programme needs {name}[1..2] to time its moves: {error}") from error
+        values = [v for v in map(table.start_value, found) if isinstance(v, float)]
+        if len(values) != 2 or len(found) != 2:
+            raise InputError(f"a position programme needs two numbers {name} of '{interface.name}' to time its moves")
+        if name != "initial_angle" and min(values) <= 0.0:
+            raise InputError(f"'{interface.name}.{name}' must be positive: {values}")
+        limits.append(values)
+    return limits
+
+
+def resolve_stimuli(
+    scenario: Scenario, sources: Sources, loaded: Mapping[str, Loaded]
+) -> tuple[Grid, list[tuple[str, Drive]]]:
+    """The run's grid, and the drives by their names in messages; programmes first, for they may end the run."""
+
+    def table(stimulus: Stimulus, name: str, wanted: list[str] | None) -> NumberTable:
+        label = stimulus.csv or stimulus.programme
+        if label is None:
+            return table_from(stimulus.table, f"{name}.table", wanted)
+        found, content = read_table(scenario.base_folder / label, label, wanted)
+        sources.note(label, content)
+        return found
+
+    interfaces = interfaces_of(loaded)
+    named = {f"stimuli[{number}]": stimulus for number, stimulus in enumerate(scenario.stimuli, start=1)}
+    programmes: dict[str, Programme] = {}
+    for name, stimulus in named.items():
+        if stimulus.kind == "programme":
+            with said_of(name):
+                positions = table(stimulus, name, None)
+                programmes[name] = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
+    grid = make_grid(scenario.run, [programme.end for programme in programmes.values()])
+    drives: list[tuple[str, Drive]] = []
+    for name, stimulus in named.items():
+        with said_of(name):
+            if stimulus.kind == "programme":
+                found, within = programmes[name], programmes[name].begins < grid.steps
+                # The last command holds to the end.
+                given = [Drive(found.fmu, found.variables, found.command[within], found.begins[within])]
+            elif stimulus.kind == "constant":
+                given = [resolve_constant(stimulus, interfaces)]
+            else:
+                given = resolve_rows(stimulus, lambda wanted, s=stimulus, n=name: table(s, n, wanted), grid, interfaces)
+            drives += [(name, drive) for drive in given]
+    return grid, drives

@@ -25,7 +25,7 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from ...models.regressors import nominal_input, regressors, stand_regressors
 from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
-from ..orchestrator.tables import read_table
+from ..orchestrator.stimuli import read_table
 from ..records.columns import LIMITS
 from ..result import Result
 from .forms import x_from_targets

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ...models.attitude_algorithms import ALGORITHMS
 from ...models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
 from ..orchestrator import simulate
-from ..scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from .motion import Motion
 
 ALGORITHM = "one-sample-rodrigues"

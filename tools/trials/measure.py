@@ -19,9 +19,9 @@ from ..calibration.mountings import PRESETS
 from ..diagnosis.result import place_json
 from ..diagnosis.sizes import SureSizes
 from ..orchestrator import simulate
+from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, RawRecord, StrapdownRecord
 from ..records.rests import average_rests, find_rests
-from ..scenario import Scenario
 from .bench import DWELL_S, NOISE_BOUND, START_APART, Bench, temperature_at
 from .block import Instruments, TrueMotion, flicker_noise, without_coning
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from trihedron.tools.bounded import programmes
 from trihedron.tools.bounded.programmes import Polytope, SolverError, chebyshev_radius
 
 
@@ -86,3 +87,26 @@ def test_an_empty_set_is_an_error_and_not_a_number():
     programme.confine(np.array([0.0, 2.0]), np.array([1.0, 3.0]))
     with pytest.raises(SolverError):
         programme.maximise(np.array([1.0]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_taking_in_rows_gives_the_same_as_all_at_once(seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(3000, 6)) * rng.choice([1.0, 0.01], (3000, 1))
+    bound = 1e-5 * rng.uniform(1.0, 5.0, 3000)
+    residual = rng.uniform(-1.0, 1.0, 3000) * bound
+    found = []
+    for many in (10**9, 100):
+        monkeypatch.setattr(programmes, "MANY_ROWS", many)
+        polytope = Polytope(jacobian, bound)
+        polytope.confine(residual - bound, residual + bound)
+        weights = np.random.default_rng(9).normal(size=(5, 6))
+        found.append((chebyshev_radius(jacobian, residual, bound), [polytope.maximise(w) for w in weights]))
+    (radius, _, duals), tops = found[1]
+    assert radius == pytest.approx(found[0][0][0], rel=1e-9)
+    np.testing.assert_allclose(jacobian.T @ duals, 0.0, atol=1e-6)
+    assert residual @ duals == pytest.approx(radius, rel=1e-8)
+    for (value, x, phi), (other, _, _) in zip(tops, found[0][1], strict=True):
+        assert value == pytest.approx(other, rel=1e-9)
+        assert np.all(np.abs(residual - jacobian @ x) <= bound * (1 + 1e-8))
+        assert len(phi) == len(bound)

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import trihedron as th
 from trihedron.models.regressors import regressors
-from trihedron.tools.bench_run import run_scenario
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
+from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
-from trihedron.tools.scenario import read_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
@@ -183,7 +183,7 @@ def test_the_programme_runs_and_the_truth_is_inside(plan_folder: Path, tmp_path:
     (tmp_path / "programme.csv").write_text((plan_folder / "programme.csv").read_text(encoding="utf-8"))
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(text.replace("static-calibration-positions.csv", "programme.csv"), encoding="utf-8")
-    files = run_scenario(scenario, tmp_path / "run", progress=False)
+    files = th.simulate(scenario, out=tmp_path / "run").files
     record = read_record(files[-1], PositionRecord)
     assert len(record.position) == 11
     result = calibrate(record, noise_bound=1e-5)

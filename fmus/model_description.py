@@ -1,0 +1,289 @@
+"""modelDescription.xml of both versions of FMI (co-simulation) from a component's table."""
+
+import hashlib
+import math
+import os
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from .component import Component, Variable
+from .in_process import effect_count
+from .units import UNITS
+
+LOG_CATEGORIES = {
+    "logStatusWarning": "what may be wrong",
+    "logStatusError": "why a call was refused",
+    "logAll": "everything else",
+}
+
+QUANTITIES = {
+    "rad": "Angle",
+    "rad/s": "AngularVelocity",
+    "rad/s2": "AngularAcceleration",
+    "m/s2": "Acceleration",
+    "degC": "Temperature",
+    "Hz": "Frequency",
+    "s": "Time",
+    "g": "AccelerationInG",
+}
+"""What is measured in a unit."""
+
+TYPE_NAMES = {"real": "Real", "integer": "Integer", "boolean": "Boolean", "enumeration": "Enumeration"}
+
+
+def number(value: float) -> str:
+    """Shortest text that reads back to the same number."""
+    return repr(float(value))
+
+
+def start_text(variable: Variable, value: float) -> str:
+    """A start value as its type writes it."""
+    if variable.type == "boolean":
+        return "true" if value else "false"
+    return number(value) if variable.type == "real" else str(int(value))
+
+
+def add_units(root: Element, component: Component) -> None:
+    """UnitDefinitions: the units that the table uses, with base units and display units."""
+    used = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
+    units = SubElement(root, "UnitDefinitions")
+    for name in used:
+        unit = UNITS[name]
+        element = SubElement(units, "Unit", name=name)
+        base = {key: str(power) for key, power in unit.exponents.items()}
+        if unit.factor != 1.0:
+            base["factor"] = number(unit.factor)
+        if unit.offset != 0.0:
+            base["offset"] = number(unit.offset)
+        SubElement(element, "BaseUnit", base)
+        for display, factor in unit.display.items():
+            SubElement(element, "DisplayUnit", name=display, factor=number(factor))
+
+
+def type_name(variable: Variable) -> str | None:
+    """Name of a variable's declared type; pure numbers, integers and booleans have none."""
+    if variable.type == "enumeration":
+        # A type may not have the name of a variable.
+        return "".join(word.capitalize() for word in variable.name.split("_"))
+    if variable.type != "real" or variable.unit not in QUANTITIES:
+        return None
+    shown = variable.display_unit or variable.unit
+    return f"{QUANTITIES[variable.unit]}_{shown.replace('/', '_per_')}"
+
+
+def declared_types(component: Component) -> dict[str, Variable]:
+    """The declared types, by name, each with a variable that has it."""
+    return {name: v for v in component.interface if (name := type_name(v)) is not None}
+
+
+def add_types(root: Element, component: Component) -> None:
+    """TypeDefinitions: quantities with their units, and enumerations."""
+    declared = declared_types(component)
+    if not declared:
+        return
+    types = SubElement(root, "TypeDefinitions")
+    for name, variable in declared.items():
+        simple = SubElement(types, "SimpleType", name=name)
+        if variable.type == "enumeration":
+            items = SubElement(simple, "Enumeration")
+            for value, item in enumerate(variable.items, start=1):
+                SubElement(items, "Item", name=item, value=str(value))
+        else:
+            SubElement(simple, "Real", quantity_attributes(variable))
+
+
+def quantity_attributes(variable: Variable) -> dict[str, str]:
+    """Quantity, unit and display unit of a variable that has a declared type."""
+    attributes = {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
+    if variable.display_unit is not None:
+        attributes["displayUnit"] = variable.display_unit
+    return attributes
+
+
+def initially_known(component: Component) -> set[str]:
+    """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
+    of_effects = {v.name for v in component.variables[len(component.variables) - effect_count(component) :]}
+    read = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
+    return {
+        v.name
+        for v in component.interface
+        if v.causality in ("parameter", "input") and (v.name in read or ("effect" in read and v.name in of_effects))
+    }
+
+
+def variable_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
+    """What both versions say of a variable, whatever its type."""
+    attributes = {
+        "name": name,
+        "valueReference": str(reference),
+        "description": variable.description,
+        "causality": variable.causality,
+        "variability": variable.variability,
+    }
+    if variable.causality == "output":
+        attributes["initial"] = "calculated"
+    elif variable.causality == "parameter":
+        attributes["initial"] = "exact"
+    return attributes
+
+
+def type_attributes(variable: Variable) -> dict[str, str]:
+    """What both versions say of a variable's type: its name, units, limits."""
+    attributes: dict[str, str] = {}
+    declared = type_name(variable)
+    if declared is not None:
+        attributes["declaredType"] = declared
+    if variable.type == "real":
+        if variable.unit != "1":
+            attributes["unit"] = variable.unit
+            if variable.display_unit is not None:
+                attributes["displayUnit"] = variable.display_unit
+        if variable.nominal is not None:
+            attributes["nominal"] = number(variable.nominal)
+    if variable.type in ("real", "integer"):
+        for attribute, bound in (("min", variable.minimum), ("max", variable.maximum)):
+            if bound is not None:
+                attributes[attribute] = start_text(variable, bound)
+    return attributes
+
+
+def scalar_element(variable: Variable, name: str, reference: int, start: float) -> Element:
+    """A ScalarVariable."""
+    scalar = Element("ScalarVariable", variable_attributes(variable, name, reference))
+    typed = SubElement(scalar, TYPE_NAMES[variable.type], type_attributes(variable))
+    if variable.causality != "output":
+        typed.set("start", start_text(variable, start))
+    return scalar
+
+
+def experiment(component: Component) -> dict[str, str]:
+    """Attributes of DefaultExperiment."""
+    return {
+        "startTime": "0.0",
+        "stopTime": number(component.stop_time),
+        "tolerance": "1e-9",
+        "stepSize": number(component.step_size),
+    }
+
+
+def root_attributes(component: Component) -> dict[str, str]:
+    """Attributes of the root element that both versions of FMI have, but for the identity."""
+    from . import version
+
+    return {
+        "modelName": component.name,
+        "description": component.description,
+        "author": "The Trihedron developers",
+        "version": version(),
+        "license": "BSD-2-Clause",
+        "generationTool": f"Trihedron {version()}",
+        "variableNamingConvention": "structured",
+    }
+
+
+def add_categories(root: Element) -> None:
+    """LogCategories."""
+    categories = SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=description)
+
+
+def description_2(component: Component, sources: Sequence[str]) -> Element:
+    """The model description of FMI 2.0, without identity and date; `sources` are files under sources/."""
+    root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **root_attributes(component)})
+    root.set("numberOfEventIndicators", "0")
+    interface = SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=component.name,
+        canHandleVariableCommunicationStepSize="true",
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+        canNotUseMemoryManagementFunctions="true",
+        needsExecutionTool="false",
+    )
+    if sources:
+        files = SubElement(interface, "SourceFiles")
+        for name in sources:
+            SubElement(files, "File", name=name)
+    add_units(root, component)
+    add_types(root, component)
+    add_categories(root)
+    SubElement(root, "DefaultExperiment", experiment(component))
+    variables = SubElement(root, "ModelVariables")
+    time = SubElement(
+        variables,
+        "ScalarVariable",
+        name="time",
+        valueReference="0",
+        description="simulation time",
+        causality="independent",
+        variability="continuous",
+    )
+    SubElement(time, "Real", unit="s")
+    index: dict[str, list[int]] = {}
+    for variable in component.interface:
+        for name, start in zip(variable.elements, variable.starts, strict=True):
+            reference = len(variables)
+            index.setdefault(variable.name, []).append(reference + 1)
+            variables.append(scalar_element(variable, name, reference, start))
+    structure = SubElement(root, "ModelStructure")
+    outputs = SubElement(structure, "Outputs")
+    unknowns = SubElement(structure, "InitialUnknowns")
+    initial = initially_known(component)
+    at_start = " ".join(str(i) for v in component.interface if v.name in initial for i in index[v.name])
+    for variable in component.interface:
+        if variable.causality != "output":
+            continue
+        known = [str(i) for name in variable.follows for i in index[name]]
+        for place in index[variable.name]:
+            unknown = SubElement(outputs, "Unknown", index=str(place), dependencies=" ".join(known))
+            if known:
+                unknown.set("dependenciesKind", " ".join(["dependent"] * len(known)))
+            SubElement(unknowns, "Unknown", index=str(place), dependencies=at_start)
+    return root
+
+
+def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+    """The model description of a version of FMI, without identity and date."""
+    from .model_description_3 import description_3
+
+    return description_3(component) if fmi == 3 else description_2(component, sources)
+
+
+def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> str:
+    """GUID or instantiation token: the hash of the model description and of what the FMU runs.
+
+    Parameters
+    ----------
+    component : Component
+    content : bytes
+        what the FMU runs, so that FMUs that compute differently differ in their identity
+    fmi : int
+        2 or 3
+    sources : sequence of str
+        files under sources/ that are compiled
+    """
+    digest = hashlib.sha256(ElementTree.tostring(described(component, fmi, sources)) + content).hexdigest()
+    return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
+
+
+def model_description(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> bytes:
+    """The model description; parameters as those of `identity`.
+
+    Returns
+    -------
+    bytes
+        XML in UTF-8; the generation date is there only when SOURCE_DATE_EPOCH gives one
+    """
+    root = described(component, fmi, sources)
+    token = identity(component, content, fmi=fmi, sources=sources)
+    root.set("guid" if fmi == 2 else "instantiationToken", token)
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if epoch.isdigit():
+        moment = datetime.fromtimestamp(math.floor(int(epoch)), UTC)
+        root.set("generationDateAndTime", moment.strftime("%Y-%m-%dT%H:%M:%SZ"))
+    ElementTree.indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"

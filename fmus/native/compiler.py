@@ -1,0 +1,210 @@
+"""Binaries of native FMUs: compiled by the host's C compiler or by ziglang, kept by content."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from difflib import get_close_matches
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from .platforms import PLATFORMS, Platform, host_name
+from .prebuilt import has_prebuilt, prebuilt_library
+
+FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-g0",
+    "-fvisibility=hidden",
+    "-fno-asynchronous-unwind-tables",
+    # The same bits as Python's: no fused operations, and sin and cos are those of the platform, not of the compiler.
+    "-ffp-contract=off",
+    "-fno-builtin-sin",
+    "-fno-builtin-cos",
+    "-fno-builtin-atan2",
+    "-fno-math-errno",
+)
+SMALL = (
+    "-fno-vectorize",
+    "-fno-slp-vectorize",
+    "-fno-unroll-loops",
+    "-fno-unwind-tables",
+    "-fno-stack-protector",
+    "-mllvm",
+    "-inline-threshold=100",
+)
+"""Of the cross compiler: what makes a library small and costs scalar code nothing."""
+
+WINDOWS_LIBRARIES = tuple(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math", "heap", "string", "stdio", "private"))
+"""The C library that Windows itself has: no other is linked in, and sin and cos are Windows' own."""
+
+
+def all_flags() -> list[str]:
+    """Everything that decides what the cross compiler makes of sources, beside its version."""
+    return [*FLAGS, *SMALL, *WINDOWS_LIBRARIES]
+
+
+WHOLE = "whole.c"
+"""A file that includes all the others, for a compiler that takes one file at a time."""
+
+
+class BuildError(RuntimeError):
+    """A binary cannot be made here; the message says why and what would help."""
+
+
+def cache_folder() -> Path:
+    """Where binaries are kept: TRIHEDRON_CACHE, or the folder that the system has for such things."""
+    named = os.environ.get("TRIHEDRON_CACHE")
+    if named:
+        return Path(named)
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = str(Path.home() / "Library" / "Caches")
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "trihedron"
+
+
+@cache
+def zig_version() -> str | None:
+    """Version of ziglang, None where it is not installed."""
+    try:
+        return metadata.version("ziglang")
+    except metadata.PackageNotFoundError:
+        return None
+
+
+@cache
+def host_compiler() -> tuple[str, str] | None:
+    """The host's C compiler, CC or cc, and what it says of itself; None where there is none that runs."""
+    path = shutil.which(os.environ.get("CC") or "cc")
+    if path is None:
+        return None
+    with suppress(OSError, subprocess.SubprocessError):
+        said = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=True)
+        return path, said.stdout
+    return None
+
+
+NO_COMPILER = "native FMUs need a C compiler: there is no cc here; install one, or trihedron[native]"
+NO_ZIG = "needs ziglang to compile for it; install trihedron[native]"
+
+
+def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
+    """The platforms of ``all``, ``host`` or a name.
+
+    Raises
+    ------
+    BuildError
+        no such platform, or nothing here compiles for it
+    """
+    if wanted == "all":
+        names = list(PLATFORMS)
+    else:
+        names = [host_name() if wanted == "host" else wanted]
+    for name in names:
+        if name not in PLATFORMS:
+            close = get_close_matches(name, PLATFORMS, n=1)
+            meant = f" (did you mean {close[0]}?)" if close else ""
+            raise BuildError(
+                f"platform {name}: there is no native FMU for it; there is for {', '.join(PLATFORMS)}{meant}"
+            )
+        if not (compiles(name) or has_prebuilt()):
+            if name == host_name() and wanted != "all":
+                raise BuildError(NO_COMPILER)
+            raise BuildError(f"platform {name}: {NO_ZIG}")
+    return tuple(PLATFORMS[name] for name in names)
+
+
+def compiles(name: str) -> bool:
+    """Whether something here compiles for a platform."""
+    return zig_version() is not None or (name == host_name() and host_compiler() is not None)
+
+
+def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bool) -> tuple[list[list[str]], str]:
+    """The commands, one after the other, and the version of the compiler."""
+    linux = ["-Wl,--build-id=none"] if platform.suffix == ".so" else []
+    if not cross:
+        compiler = host_compiler()
+        assert compiler is not None
+        stripped = [] if platform.suffix == ".dylib" else ["-s"]
+        pages = ["-Wl,-z,noseparate-code"] if linux else []
+        shared = ["-fPIC", "-shared", *stripped, *linux, *pages]
+        return [[compiler[0], *FLAGS, *shared, "-o", output, *sources, "-lm"]], compiler[1]
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
+    version = f"zig {zig_version()}"
+    if platform.suffix != ".dll":
+        shared = ["-fPIC", "-shared", "-s", *linux, "-ffunction-sections", "-Wl,--gc-sections"]
+        return [[*zig, *FLAGS, *SMALL, *shared, "-o", output, *sources, "-lm"]], version
+    compiled = [*zig, *FLAGS, *SMALL, "-DTRIHEDRON_UCRT_ONLY", "-c", WHOLE]
+    entry = ["-nostdlib", "-Wl,--entry=TrihedronEntry"]
+    linked = [*zig, "-O2", "-shared", "-s", *entry, "-o", output, str(Path(WHOLE).with_suffix(".obj"))]
+    return [compiled, [*linked, *WINDOWS_LIBRARIES]], version
+
+
+def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, portable: bool) -> bytes:
+    """The shared library for a platform, from the cache where it has been made before.
+
+    Parameters
+    ----------
+    platform : Platform
+    name : str
+        of the library, without its ending
+    sources : mapping
+        file name to content
+    portable : bool
+        whether ziglang is taken for the host too where it is installed, so that old systems run it
+
+    Raises
+    ------
+    BuildError
+        the compiler fails, or there is none and no FMU made from these sources came with the package
+    """
+    if zig_version() is None and (portable or not compiles(platform.name)):
+        made = prebuilt_library(platform, name, sources, all_flags())
+        if made is not None:
+            return made
+        if not compiles(platform.name):
+            raise BuildError(NO_COMPILER if platform.name == host_name() else f"platform {platform.name}: {NO_ZIG}")
+    cross = zig_version() is not None and (portable or platform.name != host_name() or host_compiler() is None)
+    output = f"{name}{platform.suffix}"
+    compiled = [n for n in sources if n.endswith(".c")]
+    commands, version = _commands(platform, compiled, output, cross)
+    files = {**sources, WHOLE: "".join(f'#include "{name}"\n' for name in compiled).encode()}
+    digest = hashlib.sha256("\0".join([version, *(word for command in commands for word in command[1:])]).encode())
+    for file, content in files.items():
+        digest.update(f"\0{file}\0{len(content)}\0".encode() + content)
+    kept = cache_folder() / "binaries" / f"{digest.hexdigest()}{platform.suffix}"
+    with suppress(OSError):
+        return kept.read_bytes()
+    with tempfile.TemporaryDirectory(prefix="trihedron-") as scratch:
+        content = _compile(commands, files, Path(scratch), output)
+    with suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        handle, beside = tempfile.mkstemp(dir=kept.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        Path(beside).replace(kept)
+    return content
+
+
+def _compile(commands: Sequence[Sequence[str]], files: Mapping[str, bytes], folder: Path, output: str) -> bytes:
+    """Run the commands in the folder, with the files in it; the bytes of the output."""
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    environment = {**os.environ, "LC_ALL": "C", "ZIG_LOCAL_CACHE_DIR": str(folder / "zig")}
+    for command in commands:
+        try:
+            done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise BuildError(f"the compiler {command[0]} cannot be run ({error.strerror})") from error
+        if done.returncode != 0:
+            said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
+            raise BuildError(f"the compiler {command[0]} fails: {' '.join(said.split()) or 'it says nothing'}")
+    return (folder / output).read_bytes()

@@ -1,0 +1,257 @@
+"""`trihedron check`: everything that is wrong with a file at once, with the lines where it stands."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import trihedron as th
+from trihedron.tools import cli
+from trihedron.tools.check.lines import json_lines, line_of, toml_lines
+
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+STATIC = SCENARIOS / "static-calibration.toml"
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A position record that is as it should be."""
+    path = tmp_path_factory.mktemp("record") / "measured.csv"
+    from bench_cases import write_hidden_record
+
+    write_hidden_record(path, 5, None, effects=())
+    return path
+
+
+def written(folder: Path, text: str, name: str = "file.toml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def found(path: Path) -> list[tuple[int | None, str]]:
+    return [(problem.line, problem.text) for problem in th.check(path).problems]
+
+
+OURS = [*sorted(SCENARIOS.glob("*.toml")), *sorted(SCENARIOS.glob("campaigns/*.toml"))]
+
+
+@pytest.mark.parametrize("path", OURS, ids=lambda p: p.stem)
+def test_nothing_is_wrong_with_our_own_scenarios_and_campaigns(path: Path):
+    checked = th.check(path)
+    assert checked.good, str(checked)
+    assert checked.kind == ("campaign" if path.parent.name == "campaigns" else "scenario")
+
+
+def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
+    """Mistakes of fields and of what fields say, of all sections, in one go."""
+    mistakes = {
+        "kappa = 3e-3": ("kapa = 3e-3", "did you mean 'kappa'?"),
+        "epsilon = -3e-3": ("epsilon = 'small'", "must be a number"),
+        "bias = [1e-2, -1e-2, 6e-3]": ("bias = [\n    1e-2,\n    -1e-2,\n]", "bias has 3 elements; 2 are given"),
+        'component = "AttitudeComputer"': ('component = "AttitudeComputr"', "did you mean 'AttitudeComputer'?"),
+        'from = "table.dwell"': ('from = "table.dwel"', "did you mean 'dwell'?"),
+        "dwell_s = 20.0": ("dwell_s = -20.0", "greater than 0"),
+        'to = "table.temperature"': ('to = "table.temperatur"', "did you mean 'temperature'?"),
+        'f1_mps2 = "block.reading[1]"': ('f1_mps2 = "block.reading[9]"', "elements 1 to 3"),
+    }
+    text = STATIC.read_text(encoding="utf-8")
+    for right, (wrong, _) in mistakes.items():
+        assert text.count(right) == 1
+        text = text.replace(right, wrong)
+    lines = text.split("\n")
+    problems = found(written(tmp_path, text))
+    assert len(problems) == len(mistakes)
+    for wrong, said in mistakes.values():
+        # A problem of an entry of a list may stand at the entry's header.
+        at = lines.index(wrong.split("\n")[0]) + 1
+        near = [line for line, message in problems if said in message]
+        assert near, said
+        assert any(line is not None and at - 2 <= line <= at for line in near), (said, at, near)
+
+
+def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
+    text = STATIC.read_text(encoding="utf-8").replace(
+        "[fmus.block]\n",
+        "[fmus.block]\neffects = [\n"
+        '    { effect = "quadratc", where = "accelerometer-3", coefficient = 1e-4 },\n'
+        '    { effect = "quadratic", where = "accelerometer-9", coefficient = 1e-4 },\n'
+        '    { effect = "quadratic", where = "accelerometer-3", coeficient = 1e-4 },\n]\n',
+    )
+    said = "\n".join(message for _, message in found(written(tmp_path, text)))
+    assert "effects[1]: effect 'quadratc' is not one that extends a component; did you mean 'quadratic'?" in said
+    assert "effects[2]: effect 'quadratic' has no place 'accelerometer-9'; did you mean 'accelerometer-" in said
+    assert "effects[3]: effect 'quadratic' has no parameter 'coeficient'; did you mean 'coefficient'?" in said
+    assert "stimuli[1]: static-calibration-positions.csv: cannot be read" in said
+
+
+def test_a_check_runs_nothing_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("trihedron.tools.orchestrator.run.run_fmus", lambda *_: 1 / 0)
+    assert th.check(STATIC).good
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_check_agrees_with_the_run(tmp_path: Path):
+    """What a check lets through is run; what a run refuses, a check finds."""
+    for right, wrong in (
+        ("step_s = 0.1", "step_s = 0.0"),
+        ('to = "block.dwell"', 'to = "block.specific_force"'),
+        ('alpha_deg = "table.angle_reading[1]"', 'alpha_s = "table.angle_reading[1]"'),
+        ("[[stimuli]]", '[[stimuli]]\nto = "computer.increment"\nconstant = 0.0\n[[stimuli]]'),
+    ):
+        text = STATIC.read_text(encoding="utf-8").replace(right, wrong, 1)
+        text = text.replace("static-calibration-positions.csv", str(SCENARIOS / "static-calibration-positions.csv"))
+        path = written(tmp_path, text)
+        with pytest.raises(th.InputError) as refused:
+            th.simulate(path)
+        problems = found(path)
+        assert problems
+        assert any(str(refused.value).removeprefix(f"{path}: ") == message for _, message in problems)
+
+
+def test_a_file_that_is_not_toml_has_the_line(tmp_path: Path):
+    assert found(written(tmp_path, "[run]\nstep_s = 0.1\nstop_s = = 2\n")) == [(3, "is not TOML: Invalid value")]
+
+
+def test_a_campaign_with_several_mistakes(tmp_path: Path):
+    text = (SCENARIOS / "campaigns" / "attitude-60s.toml").read_text(encoding="utf-8")
+    text = text.replace("points = 1024", "pionts = 1024").replace("duration_s = 60.0", 'duration_s = "long"')
+    lines = text.split("\n")
+    problems = found(written(tmp_path, text))
+    assert [line for line, _ in problems] == [lines.index('duration_s = "long"') + 1, lines.index("pionts = 1024") + 1]
+    assert "did you mean 'points'?" in problems[1][1]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('schema = "trihedron.scenari/1"\n', "schema: 'trihedron.scenari/1' is not known; did you mean"),
+        ("[a]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1.1]]\n", "[a]: the matrix is not orthogonal"),
+        ("x = 1\n", "schema is missing"),
+        ("", "schema is missing"),
+    ],
+)
+def test_other_toml_files(text: str, said: str, tmp_path: Path):
+    assert said in found(written(tmp_path, text))[0][1]
+
+
+def test_a_record_with_many_mistakes_has_each_with_its_row_and_column(record: Path, tmp_path: Path):
+    lines = record.read_text(encoding="utf-8").split("\n")
+    lines.insert(3, "# a comment moves what follows by a line")
+    fields = {k: lines[k].split(",") for k in (5, 7, 9, 11)}
+    fields[5][4] = ""
+    fields[7][2] = "12,5"
+    fields[9][1] = "-1"
+    fields[11][-1] = "2"
+    for k, row in fields.items():
+        lines[k] = ",".join(row)
+    assert [(line, text.partition(":")[0]) for line, text in found(written(tmp_path, "\n".join(lines), "r.csv"))] == [
+        (6, "column f1_mps2"),
+        (8, "11 fields, where the header has 10 columns"),
+        (10, "column time_s"),
+        (12, "column approach_beta"),
+    ]
+
+
+def test_a_good_record_says_what_is_in_it(record: Path):
+    checked = th.check(record)
+    assert (checked.good, checked.kind) == (True, "position record")
+    assert "rows" in checked.summary[0]
+
+
+def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
+    """What the program writes, it lets through; what is changed by hand is found, with the line."""
+    results = {
+        "calibration": th.calibrate(record, noise_bound=1e-5).json_text(),
+        "diagnosis": th.diagnose(record, noise_bound=1e-5).json_text(),
+        "plan": th.plan("X4", grid=5.0).json_text(),
+    }
+    for kind, text in results.items():
+        checked = th.check(written(tmp_path, text, f"{kind}.json"))
+        assert (checked.kind, str(checked.problems)) == (kind, "()")
+    text = results["calibration"]
+    wrong = text.replace('"radius":', '"radus":').replace('"convention": "A1"', '"convention": "A3"')
+    at = 1 + wrong[: wrong.index('"A3"')].count("\n")
+    assert found(written(tmp_path, wrong, "wrong.json")) == [
+        (None, "radius: is missing (is 'radus' meant?)"),
+        (at, "convention: Input should be 'A1' or 'A2', not 'A3'"),
+    ]
+    first = json.loads(text)
+    first["parameters"][3]["estimate"] = 2.0
+    problems = found(written(tmp_path, json.dumps(first, indent=1), "edited.json"))
+    assert len(problems) == 1
+    assert "exclude one another" in problems[0][1]
+    emptied = json.loads(text) | {"reading_errors": []}
+    problems = found(written(tmp_path, json.dumps(emptied, indent=1), "emptied.json"))
+    assert len(problems) == 1
+    assert "reading_errors are not complete" in problems[0][1]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"\0\1\2\3", b"PK\3\4 not an archive", b"\xff\xfe\0", b"{", b"[", b'{"a": NaN}', b'{"schema": [1]}'],
+)
+@pytest.mark.parametrize("ending", [".toml", ".csv", ".json", ".fmu", ".ssp", ".parquet", ".txt"])
+def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_path: Path, capsys):
+    path = tmp_path / f"rubbish{ending}"
+    path.write_bytes(content)
+    assert cli.main(["check", str(path)]) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "problem" in said.err
+    assert said.out.count("\n") == 2
+
+
+def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
+    checked = th.check(fmu_folder / "AccelerometerBlock.fmu")
+    assert (checked.good, checked.kind) == (True, "FMU")
+    from trihedron.tools.orchestrator.scenario import read_scenario
+    from trihedron.tools.ssp.write import export_ssp
+
+    archive = tmp_path / "static.ssp"
+    export_ssp(read_scenario(STATIC), archive, flavour="python")
+    checked = th.check(archive)
+    assert (checked.good, checked.kind) == (True, "SSP archive"), str(checked)
+
+
+def test_a_misspelt_file_names_the_nearest(tmp_path: Path):
+    written(tmp_path, "", "scenario.toml")
+    with pytest.raises(th.InputError, match=r"scenari\.toml: no such file; did you mean 'scenario\.toml'\?"):
+        th.check(tmp_path / "scenari.toml")
+
+
+def test_lines_of_toml_are_those_of_every_table_and_key():
+    """Against the structure that tomllib reads: every location is found, and the key stands in its line."""
+    text = (
+        'a = 1\n# comment\n[b.c]\n"d e" = """\n[not.a.table]\n"""\nf.g = [\n  1,\n  [2, 3],\n]\n'
+        "[[h]]\ni = { j = 1, k = [1, { l = 2 }] }\n[[h]]\ni = 2\n[h.m]\nn = 1\n[[h.o]]\np = 1\n"
+    )
+    lines = toml_lines(text)
+    assert lines[("a",)] == 1
+    assert lines[("b", "c", "d e")] == 4
+    assert lines[("b", "c", "f", "g", 1, 0)] == 7
+    assert lines[("h", 0, "i", "k", 1, "l")] == 12
+    assert lines[("h", 1)] == 13
+    assert lines[("h", 1, "m", "n")] == 16
+    assert lines[("h", 1, "o", 0, "p")] == 18
+
+    def locations(value, before=()):
+        inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+        for key, item in inner:
+            yield (*before, key)
+            yield from locations(item, (*before, key))
+
+    assert set(locations(tomllib.loads(text))) == set(lines)
+    assert line_of(lines, ("h", 1, "m", "unknown")) == 15
+    assert line_of(lines, ("unknown",)) is None
+
+
+def test_lines_of_json_are_those_of_every_member():
+    text = json.dumps({"a": [1, {"b": 'x"\n{', "c": [[], {}]}], "d": None}, indent=1)
+    lines = json_lines(text)
+    for location, line in lines.items():
+        if isinstance(location[-1], str):
+            assert f'"{location[-1]}":' in text.split("\n")[line - 1]
+    assert {("a",), ("a", 0), ("a", 1), ("a", 1, "b"), ("a", 1, "c"), ("a", 1, "c", 1), ("d",)} <= set(lines)

@@ -1,0 +1,199 @@
+"""Corrected readings: the inverse of the block, bounds that hold for every truth, files that come out right."""
+
+import json
+
+import numpy as np
+import pytest
+
+from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
+from table_runs import PROGRAMME, Bench
+from trihedron.fmus import components
+from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.parameters import bench_parameters
+from trihedron.models.bench import TARGETS, target_values
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.correction import (
+    apply_calibration,
+    corrected,
+    correction_of,
+    face_readings,
+    levelling,
+    remaining_error,
+)
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import read_record, write_record
+from trihedron.tools.records.kinds import StrapdownRecord
+from trihedron.tools.summaries import application_summary, correction_equation
+
+SIGMA = 1e-5
+
+
+def calibrated(seed: int):
+    """A bench's elementary parameters and the correction that its noisy record gives."""
+    rng = np.random.default_rng(seed)
+    bench = random_bench(rng)
+    noise = SIGMA * rng.choice([-1.0, 1.0], (24, 3)) if seed % 2 else rng.uniform(-SIGMA, SIGMA, (24, 3))
+    result = calibrate(simulated(bench, noise=noise), noise_bound=SIGMA)
+    return bench, result, correction_of(json.loads(result.json_text()), "here")
+
+
+def block_readings(bench: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """What the true block reads [g] at inputs n (N, 3) that are fractions of the true g, as it was calibrated."""
+    x = dict(zip(TARGETS, target_values(bench, np.eye(3)), strict=True))
+    scale = np.where(n > 0, [x["X4"], x["X9"], x["X14"]], [x["X5"], x["X10"], x["X15"]])
+    reading = n * (1 + scale) + [x["X16"], x["X17"], x["X18"]]
+    reading[:, 1] += x["X6+X8"] * n[:, 0]
+    reading[:, 2] += x["X7+X12"] * n[:, 0] + x["X11+X13"] * n[:, 1]
+    return reading
+
+
+def directions(rng: np.random.Generator, count: int) -> np.ndarray:
+    n = rng.normal(size=(count, 3))
+    faces = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    return np.vstack(
+        [n / np.linalg.norm(n, axis=1, keepdims=True), faces, 1.3 * faces, 0.01 * faces, [[0.0, 0.0, 0.0]]]
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(seed):
+    bench, _, correction = calibrated(seed)
+    truth = directions(np.random.default_rng(100 + seed), 200)
+    reading = block_readings(bench, truth)
+    n = corrected(correction, GRAVITY * reading) / GRAVITY
+    low, high = remaining_error(correction, n)
+    assert np.all((low <= truth - n) & (truth - n <= high))
+    # nothing known better would help much: the calibration itself is good to some σ
+    assert np.abs(np.stack([low, high])).max() < 10 * SIGMA
+    unit = truth[:206]
+    gained = levelling(correction, reading[:206])
+    error = np.linalg.norm(np.cross(n[:206], unit), axis=1)
+    assert np.all(error <= gained.after * (1 + 1e-9))
+    raw = np.arcsin(np.linalg.norm(np.cross(reading[:206], unit), axis=1) / np.linalg.norm(reading[:206], axis=1))
+    assert np.all(np.abs(raw - gained.before) <= gained.after * 1.01)
+    assert gained.before.max() > 100 * gained.after.max()
+
+
+def test_the_correction_is_the_component():
+    bench, result, correction = calibrated(4)
+    component = components()["AccelerometerCompensation"]
+    model, numbers = instantiate(component), references(component)
+    for name, value in bench_parameters(result.to_json())[component.name].items():
+        for k, number in enumerate(value if isinstance(value, list) else [value], 1):
+            model.set(numbers[f"{name}[{k}]" if isinstance(value, list) else name], number)
+    assert model.initialise(0.0) == 0
+    reading = GRAVITY * block_readings(bench, directions(np.random.default_rng(1), 40))
+    for row, expected in zip(reading, corrected(correction, reading), strict=True):
+        for p in range(3):
+            model.set(numbers[f"reading[{p + 1}]"], row[p])
+        out = [model.get(numbers[f"specific_force[{p}]"]) for p in (1, 2, 3)]
+        np.testing.assert_allclose(out, expected, rtol=0, atol=1e-14)
+
+
+def test_the_printed_equation_gives_the_corrected_readings():
+    bench, _, correction = calibrated(3)
+    reading = GRAVITY * block_readings(bench, directions(np.random.default_rng(2), 10))
+    lines = correction_equation(correction)
+    g = float(lines[0].split()[2])
+    for row, expected in zip(reading, corrected(correction, reading), strict=True):
+        names = {"g": g, "f1": row[0], "f2": row[1], "f3": row[2]}
+        for p in (1, 2, 3):
+            numerator, _, divisor = lines[p].partition(" = ")[2].rpartition(" / ")
+            for k in range(1, p):
+                numerator = numerator.replace(f" n{k}", f" * n{k}")
+            plus, minus = divisor.strip("()").split(" where n")[0], divisor.split(", ")[1].split()[0]
+            top = eval(numerator, {}, names)
+            names[f"n{p}"] = top / float(plus if top > 0 else minus)
+        np.testing.assert_allclose([g * names[f"n{p}"] for p in (1, 2, 3)], expected, rtol=0, atol=1e-10)
+
+
+def test_faces_are_what_the_block_reads_with_an_axis_up():
+    _, _, correction = calibrated(0)
+    _, reading = face_readings(correction)
+    n = corrected(correction, GRAVITY * reading) / GRAVITY
+    np.testing.assert_allclose(np.abs(n).max(axis=1), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(np.sort(np.abs(n), axis=1)[:, :2], 0.0, atol=1e-15)
+
+
+def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_path):
+    bench, result, correction = calibrated(5)
+    file = tmp_path / "c.json"
+    file.write_text(result.json_text(), encoding="utf-8")
+    block = block_readings(bench, directions(np.random.default_rng(3), 30)[:30])
+    positions = record(block, np.linspace(0, 6, 30), np.linspace(1, 5, 30))
+    write_record(positions, tmp_path / "positions.csv")
+    raw, _ = Bench(white=1e-5).run(PROGRAMME[:3])
+    write_record(raw, tmp_path / "raw.csv")
+    attitude = np.tile([1.0, 0.0, 0.0, 0.0], (30, 1))
+    attitude[4] = np.nan
+    increments = np.random.default_rng(4).normal(0, 1e-3, (30, 3))
+    strapdown = StrapdownRecord(
+        0.1 * np.arange(1, 31), None, increments, GRAVITY * block, attitude, 20.0 + np.arange(30)
+    )
+    write_record(strapdown, tmp_path / "strapdown.csv")
+    for name, at in (("positions", "positions"), ("raw", "rests"), ("strapdown", "rows")):
+        path, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
+        done = apply_calibration(file, path)
+        assert done.levelled_at == at
+        write_record(done.record, out)
+        before, after = read_record(path), read_record(out)
+        assert type(before) is type(after)
+        np.testing.assert_array_equal(after.specific_force, corrected(correction, before.specific_force))
+        changed = [line.split(",")[:-3] for line in path.read_text().splitlines()[:1]]
+        assert [line.split(",")[:-3] for line in out.read_text().splitlines()[:1]] == changed
+        for column in ("time_s", "alpha", "increment", "attitude", "temperature"):
+            if getattr(before, column, None) is not None:
+                np.testing.assert_array_equal(getattr(after, column), getattr(before, column))
+        assert "guaranteed" in application_summary(done, 55.75)
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "said"),
+    [
+        (None, {"verdict": "falsified"}, "only a consistent one"),
+        (None, {"verdict": "insufficient"}, "only a consistent one"),
+        (None, {"schema": "trihedron.plan/1"}, "schema"),
+        (None, {"reading_errors": []}, "reading_errors are not complete"),
+        (None, {"reading_errors": 3}, "reading_errors are not as the schema says"),
+        (None, {"parameters": []}, "lacks 'X"),
+        (None, {"parameters": 7}, "schema says"),
+        (None, {"convention": "A3"}, "its convention is 'A3'"),
+        (None, {"baseline": "symmetric"}, "has no X5"),
+        (None, {"gravity_mps2": 1e-300}, "gravity_mps2 is 1e-300; 4.9 to 14.7"),
+        (None, {"gravity_mps2": "g"}, "gravity_mps2"),
+        ("parameters", {"estimate": 5.0}, "X4: its estimate, .* exclude one another"),
+        ("parameters", {"estimate": float("nan")}, "X4 is nan"),
+        ("parameters", {"estimate": 10**400}, r"X4 is 10*\.\.\., not a number"),
+        ("parameters", {"symbol": "X5"}, "X5 twice"),
+        ("reading_errors", {"low": 10**400}, r"input \[-1, 0, 0\] is 10*\.\.\., not a number"),
+        ("reading_errors", {"low": "-1e-5"}, r"accelerometer 1, input \[-1, 0, 0\] is '-1e-5', not a number"),
+        ("reading_errors", {"low": -1e300}, "not a number"),
+        ("reading_errors", {"low": -1.5}, "between -1 and 1"),
+        ("reading_errors", {"low": 0.5, "high": 0.4}, "low <= high"),
+        ("reading_errors", {"accelerometer": float("inf")}, "not complete"),
+        ("reading_errors", {"accelerometer": 0}, "not complete"),
+        ("reading_errors", {"input": [-1.5, 0, 0]}, "not complete"),
+        ("reading_errors", {"input": -1}, "not as the schema says"),
+    ],
+)
+def test_a_calibration_edited_by_hand_is_refused(part, change, said):
+    content = calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).to_json()
+    entry = content if part is None else next(e for e in content[part] if e.get("symbol", "X4") == "X4")
+    entry |= change
+    with pytest.raises(InputError, match=f"^here: .*{said}"):
+        correction_of(content, "here")
+    if "reading_errors" not in (part, *change):
+        with pytest.raises(ValueError, match=said):
+            bench_parameters(content)
+
+
+def test_another_convention_gives_the_same_correction():
+    bench = random_bench(np.random.default_rng(8))
+    noisy = record(
+        simulated(bench).specific_force / GRAVITY + SIGMA * np.sin(np.arange(72.0)).reshape(24, 3), ALPHA, BETA
+    )
+    one, other = (
+        correction_of(calibrate(noisy, noise_bound=SIGMA, convention=c).to_json(), "here") for c in ("A1", "A2")
+    )
+    force = GRAVITY * directions(np.random.default_rng(5), 10)
+    np.testing.assert_allclose(corrected(one, force), corrected(other, force), rtol=0, atol=1e-13)

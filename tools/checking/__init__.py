@@ -1,6 +1,0 @@
-"""Files checked before they are used: everything that is wrong at once, with lines."""
-
-from .files import check
-from .result import Check, Problem
-
-__all__ = ["Check", "Problem", "check"]

@@ -1,0 +1,287 @@
+"""Scenario files: what is simulated, with which parameters, connections and stimuli, and what is recorded."""
+
+import hashlib
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import polars as pl
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
+
+from ..errors import InputError, unreadable
+from ..field_problems import FieldProblem, field_problems
+
+SCHEMA = "trihedron.scenario/1"
+_ROWS_OF_TEXT = 50_000
+"""Rows of a table that are written as text at once."""
+
+
+def _plain(value: Any) -> Any:
+    """A scalar or a flat list of scalars, all finite; numpy's own kinds become Python's."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, tuple):
+        value = list(value)
+    for item in value if isinstance(value, list) else [value]:
+        if not isinstance(item, bool | int | float | str):
+            raise ValueError("give a number, true or false, a text, or a flat list of them")
+        if isinstance(item, float) and not math.isfinite(item):
+            raise ValueError(f"{item} is not a finite number")
+    if value == []:
+        raise ValueError("is an empty list; give at least one value")
+    return value
+
+
+def _frame(value: Any) -> Any:
+    """A table in memory as a polars DataFrame."""
+    if isinstance(value, pl.DataFrame):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError("give a polars DataFrame or a mapping of column names to values")
+    try:
+        return pl.DataFrame(dict(value), strict=False)
+    except (pl.exceptions.PolarsError, TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"is not a table ({str(error).splitlines()[0]})") from error
+
+
+def _slashed(value: Any) -> Any:
+    return value.as_posix() if isinstance(value, PurePath) else value
+
+
+PathText = Annotated[str, BeforeValidator(_slashed), Field(min_length=1)]
+Plain = Annotated[Any, AfterValidator(_plain)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+
+class RunSetting(_Section):
+    """Time of the run [s], ended by the position programme without `stop_s`; how cycles of connections are taken."""
+
+    start_s: Finite = 0.0
+    stop_s: Finite | None = None
+    step_s: Positive
+    coupling: Literal["jacobi", "iterate"] | None = None
+    tolerance: Positive | None = None
+    iterations: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
+
+    @model_validator(mode="after")
+    def _of_iteration(self) -> "RunSetting":
+        for name in ("tolerance", "iterations"):
+            if getattr(self, name) is not None and self.coupling != "iterate":
+                raise ValueError(f'{name} goes with coupling = "iterate"')
+        return self
+
+    @model_validator(mode="after")
+    def _forward(self) -> "RunSetting":
+        if self.stop_s is not None and self.stop_s <= self.start_s:
+            raise ValueError(f"stop_s = {self.stop_s!r} must be after start_s = {self.start_s!r}")
+        return self
+
+
+class FmuSetting(_Section):
+    """One FMU of the scenario: a component of ours or a file, its effects and its parameters."""
+
+    component: str | None = None
+    flavour: Literal["native", "python"] | None = None
+    fmu: PathText | None = None
+    parameters_from: PathText | None = None
+    parameters: dict[str, Plain] = Field(default_factory=dict)
+    effects: list[dict[str, Any]] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> "FmuSetting":
+        if (self.component is None) == (self.fmu is None):
+            raise ValueError('give either component = "..." or fmu = "...", one of the two')
+        if self.flavour is not None and self.component is None:
+            raise ValueError("flavour belongs to a component, not to an fmu file")
+        if self.effects and self.component is None:
+            raise ValueError("effects can be added to a component only, not to an fmu file")
+        return self
+
+
+class Connection(_Section):
+    """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`)."""
+
+    source: str = Field(alias="from")
+    target: str = Field(alias="to")
+
+
+class Stimulus(_Section):
+    """What drives an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme."""
+
+    to: str | None = None
+    constant: Plain | None = None
+    csv: PathText | None = None
+    stamp: Literal["start", "end"] | None = None
+    columns: dict[str, str] | None = None
+    programme: PathText | None = None
+    dwell_s: Positive | None = None
+    table: Annotated[Any, BeforeValidator(_frame)] = None
+
+    @property
+    def kind(self) -> Literal["constant", "rows", "programme"]:
+        """Which of the three kinds it is."""
+        if self.constant is not None:
+            return "constant"
+        return "rows" if self.columns is not None else "programme"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _nothing_is_absent(cls, data: Any) -> Any:
+        return {k: v for k, v in data.items() if v is not None} if isinstance(data, dict) else data
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "Stimulus":
+        sources = [k for k in ("constant", "csv", "programme", "table") if getattr(self, k) is not None]
+        if len(sources) != 1:
+            given = " and ".join(sources) or "none"
+            raise ValueError(f"give one of constant, csv, programme and table; here: {given}")
+        if sources == ["csv"] and not self.columns:
+            raise ValueError('csv needs columns = { "fmu.variable" = "column", ... }')
+        if sources != ["csv"] and sources != ["table"] and self.columns is not None:
+            raise ValueError(f"columns goes with csv, not with {sources[0]}")
+        if (self.to is None) == (self.columns is None):
+            raise ValueError('give to = "fmu.variable"' if self.to is None else "give to or columns, not both of them")
+        if self.stamp is not None and self.kind != "rows":
+            raise ValueError("stamp goes with csv only")
+        if self.dwell_s is not None and self.kind != "programme":
+            raise ValueError("dwell_s goes with a programme only")
+        if self.kind == "rows" and self.stamp is None:
+            object.__setattr__(self, "stamp", "start")
+        return self
+
+    @field_serializer("table")
+    def _described(self, table: Any) -> dict[str, Any] | None:
+        if table is None:
+            return None
+        digest = hashlib.sha256()
+        # Part by part: as one text, an hour at 1 kHz is larger than everything else of its run.
+        for first in range(0, max(1, table.height), _ROWS_OF_TEXT):
+            digest.update(table[first : first + _ROWS_OF_TEXT].write_csv(include_header=first == 0).encode())
+        return {"columns": table.columns, "rows": table.height, "sha256_of_csv": digest.hexdigest()}
+
+
+class RecordSetting(_Section):
+    """What is written of the run: every n-th step, in which form, which columns."""
+
+    every: int = Field(default=1, ge=1)
+    format: Literal["parquet", "csv"] = "parquet"
+    columns: dict[str, str] | None = None
+
+    @field_validator("columns")
+    @classmethod
+    def _some(cls, columns: dict[str, str] | None) -> dict[str, str] | None:
+        if columns is not None and not columns:
+            raise ValueError("is empty; leave it out to record every output")
+        return columns
+
+
+class Scenario(_Section):
+    """A scenario; its relative paths begin at `base_folder`, and `source` is the file that it was read from."""
+
+    schema_: Literal["trihedron.scenario/1"] = Field(default=SCHEMA, alias="schema")
+    title: str = ""
+    run: RunSetting
+    fmus: dict[str, FmuSetting] = Field(min_length=1)
+    connections: list[Connection] = Field(default_factory=list)
+    stimuli: list[Stimulus] = Field(default_factory=list)
+    record: RecordSetting = Field(default_factory=RecordSetting)
+    base_folder: Path = Field(default_factory=Path, exclude=True)
+    source: Path | None = Field(default=None, exclude=True)
+
+    @field_validator("fmus")
+    @classmethod
+    def _named(cls, fmus: dict[str, FmuSetting]) -> dict[str, FmuSetting]:
+        for name in fmus:
+            if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
+                raise ValueError(f"'{name}' cannot name an FMU; use letters, digits, _ and -")
+        return fmus
+
+    def as_written(self) -> dict[str, Any]:
+        """The scenario with all defaults filled in, as plain values; paths as they were written."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+_NOT_IN_FILES = ("base_folder", "source")
+
+
+def scenario_problems(error: ValidationError) -> list[FieldProblem]:
+    """Everything that is wrong with a scenario."""
+    return field_problems(error, Scenario, _NOT_IN_FILES)
+
+
+def first_problem(error: ValidationError) -> str:
+    """The first thing that is wrong with a scenario, in one line, with the dotted name of the field."""
+    return scenario_problems(error)[0].text
+
+
+def checked_scenario(data: Mapping[str, Any]) -> Scenario:
+    """A scenario from what would stand in a file.
+
+    Raises
+    ------
+    InputError
+        a field that is missing, unknown or wrong
+    """
+    try:
+        return Scenario.model_validate(dict(data))
+    except ValidationError as error:
+        raise InputError(first_problem(error)) from error
+
+
+def read_scenario(path: Path | str) -> Scenario:
+    """Read a scenario file and check it down to each field.
+
+    Parameters
+    ----------
+    path : Path
+        a TOML file of schema trihedron.scenario/1
+
+    Returns
+    -------
+    Scenario
+        with `base_folder` the folder of the file
+
+    Raises
+    ------
+    InputError
+        not a file, not UTF-8, not TOML (with the line), or a field that is missing, unknown or wrong
+    """
+    path = Path(path)
+    try:
+        data = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except OSError as error:
+        raise InputError(f"{path}: {unreadable(path, error)}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
+    except (tomllib.TOMLDecodeError, ValueError) as error:
+        raise InputError(f"{path}: is not TOML: {error}") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: is not a scenario (nested too deeply)") from error
+    if "schema" not in data:
+        raise InputError(f'{path}: schema is missing; write schema = "{SCHEMA}"')
+    for name in _NOT_IN_FILES:
+        if name in data:
+            raise InputError(f"{path}: {name}: unknown key; it is not for files")
+    try:
+        return Scenario.model_validate({**data, "base_folder": path.parent, "source": path})
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_problem(error)}") from error

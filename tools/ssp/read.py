@@ -1,0 +1,376 @@
+"""A scenario from wherever it is: an .ssp made here or elsewhere, checked before it is unpacked, a file, a mapping."""
+
+import io
+import json
+import re
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from pydantic import ValidationError
+
+from ..errors import InputError, one_line, unreadable
+from ..orchestrator.interface import Interface, Scale, Value, interface_of
+from ..orchestrator.load import DAMAGE, check_members, read_archive, unpack
+from ..orchestrator.scenario import Scenario, checked_scenario, first_problem, read_scenario
+from .values import (
+    COUPLING,
+    COUPLING_SETTINGS,
+    PROGRAMME,
+    RECORD,
+    STRUCTURE,
+    Given,
+    child,
+    children,
+    local_name,
+    member,
+    number_of,
+    read_bindings,
+    read_document,
+    units_of,
+    value_for,
+)
+
+FMU = "application/x-fmu-sharedlibrary"
+Path_ = tuple[str, ...]
+"""Names of the systems that an element is in, without the outermost, and its own."""
+Node = tuple[Path_, str]
+"""A connector: the path of its element, and its name."""
+
+
+@dataclass
+class Part:
+    """An FMU or a system.
+
+    Attributes
+    ----------
+    path : tuple of str
+        names of the systems that it is in, without the outermost, and its own
+    source : str or None
+        the FMU's file in the archive; None for a system
+    connectors : dict
+        name to kind
+    bindings : list of Given
+    parts : dict
+        a system's elements by name
+    edges : list
+        a system's connections, (from, to)
+    """
+
+    path: Path_
+    source: str | None = None
+    connectors: dict[str, str] = field(default_factory=dict)
+    bindings: list[Given] = field(default_factory=list)
+    parts: dict[str, "Part"] = field(default_factory=dict)
+    edges: list[tuple[Node, Node]] = field(default_factory=list)
+
+    def walk(self) -> Iterator["Part"]:
+        """What it holds, from inside out, and itself last."""
+        for part in self.parts.values():
+            yield from part.walk()
+        yield self
+
+
+@contextmanager
+def opened(
+    scenario: str | Path | Mapping[str, Any] | Scenario, *, step: float | None = None, coupling: str | None = None
+) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
+    """The scenario of a file (TOML or .ssp), or of what would stand in it, as long as its files are there.
+
+    Parameters
+    ----------
+    scenario : path, mapping or Scenario
+    step : float, optional
+        length of a step of an .ssp [s]; without it that of OMSimulator's annotation, or the smallest that an FMU asks
+        for
+    coupling : str, optional
+        how cycles of an .ssp are taken, "jacobi" or "iterate"; without it as the exported scenario says
+
+    Yields
+    ------
+    scenario : Scenario
+    ignored : tuple of str
+        names of an .ssp's parameters that no variable of its system has; SSP has them ignored
+
+    Raises
+    ------
+    InputError
+        a file that cannot be used, or `step` and `coupling` where the scenario says them itself
+    """
+    if isinstance(scenario, str | Path) and Path(scenario).suffix.lower() == ".ssp":
+        with scenario_of_ssp(Path(scenario), step=step, coupling=coupling) as imported:
+            yield imported
+        return
+    for option, given, key in (("--step", step, "run.step_s"), ("--coupling", coupling, "run.coupling")):
+        if given is not None:
+            raise InputError(f"{option}: belongs to an .ssp; a scenario says {key}")
+    if isinstance(scenario, str | Path):
+        yield read_scenario(scenario), ()
+    else:
+        yield (scenario if isinstance(scenario, Scenario) else checked_scenario(scenario)), ()
+
+
+@contextmanager
+def scenario_of_ssp(
+    path: Path, *, step: float | None = None, coupling: str | None = None
+) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
+    """Unpack an .ssp and read it as a scenario; `opened` says more.
+
+    Raises
+    ------
+    InputError
+        an archive that is damaged or unsafe, or what is not supported, by its name
+    """
+    with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as name:
+        folder = Path(name) / "unpacked"
+        folder.mkdir()
+        _unpack(path, folder)
+        try:
+            imported = _scenario(path, folder, step, coupling)
+        except RecursionError as error:
+            raise InputError(f"{path}: is not a system that can be read (nested too deeply)") from error
+        except InputError as error:
+            raise InputError(one_line(str(error))) from error
+        yield imported
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Check an .ssp and unpack it; nothing is written when it does not pass the checks."""
+    label = str(path)
+    try:
+        content = read_archive(path, label, ".ssp")
+    except OSError as error:
+        raise InputError(f"{label}: {unreadable(path, error)}") from error
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            check_members(archive.infolist(), label, STRUCTURE)
+            archive.extractall(folder)
+    except DAMAGE as error:
+        raise InputError(f"{label}: is not a readable .ssp archive ({error})") from error
+
+
+def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None) -> tuple[Scenario, tuple[str, ...]]:
+    label = str(path)
+    root = read_document(folder, STRUCTURE, label, "ssd:SystemStructureDescription")
+    version = root.get("version", "")
+    if version.partition(".")[0] not in ("1", "2"):
+        raise InputError(f"{label}: is SSP '{version}'; SSP 1.0 and 2.0 are read")
+    outermost = child(root, "ssd:System")
+    if outermost is None:
+        raise InputError(f"{label}: {STRUCTURE} has no System")
+    system = _read_part(outermost, (), folder, label, units_of(root, "ssd:Units", label))
+    run = _run(root, outermost, label)
+    fmus = [part for part in system.walk() if part.source is not None]
+    if not fmus:
+        raise InputError(f"{label}: has no FMU")
+    names = _names(fmus)
+    interfaces, steps = _interfaces(fmus, names, folder, label)
+    parameters, ignored = _parameters(system, interfaces)
+    for at, interface in interfaces.items():
+        # How far ahead commands are put out is a matter of the master; ours passes them on at once.
+        if interface.model == PROGRAMME and "lead_steps" in interface.variables:
+            parameters[at]["lead_steps"] = 0
+    if "stop_s" not in run:
+        raise InputError(f"{label}: DefaultExperiment has no stopTime, so nothing says when the run ends")
+    lengths = [length for length in (step, run.get("step_s"), min(steps, default=None)) if length is not None]
+    if not lengths:
+        raise InputError(f"{label}: neither it nor its FMUs say how long a step is; give --step")
+    data: dict[str, Any] = {
+        "title": "",
+        "run": {"start_s": 0.0, **run, "step_s": lengths[0], **_coupling(folder, label, coupling)},
+        "fmus": {names[p.path]: {"fmu": p.source, "parameters": parameters[p.path]} for p in fmus},
+        "connections": [
+            {"from": f"{names[source[0]]}.{source[1]}", "to": f"{names[target[0]]}.{target[1]}"}
+            for source, targets in _reached(system).items()
+            if source[0] in names
+            for target in targets
+        ],
+        "base_folder": folder,
+        "source": path,
+    }
+    recorded = _own(folder, label, RECORD)
+    if recorded is not None:
+        data["record"] = recorded
+    try:
+        return Scenario.model_validate(data), tuple(dict.fromkeys(ignored))
+    except ValidationError as error:
+        raise InputError(f"{label}: {first_problem(error)}") from error
+
+
+def _run(root: Element, system: Element, label: str) -> dict[str, float]:
+    """The times of the experiment, and the step of OMSimulator's annotation, as far as they are said."""
+    run: dict[str, float] = {}
+    experiment = child(root, "ssd:DefaultExperiment")
+    for key, attribute in (("start_s", "startTime"), ("stop_s", "stopTime")):
+        if experiment is not None and attribute in experiment.attrib:
+            run[key] = number_of(experiment, attribute, label)
+    for element in system.iter():
+        if local_name(element) in ("FixedStepMaster", "VariableStepMaster"):
+            attribute = "stepSize" if "stepSize" in element.attrib else "maximumStepSize"
+            if attribute in element.attrib:
+                return {**run, "step_s": number_of(element, attribute, label)}
+    return run
+
+
+def _read_part(element: Element, path: Path_, folder: Path, label: str, units: dict[str, Scale]) -> Part:
+    part = Part(path)
+    for connector in children(element, "ssd:Connectors/ssd:Connector"):
+        part.connectors[str(connector.get("name"))] = str(connector.get("kind"))
+    part.bindings = read_bindings(element, folder, label, units)
+    if local_name(element) == "Component":
+        kind = element.get("type", FMU)
+        if kind != FMU or element.get("implementation") == "ModelExchange":
+            what = "model exchange" if kind == FMU else kind
+            raise InputError(f"{label}: element '{'.'.join(path)}' is for {what}; co-simulation FMUs are run")
+        part.source = member(folder, element.get("source", ""), label)
+        return part
+    held = child(element, "ssd:Elements")
+    for inner in held if held is not None else ():
+        name = str(inner.get("name"))
+        if local_name(inner) not in ("Component", "System"):
+            raise InputError(f"{label}: element '{name}' is a {local_name(inner)}, which is not supported")
+        if name in part.parts:
+            raise InputError(f"{label}: has two elements '{name}'")
+        part.parts[name] = _read_part(inner, (*path, name), folder, label, units)
+    part.edges = [_edge(connection, part, label) for connection in children(element, "ssd:Connections/ssd:Connection")]
+    return part
+
+
+def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
+    """A connection from where its value comes to where it goes."""
+    ends: list[Node] = []
+    feeding: list[bool | None] = []
+    for side in ("start", "end"):
+        element, name = connection.get(f"{side}Element"), str(connection.get(f"{side}Connector"))
+        if element is not None and element not in part.parts:
+            raise InputError(f"{label}: a connection names an element '{element}' that is not there")
+        owner = part if element is None else part.parts[element]
+        kind = owner.connectors.get(name)
+        ends.append((owner.path, name))
+        # A system's own inputs feed what is inside it.
+        sources = ("input", "parameter") if element is None else ("output", "calculatedParameter")
+        feeding.append(None if kind is None else kind in sources)
+    named = " -> ".join(".".join([*path, name]) for path, name in ends)
+    for step in connection:
+        kind = local_name(step)
+        if not kind.endswith("Transformation"):
+            continue
+        scaled = number_of(step, "factor", label, 1.0), number_of(step, "offset", label, 0.0)
+        if kind != "LinearTransformation" or scaled != (1.0, 0.0):
+            raise InputError(f"{label}: connection {named} has a {kind}, which is not supported")
+    backwards = feeding[0] is False and feeding[1] is not False
+    return (ends[1], ends[0]) if backwards else (ends[0], ends[1])
+
+
+def _reached(system: Part) -> dict[Node, list[Node]]:
+    """The FMUs' connectors that each connector feeds, through connectors of systems."""
+    following: dict[Node, list[Node]] = {}
+    for start, end in (edge for part in system.walk() for edge in part.edges):
+        following.setdefault(start, []).append(end)
+    systems = {part.path for part in system.walk() if part.source is None}
+    found: dict[Node, list[Node]] = {}
+    for node in following:
+        seen, waiting = {node}, list(following[node])
+        found[node] = []
+        while waiting:
+            after = waiting.pop(0)
+            if after in seen:
+                continue
+            seen.add(after)
+            if after[0] in systems:
+                waiting += following.get(after, [])
+            else:
+                found[node].append(after)
+    return found
+
+
+def _names(fmus: list[Part]) -> dict[Path_, str]:
+    """Names in the scenario: the element's own; those of nested systems before it where there are any."""
+    names: dict[Path_, str] = {}
+    for part in fmus:
+        name = re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(part.path))
+        name = name if re.match(r"[A-Za-z_]", name) else f"_{name}"
+        candidates = [name, *(f"{name}_{i}" for i in range(2, len(fmus) + 2))]
+        names[part.path] = next(n for n in candidates if n not in names.values())
+    return names
+
+
+def _interfaces(
+    fmus: list[Part], names: Mapping[Path_, str], folder: Path, label: str
+) -> tuple[dict[Path_, Interface], list[float]]:
+    """The interfaces of the FMUs, and the steps that they ask for."""
+    interfaces: dict[Path_, Interface] = {}
+    steps: list[float] = []
+    for number, part in enumerate(fmus):
+        where = f"{label}: {part.source}"
+        unpacked = unpack(folder / str(part.source), where, lambda _, n=number: folder.with_name(f"fmu-{n}"))
+        interfaces[part.path] = interface_of(names[part.path], where, unpacked.description)
+        experiment = unpacked.description.defaultExperiment
+        text = experiment.stepSize if experiment is not None else None
+        if text:
+            try:
+                steps.append(float(str(text)))
+            except ValueError:
+                steps.append(float("nan"))
+            if not 0.0 < steps[-1] < float("inf"):
+                raise InputError(f"{where}: stepSize is {text!r}, not a positive number")
+    return interfaces, steps
+
+
+def _own(folder: Path, label: str, name: str) -> Any:
+    """What Trihedron's own export says beside the system, None where it says nothing."""
+    file = folder / name
+    if not file.is_file():
+        return None
+    try:
+        return json.loads(file.read_text("utf-8"))
+    except (ValueError, RecursionError, OSError) as error:
+        raise InputError(f"{label}: {name}: is not JSON ({error})") from error
+
+
+def _coupling(folder: Path, label: str, given: str | None) -> dict[str, Any]:
+    """How cycles are taken: as asked for, else as the scenario that was exported says."""
+    own = {"coupling": given} if given is not None else _own(folder, label, COUPLING)
+    if own is None:
+        return {}
+    if not isinstance(own, dict) or not set(own) <= set(COUPLING_SETTINGS):
+        raise InputError(f"{label}: {COUPLING}: has other things than {', '.join(COUPLING_SETTINGS)}")
+    return own
+
+
+def _parameters(system: Part, interfaces: Mapping[Path_, Interface]) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
+    """The values of all bindings by FMU, those of outer systems over those of inner ones; names that mean nothing."""
+    feeds = _reached(system)
+    values: dict[Path_, dict[str, Value]] = {at: {} for at in interfaces}
+    ignored: list[str] = []
+    for part in system.walk():
+        for given in part.bindings:
+            targets = _targets(part, given.name, interfaces, feeds)
+            if not targets:
+                ignored.append(given.name)
+            for at, name in targets:
+                interface = interfaces[at]
+                values[at][name] = value_for(given, interface.variables[name], interface.scales)
+    return values, ignored
+
+
+def _targets(
+    part: Part, name: str, interfaces: Mapping[Path_, Interface], feeds: Mapping[Node, list[Node]]
+) -> list[Node]:
+    """The variables of FMUs that a parameter's hierarchical name means."""
+    if part.source is not None:
+        return [(part.path, name)] if name in interfaces[part.path].variables else []
+    if name in part.connectors:
+        fed = feeds.get((part.path, name), [])
+        return [(at, variable) for at, variable in fed if variable in interfaces[at].variables]
+    for inner, below in part.parts.items():
+        if name.startswith(f"{inner}."):
+            found = _targets(below, name[len(inner) + 1 :], interfaces, feeds)
+            if found:
+                return found
+    return []
