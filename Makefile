@@ -61,7 +61,7 @@ wheel: $(READY)
 	test -d $(WHEEL)/zig || { rm -rf $(WHEEL)/zig.part && \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check --target $(WHEEL)/zig.part "ziglang>=0.13" && \
 		mv $(WHEEL)/zig.part $(WHEEL)/zig; }
-	PYTHONPATH=$(CURDIR)/$(WHEEL)/zig $(BIN)/python -m trihedron.fmus.native.prebuilt $(WHEEL)/source/fmus/prebuilt
+	PYTHONPATH=$(CURDIR)/$(WHEEL)/zig $(BIN)/python -m trihedron.fmus.native $(WHEEL)/source/fmus/prebuilt
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist $(WHEEL)/source
 
 clean:

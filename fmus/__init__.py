@@ -1,7 +1,6 @@
 """The components: each model with its interface, exported as an FMU."""
 
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,31 +9,11 @@ if TYPE_CHECKING:
     from .component import Component
 
 
-@cache
 def components() -> dict[str, "Component"]:
     """Every component, by its name."""
-    from .accelerometer_block import ACCELEROMETER_BLOCK
-    from .accelerometer_compensation import ACCELEROMETER_COMPENSATION
-    from .attitude_computer import ATTITUDE_COMPUTER
-    from .gyro_block import GYRO_BLOCK
-    from .gyro_compensation import GYRO_COMPENSATION
-    from .harmonic_motion import HARMONIC_MOTION
-    from .position_programme import POSITION_PROGRAMME
-    from .table_controller import TABLE_CONTROLLER
-    from .turntable_motion import TURNTABLE_MOTION
+    from .catalogue import COMPONENTS
 
-    every = (
-        TURNTABLE_MOTION,
-        POSITION_PROGRAMME,
-        HARMONIC_MOTION,
-        ACCELEROMETER_BLOCK,
-        ACCELEROMETER_COMPENSATION,
-        GYRO_BLOCK,
-        GYRO_COMPENSATION,
-        ATTITUDE_COMPUTER,
-        TABLE_CONTROLLER,
-    )
-    return {c.name: c for c in every}
+    return COMPONENTS
 
 
 def component_names() -> tuple[str, ...]:
@@ -44,9 +23,9 @@ def component_names() -> tuple[str, ...]:
 
 def version() -> str:
     """Version of the distribution."""
-    from importlib.metadata import version
+    from importlib import metadata
 
-    return version("trihedron")
+    return metadata.version("trihedron")
 
 
 def build(
@@ -73,7 +52,7 @@ def build(
     fmi : int
         2 or 3; the Python flavour is FMI 2.0 only
     platform : str
-        of the native flavour: "host", "all" or a name of `trihedron.fmus.native.platforms.PLATFORMS`
+        of the native flavour: "host", "all" or a name of `trihedron.fmus.native.compile.PLATFORMS`
 
     Returns
     -------
@@ -86,19 +65,9 @@ def build(
         no component has that name
     ValueError
         an effect belongs to another component, or no such flavour
-    trihedron.fmus.native.compiler.BuildError
+    trihedron.fmus.native.compile.BuildError
         there is no compiler for the platform, or it fails
     """
-    from .composition import extend
+    from .catalogue import build_fmu
 
-    component = extend(components()[name], effects)
-    if flavour == "native" and fmi in (2, 3):
-        from .native.compiler import chosen_platforms
-        from .native.flavour import build_native_fmu
-
-        return build_native_fmu(component, folder, fmi, chosen_platforms(platform), portable=platform == "all")
-    if flavour == "python" and fmi == 2:
-        from .python_flavour import build_python_fmu
-
-        return build_python_fmu(component, folder)
-    raise ValueError(f"there is no flavour {flavour} of FMI {fmi}")
+    return build_fmu(name, folder, effects, flavour, fmi, platform)

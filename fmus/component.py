@@ -1,12 +1,12 @@
-"""A component: its table of variables and the kernels that work on them."""
+"""A component: its table of variables and the kernels that work on them; extended by effects, nothing else changes."""
 
 import inspect
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
-from ..models.effects import EffectPlace
+from ..models.effects import CATALOGUE, EffectPlace, parameter_name
 from .units import STANDARD_GRAVITY
 
 Causality = Literal["parameter", "input", "output", "state", "work"]
@@ -68,6 +68,11 @@ class Variable:
     def elements(self) -> tuple[str, ...]:
         """Names of the scalars: the name itself, or name[1], name[2], ..."""
         return tuple(f"{self.name}[{i + 1}]" for i in range(self.size)) if self.size else (self.name,)
+
+    @property
+    def limits(self) -> tuple[float | None, float | None]:
+        """The least and the largest value that it takes; the items of an enumeration count from 1."""
+        return (1.0, float(len(self.items))) if self.items else (self.minimum, self.maximum)
 
 
 GRAVITY = Variable(
@@ -153,6 +158,22 @@ class Component:
         """The variables that the world sees."""
         return tuple(v for v in self.variables if v.causality in ("parameter", "input", "output"))
 
+    @property
+    def effect_count(self) -> int:
+        """How many parameters its effects have; they stand last in the table."""
+        return sum(len(CATALOGUE[place.effect].at(place).parameters) for place in self.effects)
+
+    @property
+    def own(self) -> tuple[Variable, ...]:
+        """The table without the parameters of effects."""
+        return self.variables[: len(self.variables) - self.effect_count]
+
+    @property
+    def parameter_starts(self) -> dict[str, float | list[float]]:
+        """Start values of the parameters, by variable."""
+        parameters = [v for v in self.interface if v.causality == "parameter"]
+        return {v.name: list(v.starts) if v.size else v.starts[0] for v in parameters}
+
     @cached_property
     def arguments(self) -> dict[str, tuple[str, ...]]:
         """Names of each kernel's arguments, in order."""
@@ -162,3 +183,49 @@ class Component:
 def identity_matrix() -> tuple[float, ...]:
     """The mounting that leaves the axes as they are, row by row."""
     return (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
+    """The parameters that effects append to a component's table."""
+    return tuple(
+        Variable(
+            parameter_name(place, parameter.name),
+            f"{place.title}: {parameter.description}",
+            "parameter",
+            unit=parameter.unit,
+            variability="tunable",
+        )
+        for place in effects
+        for parameter in CATALOGUE[place.effect].at(place).parameters
+    )
+
+
+def can_extend(component: Component, place: EffectPlace) -> bool:
+    """Whether an effect extends a component: its own, or the inverse of its own where all that it does is add."""
+    effect = CATALOGUE[place.effect]
+    undone = bool(component.undoes) and effect.component == component.undoes and effect.stage == "reading_effects"
+    return undone or effect.component == component.name
+
+
+def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
+    """The component with effects composed into it.
+
+    Raises
+    ------
+    ValueError
+        an effect that belongs to another component, has no kernel, has no inverse, or is there already
+    """
+    for i, place in enumerate(effects):
+        effect = CATALOGUE[place.effect]
+        if not can_extend(component, place):
+            if component.undoes and effect.component == component.undoes:
+                raise ValueError(f"effect {place.title} has no inverse that {component.name} could be")
+            home = effect.component or "no component"
+            raise ValueError(f"effect {place.title} extends {home}, not {component.name}")
+        if place in component.effects or place in effects[:i]:
+            raise ValueError(f"effect {place.title} is there already")
+    return replace(
+        component,
+        variables=component.variables + effect_variables(effects),
+        effects=component.effects + tuple(effects),
+    )

@@ -10,7 +10,6 @@ from xml.etree.ElementTree import Element, SubElement
 
 from ..models.effects import CATALOGUE
 from .component import Component, Variable
-from .in_process import limits
 
 STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"
@@ -56,7 +55,7 @@ def documentation(component: Component) -> str:
     heads = ["name", "size", "causality", "variability", "type", "unit", "start", "min", "max", "description"]
     lines.append(_cells("th", heads))
     for v in component.interface:
-        lower, upper = limits(v)
+        lower, upper = v.limits
         size = str(v.size) if v.size else ""
         texts = [v.name, size, v.causality, v.variability, v.type, v.unit, _start(v), _number(lower), _number(upper)]
         lines.append(_cells("td", [*texts, v.description]))

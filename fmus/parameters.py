@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..models.bench import SYMMETRIC_PAIRS, checked_rotation
 from .component import Component
-from .model_description import number
+from .description import base_unit, number
 from .units import UNITS
 
 CALIBRATION = "trihedron.calibration/1"
@@ -241,12 +241,6 @@ def parameter_set(component: Component, values: Mapping[str, float | list[float]
             SubElement(parameter, "ssv:Real", value=number(scalar), unit=variable.unit)
     units = SubElement(root, "ssv:Units")
     for name in sorted(set(used)):
-        unit = UNITS[name]
-        base = {key: str(power) for key, power in unit.exponents.items()}
-        if unit.factor != 1.0:
-            base["factor"] = number(unit.factor)
-        if unit.offset != 0.0:
-            base["offset"] = number(unit.offset)
-        SubElement(SubElement(units, "ssc:Unit", name=name), "ssc:BaseUnit", base)
+        SubElement(SubElement(units, "ssc:Unit", name=name), "ssc:BaseUnit", base_unit(UNITS[name]))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"

@@ -3,9 +3,8 @@
 import random
 
 from trihedron.fmus import components
-from trihedron.fmus.component import Component
-from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import references
+from trihedron.fmus.component import Component, extend
+from trihedron.fmus.source import references
 from trihedron.models.effects import EffectPlace
 
 GYRO_EFFECTS = [

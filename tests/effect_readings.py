@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 
 from trihedron.fmus import components
-from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.component import extend
 from trihedron.fmus.parameters import component_parameters
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise

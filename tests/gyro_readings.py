@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from trihedron.fmus import components
-from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.component import extend
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.effects import CATALOGUE, EffectPlace, MotionRows, parameter_name
 
 G = 9.80665

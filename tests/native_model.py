@@ -10,7 +10,7 @@ import fmpy
 from native_driver import OK, Library
 from native_sequences import Entry
 from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.native.platforms import PLATFORMS, host_name
+from trihedron.fmus.native.compile import PLATFORMS, host_name
 
 
 def open_fmu(path: Path, folder: Path) -> Library:

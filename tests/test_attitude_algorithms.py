@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from trihedron.fmus import components
-from trihedron.fmus.in_process import instantiate, references
 from trihedron.fmus.instance import Instance
+from trihedron.fmus.source import instantiate, references
 from trihedron.models import attitude_algorithms
 from trihedron.models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, RANGE_ERROR, Algorithm
 from trihedron.models.attitude_algorithms.adaptive_degree import supported_degree

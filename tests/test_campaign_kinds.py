@@ -9,7 +9,7 @@ import pytest
 
 from foreign_fmus import build_foreign
 from trihedron.fmus.gyro_block import GYRO_BLOCK
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.tools.attitude.choosing import Situation, situation_errors
 from trihedron.tools.attitude.published import algorithm_named

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from trihedron.fmus import components
 from trihedron.fmus.accelerometer_compensation import CALIBRATED
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.source import instantiate, references
 
 BLOCK, INVERSE = components()["AccelerometerBlock"], components()["AccelerometerCompensation"]
 GRAVITY = 9.80665

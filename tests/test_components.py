@@ -9,9 +9,8 @@ from fmpy.validation import validate_fmu
 
 from component_kinds import EXTENDED, all_kinds, draw_inputs, draw_parameters, outputs_of, setter_of, title
 from trihedron.fmus import build, components
-from trihedron.fmus.component import Component
-from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.component import Component, extend
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
 

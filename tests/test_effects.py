@@ -8,7 +8,7 @@ import pytest
 
 from effect_readings import ALPHA, BETA, ROWS, readings, true_bench
 from trihedron.fmus import components
-from trihedron.fmus.composition import extend
+from trihedron.fmus.component import extend
 from trihedron.fmus.units import UNITS
 from trihedron.models.bench import TARGETS, target_reading
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows, parameter_name, place_from_mapping

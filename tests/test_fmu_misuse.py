@@ -9,7 +9,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus import build
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.source import instantiate, references
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario

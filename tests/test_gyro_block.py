@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from trihedron.fmus import components
-from trihedron.fmus.composition import extend
-from trihedron.fmus.flat_source import flat_source
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.component import extend
+from trihedron.fmus.source import flat_source, instantiate, references
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter, EffectPlace, parameter_name
 from trihedron.models.effects.definition import no_coefficients, no_signature
 from trihedron.models.restricted import HOURS, INPUT, PREVIOUS_RATE, STEP_LENGTH, Vector

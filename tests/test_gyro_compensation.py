@@ -10,8 +10,8 @@ from fmpy import read_model_description
 
 from gyro_readings import PERIOD, gyro_readings, lively_motion
 from trihedron.fmus import components
-from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.component import extend
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components

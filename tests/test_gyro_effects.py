@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from gyro_readings import gyro_readings, lively_motion
 from trihedron.fmus import components
-from trihedron.fmus.composition import extend
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.component import extend
+from trihedron.fmus.source import instantiate, references
 from trihedron.fmus.units import UNITS
 from trihedron.models.effects import (
     POSITION_EFFECTS,

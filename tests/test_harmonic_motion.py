@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from trihedron.fmus import components
-from trihedron.fmus.in_process import instantiate, references
 from trihedron.fmus.instance import Instance
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.harmonic_motion import move_harmonically
 
 MOTION = components()["HarmonicMotion"]

@@ -16,14 +16,12 @@ from fmpy.validation import validate_fmu
 from component_kinds import all_kinds, draw_parameters, outputs_of, setter_of, title
 from native_model import Model, open_fmu
 from trihedron.fmus import build, components
-from trihedron.fmus.in_process import instantiate, references
-from trihedron.fmus.native import compiler
-from trihedron.fmus.native.compiler import BuildError, host_compiler, zig_version
-from trihedron.fmus.native.platforms import PLATFORMS
-from trihedron.fmus.reference_results import write_reference
+from trihedron.fmus.native import compile as compiler
+from trihedron.fmus.native.compile import PLATFORMS, BuildError, host_compiler, zig_version
+from trihedron.fmus.source import instantiate, references
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.exporting import export_components
+from trihedron.tools.exporting import export_components, write_reference
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 

@@ -14,10 +14,9 @@ from native_driver import OK
 from native_model import Model, numbering, open_fmu
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
-from trihedron.fmus.flat_source import flat_source
-from trihedron.fmus.in_process import effect_count, instance_rows, instantiate, references
 from trihedron.fmus.instance import Instance
-from trihedron.fmus.native.compiler import host_compiler
+from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus.source import flat_source, instance_rows, instantiate, references
 
 pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 
@@ -34,7 +33,7 @@ class Compiled(Instance):
         for name, function in plain.items():
             namespace[name] = numba.njit(fastmath=False)(function)
         kernels = {name: namespace[name] for name in component.kernels}
-        super().__init__(instance_rows(component), kernels, component.arguments, effect_count(component))
+        super().__init__(instance_rows(component), kernels, component.arguments, component.effect_count)
         arrays = {name: np.array(values, dtype=float) for name, values in self.memory.items()}
         cells: Any = [(arrays[self._owner(values)], i) for values, i in self.cells]
         memory: Any = arrays

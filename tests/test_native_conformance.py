@@ -17,7 +17,7 @@ from native_model import as_json, entries, open_fmu, unpack
 from native_sequences import Subject
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
-from trihedron.fmus.native.compiler import host_compiler
+from trihedron.fmus.native.compile import host_compiler
 
 pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

@@ -13,9 +13,9 @@ import pytest
 from component_kinds import draw_inputs, draw_parameters
 from trihedron.fmus import components
 from trihedron.fmus.component import Component
-from trihedron.fmus.in_process import instantiate, references
-from trihedron.fmus.native.compiler import FLAGS, zig_version
-from trihedron.fmus.native.flavour import native_sources
+from trihedron.fmus.native.c_source import native_sources
+from trihedron.fmus.native.compile import FLAGS, zig_version
+from trihedron.fmus.source import instantiate, references
 
 STEPS = 1000
 RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}

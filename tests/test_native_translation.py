@@ -2,9 +2,8 @@
 
 import pytest
 
-from trihedron.fmus.flat_source import Part
-from trihedron.fmus.native.kinds import RestrictionError
-from trihedron.fmus.native.translation import translate
+from trihedron.fmus.native.translate import RestrictionError, translate
+from trihedron.fmus.source import Part
 
 HEAD = "def kernel(x: float, i: int, v: Vector, w: Vector) -> float:\n"
 

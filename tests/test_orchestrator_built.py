@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.fmus.native.compiler import host_compiler
+from trihedron.fmus.native.compile import host_compiler
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import load, loops, simulate
 from trihedron.tools.orchestrator.scenario import Scenario
@@ -79,7 +79,7 @@ def test_a_flavour_belongs_to_a_component() -> None:
 
 
 def test_native_is_refused_where_nothing_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trihedron.fmus.native.compiler import BuildError
+    from trihedron.fmus.native.compile import BuildError
 
     def fails(*_: object, **__: object) -> None:
         raise BuildError("there is no C compiler here")

@@ -13,7 +13,7 @@ import pytest
 
 from foreign_fmus import build_foreign, rewritten
 from trihedron.fmus import build
-from trihedron.fmus.native.compiler import host_compiler
+from trihedron.fmus.native.compile import host_compiler
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario

@@ -4,7 +4,6 @@ import pytest
 from fmpy.ssp.ssd import read_ssv
 
 from trihedron.fmus import components
-from trihedron.fmus.in_process import parameter_starts
 from trihedron.fmus.parameters import parameter_set
 
 BLOCK = components()["AccelerometerBlock"]
@@ -22,7 +21,7 @@ def test_every_value_comes_back_exactly_with_its_unit(tmp_path):
 
 
 def test_names_and_units_are_those_of_the_model_description(tmp_path):
-    starts = parameter_starts("AccelerometerBlock")
+    starts = BLOCK.parameter_starts
     real = {v.name: starts[v.name] for v in BLOCK.interface if v.causality == "parameter" and v.type == "real"}
     path = tmp_path / "block.ssv"
     path.write_bytes(parameter_set(BLOCK, real, "starts"))

@@ -8,8 +8,8 @@ import pytest
 
 import trihedron as th
 from trihedron.fmus import build
-from trihedron.fmus.native import compiler, prebuilt
-from trihedron.fmus.native.platforms import host_name
+from trihedron.fmus.native import compile as compiler
+from trihedron.fmus.native.compile import host_name
 
 NAME = "AccelerometerBlock"
 
@@ -21,17 +21,17 @@ if compiler.host_compiler() is None or host_name() not in compiler.PLATFORMS:
 def wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder as a wheel has it, with one component for this machine; and no compiler any more."""
     folder = tmp_path / "prebuilt"
-    for fmi in prebuilt.VERSIONS:
+    for fmi in (2, 3):
         build(NAME, folder / f"fmi{fmi}", flavour="native", fmi=fmi)
-    (folder / prebuilt.MANIFEST).write_text(json.dumps({"flags": compiler.all_flags()}), encoding="utf-8")
-    monkeypatch.setattr(prebuilt, "prebuilt_folder", lambda: folder)
+    (folder / compiler.MANIFEST).write_text(json.dumps({"flags": compiler.all_flags()}), encoding="utf-8")
+    monkeypatch.setattr(compiler, "prebuilt_folder", lambda: folder)
     monkeypatch.setattr(compiler, "host_compiler", lambda: None)
     monkeypatch.setattr(compiler, "zig_version", lambda: None)
     monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "cache"))
     return folder
 
 
-@pytest.mark.parametrize("fmi", prebuilt.VERSIONS)
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_an_export_without_a_compiler_gives_the_fmu_that_came_along(fmi: int, wheel: Path, tmp_path: Path):
     done = th.export(NAME, out=tmp_path / "out", flavour="native", fmi=fmi)
     assert done.files[0].read_bytes() == (wheel / f"fmi{fmi}" / f"{NAME}.fmu").read_bytes()
@@ -66,9 +66,9 @@ def test_another_source_is_not_taken(wheel: Path, tmp_path: Path):
 def test_what_is_stale_or_damaged_is_not_taken(damage: str, wheel: Path, tmp_path: Path):
     archive = wheel / "fmi2" / f"{NAME}.fmu"
     if damage == "flags":
-        (wheel / prebuilt.MANIFEST).write_text(json.dumps({"flags": ["-O3"]}), encoding="utf-8")
+        (wheel / compiler.MANIFEST).write_text(json.dumps({"flags": ["-O3"]}), encoding="utf-8")
     elif damage == "manifest":
-        (wheel / prebuilt.MANIFEST).write_text("{", encoding="utf-8")
+        (wheel / compiler.MANIFEST).write_text("{", encoding="utf-8")
     elif damage == "cut":
         archive.write_bytes(archive.read_bytes()[:5000])
     else:
@@ -83,4 +83,4 @@ def test_what_is_stale_or_damaged_is_not_taken(damage: str, wheel: Path, tmp_pat
 
 def test_a_checkout_has_none():
     """They would not be those of the sources after the next change of a kernel."""
-    assert not prebuilt.has_prebuilt()
+    assert not compiler.has_prebuilt()

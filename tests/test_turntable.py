@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from trihedron.fmus import components
-from trihedron.fmus.in_process import instantiate, references
+from trihedron.fmus.source import instantiate, references
 
 TABLE = components()["TurntableMotion"]
 AT = references(TABLE)

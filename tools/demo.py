@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from ..fmus.in_process import parameter_starts
+from ..fmus import components
 from ..models.bench import ELEMENTARY, TARGETS, elementary, target_values
 from .attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_rest
 from .calibration import Calibration, calibrate
@@ -145,7 +145,7 @@ def true_targets(scenario: Scenario) -> dict[str, float]:
     values: dict[str, Any] = {}
     for setting in scenario.fmus.values():
         if setting.component in ("TurntableMotion", "AccelerometerBlock"):
-            values |= parameter_starts(setting.component) | setting.parameters
+            values |= components()[setting.component].parameter_starts | setting.parameters
     chosen: dict[str, float] = {}
     for name in ELEMENTARY:
         stem, _, number = name.rpartition("_")

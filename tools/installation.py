@@ -107,9 +107,7 @@ def _package(name: str) -> str | None:
 
 
 def _platforms() -> list[Finding]:
-    from ..fmus.native.compiler import compiles, host_compiler, zig_version
-    from ..fmus.native.platforms import PLATFORMS, host_name
-    from ..fmus.native.prebuilt import has_prebuilt
+    from ..fmus.native.compile import PLATFORMS, compiles, has_prebuilt, host_compiler, host_name, zig_version
 
     compiler, zig = host_compiler(), zig_version()
     said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
@@ -127,7 +125,7 @@ def _platforms() -> list[Finding]:
 
 
 def _cache() -> Finding:
-    from ..fmus.native.compiler import cache_folder
+    from ..fmus.native.compile import cache_folder
 
     folder = cache_folder()
     at = folder

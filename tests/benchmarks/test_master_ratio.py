@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from trihedron.fmus.native.compiler import host_compiler
+from trihedron.fmus.native.compile import host_compiler
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 

@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ...fmus.gyro_block import GYRO_BLOCK
-from ...fmus.in_process import instantiate
+from ...fmus.source import instantiate
 from ...models import gyro
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ..attitude.angles import angle_between, attitudes_of_angles

@@ -29,9 +29,16 @@ from fmpy.model_description import ModelDescription
 
 from ... import fmus, models
 from ...fmus import build, component_names
-from ...fmus.native.compiler import BuildError, cache_folder, compiles, host_compiler, zig_version
-from ...fmus.native.platforms import PLATFORMS, host_name
-from ...fmus.native.prebuilt import has_prebuilt
+from ...fmus.native.compile import (
+    PLATFORMS,
+    BuildError,
+    cache_folder,
+    compiles,
+    has_prebuilt,
+    host_compiler,
+    host_name,
+    zig_version,
+)
 from ...fmus.parameters import bench_parameters
 from ...models.effects import CATALOGUE, EffectPlace, parameter_name, place_from_mapping
 from ..errors import InputError, nearest, nearest_file, said_of

@@ -25,7 +25,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ...fmus.native.compiler import cache_folder
+from ...fmus.native.compile import cache_folder
 from ..errors import InputError
 from . import program as op
 from .interface import VALUE_TYPES

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 from xml.parsers import expat
 
-from ...fmus.model_description import number
+from ...fmus.description import number
 from ..errors import InputError, said_of
 from ..orchestrator.interface import BASE_UNITS, Scale, Value, Variable, checked, scale_of
 from ..orchestrator.load import refuse_outside

@@ -15,8 +15,8 @@ import numpy as np
 
 from ...fmus import build
 from ...fmus.archive import write_archive
-from ...fmus.model_description import number
-from ...fmus.native.compiler import BuildError, chosen_platforms
+from ...fmus.description import number
+from ...fmus.native.compile import BuildError, chosen_platforms
 from ...models.effects import place_from_mapping
 from ...models.position_programme import POSITIONS
 from ..errors import InputError, said_of

@@ -8,8 +8,8 @@ import pytest
 from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
 from table_runs import PROGRAMME, Bench
 from trihedron.fmus import components
-from trihedron.fmus.in_process import instantiate, references
 from trihedron.fmus.parameters import bench_parameters
+from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS, target_values
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import (

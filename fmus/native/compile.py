@@ -1,20 +1,21 @@
-"""Binaries of native FMUs: compiled by the host's C compiler or by ziglang, kept by content."""
+"""Binaries of native FMUs: by the host's C compiler or by ziglang, kept by content, or such as came with a wheel."""
 
 import hashlib
+import json
 import os
+import platform as machines
 import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-
-from .platforms import PLATFORMS, Platform, host_name
-from .prebuilt import has_prebuilt, prebuilt_library
 
 FLAGS = (
     "-std=c99",
@@ -44,13 +45,66 @@ WINDOWS_LIBRARIES = tuple(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math",
 """The C library that Windows itself has: no other is linked in, and sin and cos are Windows' own."""
 
 
+WHOLE = "whole.c"
+"""A file that includes all the others, for a compiler that takes one file at a time."""
+
+NO_COMPILER = "native FMUs need a C compiler: there is no cc here; install one, or trihedron[native]"
+NO_ZIG = "needs ziglang to compile for it; install trihedron[native]"
+
+MANIFEST = "made.json"
+"""Says of the FMUs that came with a wheel how they were made."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """Where a binary runs.
+
+    Attributes
+    ----------
+    name : str
+        as FMI 3.0 writes it, also the name of the folder there
+    fmi2_folder : str
+        name of the folder in FMI 2.0
+    suffix : str
+        of the binary
+    target : str
+        what the cross compiler calls it
+    """
+
+    name: str
+    fmi2_folder: str
+    suffix: str
+    target: str
+
+    def folder(self, fmi: int) -> str:
+        """Folder under binaries/."""
+        return self.fmi2_folder if fmi == 2 else self.name
+
+
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
+        Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+        Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
+        Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
+        Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
+    )
+}
+"""Every platform, by its name."""
+
+
+def host_name() -> str:
+    """Name of the platform that this runs on; there may be no FMU for it."""
+    machine = machines.machine().lower()
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+    system = {"win32": "windows"}.get(sys.platform, sys.platform)
+    return f"{machine}-{system}"
+
+
 def all_flags() -> list[str]:
     """Everything that decides what the cross compiler makes of sources, beside its version."""
     return [*FLAGS, *SMALL, *WINDOWS_LIBRARIES]
-
-
-WHOLE = "whole.c"
-"""A file that includes all the others, for a compiler that takes one file at a time."""
 
 
 class BuildError(RuntimeError):
@@ -90,10 +144,6 @@ def host_compiler() -> tuple[str, str] | None:
         said = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=True)
         return path, said.stdout
     return None
-
-
-NO_COMPILER = "native FMUs need a C compiler: there is no cc here; install one, or trihedron[native]"
-NO_ZIG = "needs ziglang to compile for it; install trihedron[native]"
 
 
 def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
@@ -146,6 +196,45 @@ def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bo
     entry = ["-nostdlib", "-Wl,--entry=TrihedronEntry"]
     linked = [*zig, "-O2", "-shared", "-s", *entry, "-o", output, str(Path(WHOLE).with_suffix(".obj"))]
     return [compiled, [*linked, *WINDOWS_LIBRARIES]], version
+
+
+def prebuilt_folder() -> Path:
+    """Where a wheel has them."""
+    return Path(__file__).resolve().parents[1] / "prebuilt"
+
+
+def has_prebuilt() -> bool:
+    """Whether native FMUs came with the package."""
+    return (prebuilt_folder() / MANIFEST).is_file()
+
+
+def prebuilt_library(platform: Platform, name: str, sources: Mapping[str, bytes], flags: Sequence[str]) -> bytes | None:
+    """The library of a component from the FMU that came with the package.
+
+    Parameters
+    ----------
+    platform : Platform
+    name : str
+        of the component
+    sources : mapping
+        file name to content, what would be compiled
+    flags : list of str
+        by which
+
+    Returns
+    -------
+    bytes or None
+        None where there is no FMU made from exactly these sources with these flags
+    """
+    fmi = 2 if "fmi2.c" in sources else 3
+    archive = prebuilt_folder() / f"fmi{fmi}" / f"{name}.fmu"
+    with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile):
+        if json.loads((prebuilt_folder() / MANIFEST).read_text(encoding="utf-8"))["flags"] != flags:
+            return None
+        with zipfile.ZipFile(archive) as fmu:
+            if all(fmu.read(f"sources/{file}") == content for file, content in sources.items()):
+                return fmu.read(f"binaries/{platform.folder(fmi)}/{name}{platform.suffix}")
+    return None
 
 
 def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, portable: bool) -> bytes:

@@ -1,16 +1,19 @@
-"""modelDescription.xml of both versions of FMI (co-simulation) from a component's table."""
+"""modelDescription.xml of FMI 2.0 and FMI 3.0 (co-simulation) from a component's table.
+
+In FMI 3.0 arrays are variables with a dimension, and value references count variables.
+"""
 
 import hashlib
 import math
 import os
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from importlib.metadata import version
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from .component import Component, Variable
-from .in_process import effect_count
-from .units import UNITS
+from .units import UNITS, Unit
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -30,7 +33,11 @@ QUANTITIES = {
 }
 """What is measured in a unit."""
 
-TYPE_NAMES = {"real": "Real", "integer": "Integer", "boolean": "Boolean", "enumeration": "Enumeration"}
+TYPE_NAMES = {
+    2: {"real": "Real", "integer": "Integer", "boolean": "Boolean", "enumeration": "Enumeration"},
+    3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean", "enumeration": "Enumeration"},
+}
+"""Elements of the types in each version of FMI."""
 
 
 def number(value: float) -> str:
@@ -45,6 +52,16 @@ def start_text(variable: Variable, value: float) -> str:
     return number(value) if variable.type == "real" else str(int(value))
 
 
+def base_unit(unit: Unit) -> dict[str, str]:
+    """Attributes of a BaseUnit: exponents, factor and offset where they are others than 1 and 0."""
+    base = {key: str(power) for key, power in unit.exponents.items()}
+    if unit.factor != 1.0:
+        base["factor"] = number(unit.factor)
+    if unit.offset != 0.0:
+        base["offset"] = number(unit.offset)
+    return base
+
+
 def add_units(root: Element, component: Component) -> None:
     """UnitDefinitions: the units that the table uses, with base units and display units."""
     used = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
@@ -52,12 +69,7 @@ def add_units(root: Element, component: Component) -> None:
     for name in used:
         unit = UNITS[name]
         element = SubElement(units, "Unit", name=name)
-        base = {key: str(power) for key, power in unit.exponents.items()}
-        if unit.factor != 1.0:
-            base["factor"] = number(unit.factor)
-        if unit.offset != 0.0:
-            base["offset"] = number(unit.offset)
-        SubElement(element, "BaseUnit", base)
+        SubElement(element, "BaseUnit", base_unit(unit))
         for display, factor in unit.display.items():
             SubElement(element, "DisplayUnit", name=display, factor=number(factor))
 
@@ -73,38 +85,27 @@ def type_name(variable: Variable) -> str | None:
     return f"{QUANTITIES[variable.unit]}_{shown.replace('/', '_per_')}"
 
 
-def declared_types(component: Component) -> dict[str, Variable]:
-    """The declared types, by name, each with a variable that has it."""
-    return {name: v for v in component.interface if (name := type_name(v)) is not None}
-
-
-def add_types(root: Element, component: Component) -> None:
+def add_types(root: Element, component: Component, fmi: int) -> None:
     """TypeDefinitions: quantities with their units, and enumerations."""
-    declared = declared_types(component)
-    if not declared:
-        return
-    types = SubElement(root, "TypeDefinitions")
+    declared = {name: v for v in component.interface if (name := type_name(v)) is not None}
+    types = SubElement(root, "TypeDefinitions") if declared else root
     for name, variable in declared.items():
-        simple = SubElement(types, "SimpleType", name=name)
+        simple = types if fmi == 3 else SubElement(types, "SimpleType", name=name)
+        named = {"name": name} if fmi == 3 else {}
         if variable.type == "enumeration":
-            items = SubElement(simple, "Enumeration")
+            items = SubElement(simple, "EnumerationType" if fmi == 3 else "Enumeration", named)
             for value, item in enumerate(variable.items, start=1):
                 SubElement(items, "Item", name=item, value=str(value))
         else:
-            SubElement(simple, "Real", quantity_attributes(variable))
-
-
-def quantity_attributes(variable: Variable) -> dict[str, str]:
-    """Quantity, unit and display unit of a variable that has a declared type."""
-    attributes = {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
-    if variable.display_unit is not None:
-        attributes["displayUnit"] = variable.display_unit
-    return attributes
+            quantity = named | {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
+            if variable.display_unit is not None:
+                quantity["displayUnit"] = variable.display_unit
+            SubElement(simple, "Float64Type" if fmi == 3 else "Real", quantity)
 
 
 def initially_known(component: Component) -> set[str]:
     """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
-    of_effects = {v.name for v in component.variables[len(component.variables) - effect_count(component) :]}
+    of_effects = {v.name for v in component.variables[len(component.own) :]}
     read = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
     return {
         v.name
@@ -149,69 +150,58 @@ def type_attributes(variable: Variable) -> dict[str, str]:
     return attributes
 
 
+def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+    """The root element, without identity and date, and all that stands before the variables."""
+    said = {
+        "modelName": component.name,
+        "description": component.description,
+        "author": "The Trihedron developers",
+        "version": version("trihedron"),
+        "license": "BSD-2-Clause",
+        "generationTool": f"Trihedron {version('trihedron')}",
+        "variableNamingConvention": "structured",
+    }
+    can = {"modelIdentifier": component.name, "canHandleVariableCommunicationStepSize": "true"}
+    if fmi == 2:
+        root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **said, "numberOfEventIndicators": "0"})
+        can |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+        can["canNotUseMemoryManagementFunctions"] = "true"
+    else:
+        root = Element("fmiModelDescription", {"fmiVersion": "3.0", **said, "instantiationToken": ""})
+        can |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    interface = SubElement(root, "CoSimulation", {**can, "needsExecutionTool": "false"})
+    if sources and fmi == 2:
+        files = SubElement(interface, "SourceFiles")
+        for name in sources:
+            SubElement(files, "File", name=name)
+    add_units(root, component)
+    add_types(root, component, fmi)
+    categories = SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=description)
+    SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0.0",
+        stopTime=number(component.stop_time),
+        tolerance="1e-9",
+        stepSize=number(component.step_size),
+    )
+    return root
+
+
 def scalar_element(variable: Variable, name: str, reference: int, start: float) -> Element:
     """A ScalarVariable."""
     scalar = Element("ScalarVariable", variable_attributes(variable, name, reference))
-    typed = SubElement(scalar, TYPE_NAMES[variable.type], type_attributes(variable))
+    typed = SubElement(scalar, TYPE_NAMES[2][variable.type], type_attributes(variable))
     if variable.causality != "output":
         typed.set("start", start_text(variable, start))
     return scalar
 
 
-def experiment(component: Component) -> dict[str, str]:
-    """Attributes of DefaultExperiment."""
-    return {
-        "startTime": "0.0",
-        "stopTime": number(component.stop_time),
-        "tolerance": "1e-9",
-        "stepSize": number(component.step_size),
-    }
-
-
-def root_attributes(component: Component) -> dict[str, str]:
-    """Attributes of the root element that both versions of FMI have, but for the identity."""
-    from . import version
-
-    return {
-        "modelName": component.name,
-        "description": component.description,
-        "author": "The Trihedron developers",
-        "version": version(),
-        "license": "BSD-2-Clause",
-        "generationTool": f"Trihedron {version()}",
-        "variableNamingConvention": "structured",
-    }
-
-
-def add_categories(root: Element) -> None:
-    """LogCategories."""
-    categories = SubElement(root, "LogCategories")
-    for name, description in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=name, description=description)
-
-
 def description_2(component: Component, sources: Sequence[str]) -> Element:
     """The model description of FMI 2.0, without identity and date; `sources` are files under sources/."""
-    root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **root_attributes(component)})
-    root.set("numberOfEventIndicators", "0")
-    interface = SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=component.name,
-        canHandleVariableCommunicationStepSize="true",
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
-        canNotUseMemoryManagementFunctions="true",
-        needsExecutionTool="false",
-    )
-    if sources:
-        files = SubElement(interface, "SourceFiles")
-        for name in sources:
-            SubElement(files, "File", name=name)
-    add_units(root, component)
-    add_types(root, component)
-    add_categories(root)
-    SubElement(root, "DefaultExperiment", experiment(component))
+    root = _described_head(component, 2, sources)
     variables = SubElement(root, "ModelVariables")
     time = SubElement(
         variables,
@@ -246,10 +236,52 @@ def description_2(component: Component, sources: Sequence[str]) -> Element:
     return root
 
 
+def variable_element(variable: Variable, reference: int) -> Element:
+    """A variable, with its dimension where it is an array."""
+    attributes = variable_attributes(variable, variable.name, reference) | type_attributes(variable)
+    element = Element(TYPE_NAMES[3][variable.type], attributes)
+    if variable.causality != "output":
+        element.set("start", " ".join(start_text(variable, value) for value in variable.starts))
+    if variable.size:
+        SubElement(element, "Dimension", start=str(variable.size))
+    return element
+
+
+def description_3(component: Component) -> Element:
+    """The model description of FMI 3.0, without token and date."""
+    root = _described_head(component, 3, ())
+    variables = SubElement(root, "ModelVariables")
+    SubElement(
+        variables,
+        "Float64",
+        name="time",
+        valueReference="0",
+        description="simulation time",
+        causality="independent",
+        variability="continuous",
+        unit="s",
+    )
+    references = {v.name: i for i, v in enumerate(component.interface, start=1)}
+    for variable in component.interface:
+        variables.append(variable_element(variable, references[variable.name]))
+    structure = SubElement(root, "ModelStructure")
+    outputs = [v for v in component.interface if v.causality == "output"]
+    for variable in outputs:
+        known = [str(references[name]) for name in variable.follows]
+        output = SubElement(
+            structure, "Output", valueReference=str(references[variable.name]), dependencies=" ".join(known)
+        )
+        if known:
+            output.set("dependenciesKind", " ".join(["dependent"] * len(known)))
+    initial = initially_known(component)
+    at_start = " ".join(str(references[v.name]) for v in component.interface if v.name in initial)
+    for variable in outputs:
+        SubElement(structure, "InitialUnknown", valueReference=str(references[variable.name]), dependencies=at_start)
+    return root
+
+
 def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
     """The model description of a version of FMI, without identity and date."""
-    from .model_description_3 import description_3
-
     return description_3(component) if fmi == 3 else description_2(component, sources)
 
 

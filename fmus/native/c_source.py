@@ -1,0 +1,259 @@
+"""The native flavour: a component's table and kernels in C, behind FMI 2.0 or FMI 3.0, with all sources."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import fmpy
+
+from ..archive import write_archive
+from ..component import Component, Variable
+from ..description import identity, model_description
+from ..pages import accompanying_files
+from ..source import flat_parts
+from .compile import FLAGS, Platform, binary
+from .translate import Signature, kernel_name, translate
+
+COMPILED = {
+    2: ("model.c", "component.c", "values.c", "state.c", "fmi2.c"),
+    3: ("model.c", "component.c", "values.c", "state.c", "fmi3.c", "fmi3_refused.c"),
+}
+"""Source files of each version of FMI that are compiled."""
+
+MODEL_C = """/* {description}. Made by Trihedron from the component's kernels and table. */
+#include "component.h"
+
+{kernels}
+#define NONE INFINITY
+
+const Variable variables[] = {{
+{variables}
+}};
+
+const double start_values[MEMORY_SIZE] = {{
+{starts}
+}};
+
+const char *const messages[] = {{
+{messages}
+}};
+{calls}"""
+
+MODEL_H = """/* {description}. Made by Trihedron. */
+#ifndef MODEL_H
+#define MODEL_H
+
+#define FMI_VERSION {fmi}
+#define MODEL_TOKEN "{token}"
+#define MODEL_HASH 0x{digest}ull
+#define VARIABLE_COUNT {variables}u
+#define MEMORY_SIZE {memory}
+
+#endif
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a value reference stands for: a variable, an element of an array in FMI 2.0, or an effect's parameter."""
+
+    variable: Variable
+    name: str
+    place: int
+    size: int
+
+
+def places(component: Component) -> dict[str, int]:
+    """Place of each variable's first element in the memory; the parameters of effects stand together, last."""
+    at, found = 0, {}
+    for variable in component.own:
+        found[variable.name] = at
+        at += max(variable.size, 1)
+    found["effect"] = at
+    return found
+
+
+def memory_size(component: Component) -> int:
+    """Numbers in the memory; without effects there is still a place to point at."""
+    return places(component)["effect"] + max(component.effect_count, 1)
+
+
+def rows(component: Component, fmi: int) -> list[Row]:
+    """The variables that the world sees, in the order of their value references from 1 on."""
+    where = places(component)
+    shown = len(component.interface) - component.effect_count
+    found: list[Row] = []
+    for variable in component.interface[:shown]:
+        at = where[variable.name]
+        if fmi == 3 or not variable.size:
+            found.append(Row(variable, variable.name, at, max(variable.size, 1)))
+        else:
+            found += [Row(variable, name, at + i, 1) for i, name in enumerate(variable.elements)]
+    return found + [Row(v, v.name, where["effect"] + i, 1) for i, v in enumerate(component.interface[shown:])]
+
+
+def _bound(value: float | None, sign: str) -> str:
+    return f"{sign}NONE" if value is None else repr(float(value))
+
+
+def _row(row: Row) -> str:
+    lower, upper = row.variable.limits
+    v = row.variable
+    fixed = int(v.causality == "parameter" and v.variability == "fixed")
+    parts = [f'"{row.name}"', v.type.upper(), v.causality.upper(), str(fixed), str(row.place), str(row.size)]
+    return f"    {{{', '.join([*parts, _bound(lower, '-'), _bound(upper, '')])}}},"
+
+
+def _text(message: str) -> str:
+    return '    "' + message.replace("\\", "\\\\").replace('"', '\\"') + '",'
+
+
+def _starts(component: Component) -> list[float]:
+    values = [float(x) for v in component.variables for x in v.starts]
+    return values if component.effect_count else [*values, 0.0]
+
+
+def _calls(component: Component, kernels: dict[str, Signature]) -> str:
+    """The functions by which the component's kernels work on the memory."""
+    where = places(component)
+    scalars = {v.name for v in component.variables if not v.size and v.causality in ("parameter", "input")}
+    texts = []
+    for kernel in ("initialise", "step", "respond"):
+        kind = "void" if kernel == "respond" else "int64_t"
+        body = ["    (void)memory;", "    (void)time;", "    (void)step;"]
+        if kernel in component.kernels:
+            arguments = []
+            for name, wanted in zip(kernels[kernel].arguments, kernels[kernel].kinds, strict=True):
+                if name in ("time", "step"):
+                    arguments.append(name)
+                elif name in scalars:
+                    arguments.append(f"memory[{where[name]}]")
+                else:
+                    arguments.append(f"memory + {where[name]}")
+                if (arguments[-1].startswith("memory +")) != (wanted == "Vector"):
+                    raise TypeError(
+                        f"kernel {kernel} of {component.name}: {name} is a {wanted} there, not in the table"
+                    )
+            call = f"{kernel_name(kernel)}({', '.join(arguments)});"
+            body.append(f"    {call}" if kind == "void" else f"    return {call}")
+        texts.append(
+            f"\n{kind} model_{kernel}(double *memory, double time, double step)\n{{\n" + "\n".join(body) + "\n}\n"
+        )
+    return "".join(texts)
+
+
+def model_c(component: Component, fmi: int) -> str:
+    """Source of the table, the start values and the kernels.
+
+    Raises
+    ------
+    RestrictionError
+        a kernel is not in restricted Python
+    """
+    text, kernels = translate(flat_parts(component))
+    return MODEL_C.format(
+        description=component.description,
+        kernels=text,
+        variables="\n".join(_row(row) for row in rows(component, fmi)),
+        starts="\n".join(f"    {value!r}," for value in _starts(component)),
+        messages="\n".join(_text(m) for m in component.messages) or '    "",',
+        calls=_calls(component, kernels),
+    )
+
+
+def model_h(component: Component, fmi: int, token: str, source: str) -> str:
+    """Sizes and identity of the model whose model.c is `source`."""
+    return MODEL_H.format(
+        description=component.description,
+        fmi=fmi,
+        token=token,
+        digest=hashlib.sha256(f"state 1\n{source}".encode()).hexdigest()[:16],
+        variables=len(rows(component, fmi)),
+        memory=memory_size(component),
+    )
+
+
+@cache
+def shared_sources(fmi: int) -> dict[str, bytes]:
+    """The sources that all components share: ours, and the headers of FMI from FMPy."""
+    folder = Path(__file__).parent / "sources"
+    own = [*COMPILED[fmi][1:], "component.h"]
+    headers = sorted((Path(fmpy.__file__).parent / "c-code").glob(f"fmi{fmi}*.h"))
+    found = {name: (folder / name).read_bytes() for name in own}
+    return found | {path.name: path.read_bytes() for path in headers}
+
+
+def build_description(component: Component, fmi: int) -> bytes:
+    """buildDescription.xml: how the sources are compiled."""
+    root = Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=component.name)
+    options = " ".join(flag for flag in FLAGS if flag.startswith(("-ff", "-fno")))
+    files = SubElement(configuration, "SourceFileSet", language="C99", compilerOptions=options)
+    for name in COMPILED[fmi]:
+        SubElement(files, "SourceFile", name=name)
+    ElementTree.indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+
+
+def native_sources(component: Component, fmi: int) -> dict[str, bytes]:
+    """Every source file of a component's native FMU, by its name."""
+    source = model_c(component, fmi)
+    shared = shared_sources(fmi)
+    token = identity(component, source.encode() + b"".join(shared.values()), fmi=fmi, sources=COMPILED[fmi])
+    made = {"model.c": source.encode(), "model.h": model_h(component, fmi, token, source).encode()}
+    return made | shared
+
+
+def native_members(
+    component: Component, fmi: int, platforms: Sequence[Platform], *, portable: bool
+) -> dict[str, bytes]:
+    """The files of the FMU, by their names in the archive."""
+    sources = native_sources(component, fmi)
+    content = sources["model.c"] + b"".join(shared_sources(fmi).values())
+    members = {f"sources/{name}": text for name, text in sources.items()}
+    if fmi == 3:
+        members["sources/buildDescription.xml"] = build_description(component, fmi)
+    members["modelDescription.xml"] = model_description(component, content, fmi=fmi, sources=COMPILED[fmi])
+    for platform in platforms:
+        library = binary(platform, component.name, sources, portable=portable)
+        members[f"binaries/{platform.folder(fmi)}/{component.name}{platform.suffix}"] = library
+    header = next(text for name, text in sources.items() if name.endswith("FunctionTypes.h"))
+    return members | accompanying_files(component, fmi, header.decode("utf-8", "replace"))
+
+
+def build_native_fmu(
+    component: Component, folder: Path, fmi: int, platforms: Sequence[Platform], *, portable: bool
+) -> Path:
+    """Build the FMU into `folder`; the same component, compiler and platforms give the same bytes.
+
+    Parameters
+    ----------
+    component : Component
+    folder : Path
+        made when it is missing
+    fmi : int
+        2 or 3
+    platforms : sequence of Platform
+    portable : bool
+        whether the host's binary too is to run on old systems, where ziglang is installed
+
+    Returns
+    -------
+    Path
+        ``<folder>/<component's name>.fmu``
+
+    Raises
+    ------
+    BuildError
+        the compiler fails
+    RestrictionError
+        a kernel is not in restricted Python
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{component.name}.fmu"
+    write_archive(path, native_members(component, fmi, platforms, portable=portable))
+    return path

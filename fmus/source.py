@@ -1,0 +1,304 @@
+"""One self-contained source of a component and its effects: run in this process, or in a PythonFMU FMU."""
+
+import ast
+import hashlib
+import inspect
+import pprint
+import re
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from ..models.effects import CATALOGUE
+from . import instance
+from .archive import write_archive
+from .component import Component
+from .description import model_description
+from .instance import Instance
+from .pages import accompanying_files
+
+PERMITTED = frozenset({"range", "int", "float", "None", "Vector"})
+"""Names of Python that a kernel may use beside numbers, kernels and `math`."""
+
+SCRIPT = '''"""{name}: {description}
+
+Made by Trihedron from the component's kernels and table; nothing outside this file and the embedded pythonfmu is run.
+"""
+{instance}
+
+import json
+import math
+
+from pythonfmu.enums import Fmi2Status
+from pythonfmu.fmi2slave import Fmi2Slave
+
+{kernels}
+
+VARIABLES = {variables}
+ARGUMENTS = {arguments}
+MESSAGES = {messages}
+EFFECTS = {effects}
+
+
+class {name}(Fmi2Slave):
+    """The FMI side of the component: value references, states of the interface, messages."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        kernels = {{name: globals()[name] for name in ARGUMENTS}}
+        self.model = Instance(VARIABLES, kernels, ARGUMENTS, EFFECTS)
+        self.start_time = 0.0
+
+    def setup_experiment(self, start_time, stop_time=None, tolerance=None):
+        self.start_time = self.model.time = start_time
+
+    def exit_initialization_mode(self):
+        self.check(self.model.initialise(self.start_time))
+
+    def do_step(self, current_time, step_size):
+        if not (current_time - current_time == 0.0 and 0.0 <= step_size < math.inf):
+            text = f"{{self.instance_name}}: a step of {{step_size!r}} s from {{current_time!r}} s is not one in time"
+            self.log(text, Fmi2Status.error, "logStatusError")
+            return False
+        return self.report(self.model.do_step(current_time, step_size))
+
+    def report(self, message):
+        if message:
+            self.log(f"{{self.instance_name}}: {{MESSAGES[message - 1]}}", Fmi2Status.error, "logStatusError")
+        return message == 0
+
+    def check(self, message):
+        if not self.report(message):
+            raise ValueError(MESSAGES[message - 1])
+
+    def get_real(self, references):
+        return [self.model.get(reference) for reference in references]
+
+    def get_integer(self, references):
+        return [int(self.model.get(reference)) for reference in references]
+
+    def get_boolean(self, references):
+        return [self.model.get(reference) != 0.0 for reference in references]
+
+    def set_real(self, references, values):
+        for reference, value in zip(references, values):
+            try:
+                self.model.set(reference, value)
+            except ValueError as error:
+                self.log(f"{{self.instance_name}}: {{error}}", Fmi2Status.error, "logStatusError")
+                raise
+
+    set_integer = set_real
+    set_boolean = set_real
+
+    def _get_fmu_state(self):
+        return self.model.get_state()
+
+    def _set_fmu_state(self, state):
+        self.model.set_state(state)
+'''
+
+
+@dataclass(frozen=True)
+class Part:
+    """A constant or a kernel of a flat source.
+
+    Attributes
+    ----------
+    text : str
+        its source
+    origin : str
+        name of the file that it comes from
+    first_line : int
+        line of that file on which it begins
+    """
+
+    text: str
+    origin: str
+    first_line: int
+
+
+def called_names(function: Callable[..., Any]) -> list[str]:
+    """Names that a kernel reads and does not bind itself, in order of appearance."""
+    tree = ast.parse(inspect.getsource(function))
+    bound = set(inspect.signature(function).parameters)
+    names: list[str] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            if isinstance(node.ctx, ast.Store):
+                bound.add(node.id)
+            elif node.id not in names:
+                names.append(node.id)
+    return [name for name in names if name not in bound]
+
+
+def hook_source(hook: Callable[..., Any], component: Component) -> str:
+    """Source of a stage's hook that calls the kernels of the effects at that stage after what the nominal one does.
+
+    Where the nominal hook zeroes what is added, what each effect adds is evaluated on the un-extended values of the
+    stage and summed, so their order does not matter; where it does nothing, they change the last argument in turn. A
+    hook that returns whether there are effects returns 1.0.
+    """
+    function = ast.parse(inspect.getsource(hook)).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    returns = isinstance(function.body[-1], ast.Return)
+    function.body = function.body[:-1] if returns else function.body
+    names = [argument.arg for argument in function.args.args]
+    lines = [ast.unparse(function)]
+    at = 0
+    for place in component.effects:
+        effect = CATALOGUE[place.effect].at(place)
+        count = len(effect.parameters)
+        if effect.stage == hook.__name__ and effect.kernel is not None:
+            numbers = [str(number) for number in effect.place_numbers(place)]
+            values = [f"effect[{at + i}]" for i in range(count)]
+            arguments = ", ".join([*names[:2], *numbers, *values, names[-1]])
+            lines.append(f"    {effect.kernel.__name__}({arguments})")
+        at += count
+    if returns:
+        lines.append("    return 1.0")
+    return "\n".join(lines)
+
+
+def flat_source(component: Component) -> str:
+    """All kernels of a component, every function before its use, as one text that imports nothing but `math`.
+
+    Parameters
+    ----------
+    component : Component
+        with the effects that extend it
+
+    Raises
+    ------
+    TypeError
+        a kernel uses something that is not a kernel, a number or `math`
+    """
+    return "\n\n\n".join(part.text for part in flat_parts(component)) + "\n"
+
+
+def flat_parts(component: Component) -> tuple[Part, ...]:
+    """The parts of a component's flat source, in order; raises as `flat_source` does."""
+    parts: dict[str, Part] = {}
+    stages = {CATALOGUE[place.effect].stage for place in component.effects}
+
+    def add(function: Callable[..., Any], text: str | None = None) -> None:
+        lines, first = inspect.getsourcelines(function)
+        origin = Path(inspect.getsourcefile(function) or "").name
+        parts[function.__name__] = Part(text or "".join(lines).rstrip(), origin, first)
+
+    def include(function: Callable[..., Any]) -> None:
+        if function.__name__ in stages:
+            for place in component.effects:
+                effect = CATALOGUE[place.effect].at(place)
+                if effect.stage == function.__name__ and effect.kernel is not None:
+                    include_names(effect.kernel)
+                    if effect.kernel.__name__ not in parts:
+                        add(effect.kernel)
+            add(function, hook_source(function, component))
+            return
+        include_names(function)
+        add(function)
+
+    def include_names(function: Callable[..., Any]) -> None:
+        for name in called_names(function):
+            if name in parts:
+                continue
+            value = function.__globals__.get(name)
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                parts[name] = Part(f"{name} = {value!r}", Path(inspect.getsourcefile(function) or "").name, 1)
+            elif inspect.isfunction(value):
+                include(value)
+            elif not (isinstance(value, ModuleType) and value.__name__ == "math") and name not in PERMITTED:
+                raise TypeError(f"kernel {function.__name__} uses {name}, which is not restricted Python")
+
+    for kernel in component.kernels.values():
+        include(kernel)
+    return tuple(parts.values())
+
+
+def instance_rows(component: Component) -> tuple[tuple, ...]:
+    """The component's table as `Instance` takes it."""
+    return tuple((v.name, v.causality, v.size, v.starts, v.variability, *v.limits) for v in component.variables)
+
+
+@cache
+def kernel_functions(component: Component) -> dict[str, Callable[..., Any]]:
+    """The kernels of a component, with its effects, made from its flat source."""
+    namespace: dict[str, Any] = {}
+    source = "from __future__ import annotations\nimport math\n\n\n" + flat_source(component)
+    exec(compile(source, f"<kernels of {component.name}>", "exec"), namespace)
+    return {name: namespace[name] for name in component.kernels}
+
+
+def instantiate(component: Component) -> Instance:
+    """An instance of the component in plain Python."""
+    return Instance(instance_rows(component), kernel_functions(component), component.arguments, component.effect_count)
+
+
+@cache
+def references(component: Component) -> dict[str, int]:
+    """Value reference of each scalar, by its name."""
+    names = [element for v in component.interface for element in v.elements]
+    return {name: i + 1 for i, name in enumerate(names)}
+
+
+def script_source(component: Component) -> str:
+    """The script of the FMU."""
+    return SCRIPT.format(
+        name=component.name,
+        description=component.description,
+        instance=re.sub(r'^""".*?"""\n+', "", inspect.getsource(instance), flags=re.DOTALL),
+        kernels=flat_source(component),
+        variables=pprint.pformat(instance_rows(component), width=110, sort_dicts=False),
+        arguments=pprint.pformat(component.arguments, width=110, sort_dicts=False),
+        messages=pprint.pformat(component.messages, width=110),
+        effects=component.effect_count,
+    )
+
+
+def module_name(component: Component, source: str) -> str:
+    """Name of the script's module: two FMUs that differ never share a module of their host."""
+    words = re.sub(r"(?<!^)(?=[A-Z])", "_", component.name).lower()
+    return f"{words}_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+
+
+def build_python_fmu(component: Component, folder: Path) -> Path:
+    """Build the FMU into `folder`; the same component gives the same bytes.
+
+    Parameters
+    ----------
+    component : Component
+    folder : Path
+        made when it is missing
+
+    Returns
+    -------
+    Path
+        ``<folder>/<component's name>.fmu``
+    """
+    # what only wants the kernels does not wait for it
+    from pythonfmu.builder import FmuBuilder
+
+    folder.mkdir(parents=True, exist_ok=True)
+    source = script_source(component)
+    path = folder / f"{component.name}.fmu"
+    with tempfile.TemporaryDirectory(prefix="trihedron-") as scratch:
+        script = Path(scratch) / f"{module_name(component, source)}.py"
+        script.write_text(source, encoding="utf-8")
+        before = list(sys.path)
+        try:
+            built = FmuBuilder.build_FMU(script, dest=scratch, needsExecutionTool=False)
+        finally:
+            sys.path[:] = before
+            sys.modules.pop(script.stem, None)
+        with zipfile.ZipFile(built) as archive:
+            members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
+        members["modelDescription.xml"] = model_description(component, source.encode())
+        write_archive(path, members | accompanying_files(component, 2))
+    return path
