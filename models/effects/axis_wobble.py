@@ -7,14 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import (
-    AXES,
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    polar_coefficients,
-    turned,
-)
+from .definition import AXES, Effect, EffectParameter, EffectPlace, said, table_effect
 from .rows import Rows
 
 ORDERS = (1, 2, 3)
@@ -65,25 +58,20 @@ def of_place(place: EffectPlace) -> Effect:
     return OUTER if place.index == 0 else INNER_FIRST if place.order == 1 else INNER
 
 
-OUTER = Effect(
-    name="axis-wobble",
-    places=tuple(EffectPlace("axis-wobble", where, order) for where in AXES for order in ORDERS),
-    parameters=(
+OUTER = table_effect(
+    "axis-wobble",
+    outer_axis_wobble,
+    (
         EffectParameter("amplitude", "rad", "amplitude of the harmonic of κ", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "its phase", math.pi),
     ),
-    component="TurntableMotion",
-    stage="geometry_effects",
-    kernel=outer_axis_wobble,
-    place_numbers=lambda place: (place.order or 1,),
-    signature=lambda place, rows: turned(rows, turns(place, rows)),
-    from_coefficients=polar_coefficients,
-    sentence=lambda place, values: (
-        f"the {place.where.replace('-', ' ')} wobbles by "
-        f"{math.degrees(max(v for name, v in values.items() if name.endswith('amplitude'))) * 3600.0:.1f} arcsec, "
-        f"{place.order} time{'s' if place.order != 1 else ''} a turn"
+    turns,
+    lambda place, values: said("the {axis} wobbles by {most_arcsec:.1f} arcsec, {times} a turn")(
+        place, {"most": max(v for name, v in values.items() if name.endswith("amplitude"))}
     ),
-    turns=turns,
+    stage="geometry_effects",
+    places=tuple(EffectPlace("axis-wobble", where, order) for where in AXES for order in ORDERS),
+    place_numbers=lambda place: (place.order or 1,),
     formula="Δκ = {amplitude} cos({order} α + ({phase}))",
     of_place=of_place,
 )

@@ -1,19 +1,10 @@
 """Backlash of an encoder: its reading depends on the sense of the last move of its axis."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import SENSE_ALPHA, Vector
-from .definition import (
-    AXES,
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    only_coefficient,
-    turned,
-)
+from .definition import EffectParameter, EffectPlace, only_coefficient, table_effect
 from .rows import Rows
 
 
@@ -29,21 +20,13 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     return small
 
 
-EFFECT = Effect(
-    name="backlash",
-    places=tuple(EffectPlace("backlash", where) for where in AXES),
-    parameters=(
-        EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),
-    ),
-    component="TurntableMotion",
+EFFECT = table_effect(
+    "backlash",
+    backlash,
+    (EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),),
+    turns,
+    "the {axis} has {width_arcsec:.1f} arcsec of backlash",
     stage="encoder_effects",
-    kernel=backlash,
-    place_numbers=lambda place: (place.index,),
-    signature=lambda place, rows: turned(rows, turns(place, rows)),
     from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the {place.where.replace('-', ' ')} has {math.degrees(values['width']) * 3600.0:.1f} arcsec of backlash"
-    ),
-    turns=turns,
     formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
 )

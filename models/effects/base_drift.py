@@ -1,18 +1,10 @@
 """Drift of the base: the foundation tilts with time, and the table with it."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    all_coefficients,
-    turned,
-)
+from .definition import EffectParameter, EffectPlace, all_coefficients, table_effect
 from .rows import Rows
 
 
@@ -30,23 +22,19 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     return small
 
 
-EFFECT = Effect(
-    name="base-drift",
-    places=(EffectPlace("base-drift", "base"),),
-    parameters=(
+EFFECT = table_effect(
+    "base-drift",
+    base_drift,
+    (
         EffectParameter("kappa_rate", "rad/h", "growth of κ with time", 1e-2),
         EffectParameter("alpha_star_rate", "rad/h", "growth of α* with time", 1e-2),
     ),
-    component="TurntableMotion",
+    turns,
+    "the base tilts with time: κ by {kappa_rate_arcsec:+.1f} arcsec an hour, "
+    "α* by {alpha_star_rate_arcsec:+.1f} arcsec an hour",
     stage="geometry_effects",
-    kernel=base_drift,
+    places=(EffectPlace("base-drift", "base"),),
     place_numbers=lambda place: (),
-    signature=lambda place, rows: turned(rows, turns(place, rows)),
     from_coefficients=all_coefficients,
-    sentence=lambda place, values: (
-        f"the base tilts with time: κ by {math.degrees(values['kappa_rate']) * 3600.0:+.1f} arcsec an hour, "
-        f"α* by {math.degrees(values['alpha_star_rate']) * 3600.0:+.1f} arcsec an hour"
-    ),
-    turns=turns,
     formula="Δκ = {kappa_rate} t, Δα* = {alpha_star_rate} t, t 'in hours'",
 )

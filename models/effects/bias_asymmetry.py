@@ -3,14 +3,7 @@
 import numpy as np
 
 from ..restricted import Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    accelerometer_column,
-    accelerometer_number,
-    on_accelerometers,
-    only_coefficient,
-)
+from .definition import EffectParameter, accelerometer_effect, own_input
 
 
 def bias_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:
@@ -21,19 +14,12 @@ def bias_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added
         added[p] = added[p] - coefficient
 
 
-EFFECT = Effect(
-    name="bias-asymmetry",
-    places=on_accelerometers("bias-asymmetry"),
-    parameters=(EffectParameter("coefficient", "g", "c of c sign(n): half of the difference of the biases", 1e-2),),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=bias_asymmetry,
-    place_numbers=accelerometer_number,
-    signature=lambda place, rows: accelerometer_column(place, np.sign(rows.n[:, place.index])),
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the bias of accelerometer {place.index + 1} depends on the sign of its input: "
-        f"{values['coefficient']:+.2e} g for a positive one, the opposite for a negative one"
-    ),
+EFFECT = accelerometer_effect(
+    "bias-asymmetry",
+    bias_asymmetry,
+    EffectParameter("coefficient", "g", "c of c sign(n): half of the difference of the biases", 1e-2),
+    lambda place, rows: np.sign(own_input(place, rows)),
+    "the bias of accelerometer {p} depends on the sign of its input: {coefficient:+.2e} g for a positive one, "
+    "the opposite for a negative one",
     formula="Δf_{p}/g = {coefficient} sign(n_{p})",
 )

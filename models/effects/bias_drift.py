@@ -1,14 +1,7 @@
 """Bias that grows with time."""
 
 from ..restricted import HOURS, Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    accelerometer_column,
-    accelerometer_number,
-    on_accelerometers,
-    only_coefficient,
-)
+from .definition import EffectParameter, accelerometer_effect
 
 
 def bias_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) -> None:
@@ -16,18 +9,11 @@ def bias_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) -
     added[p] = added[p] + rate * context[HOURS]
 
 
-EFFECT = Effect(
-    name="bias-drift",
-    places=on_accelerometers("bias-drift"),
-    parameters=(EffectParameter("rate", "g/h", "growth of the bias with time", 1e-1),),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=bias_drift,
-    place_numbers=accelerometer_number,
-    signature=lambda place, rows: accelerometer_column(place, rows.hours),
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the bias of accelerometer {place.index + 1} drifts by {values['rate']:+.2e} g an hour"
-    ),
+EFFECT = accelerometer_effect(
+    "bias-drift",
+    bias_drift,
+    EffectParameter("rate", "g/h", "growth of the bias with time", 1e-1),
+    lambda place, rows: rows.hours,
+    "the bias of accelerometer {p} drifts by {rate:+.2e} g an hour",
     formula="Δf_{p}/g = {rate} t, t 'in hours'",
 )

@@ -6,16 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import INPUT, Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    accelerometer_number,
-    no_coefficients,
-    no_signature,
-    on_accelerometers,
-)
-from .rows import Rows, Variant, at_readings
+from .definition import EffectParameter, EffectPlace, last_stage_effect
+from .rows import Rows, Variant, at_readings, variant
 
 LARGEST_WIDTH = 0.05
 
@@ -53,35 +45,16 @@ def _variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, 
         size = np.abs(others.n[:, p])
         return at_readings(others.n.shape, np.flatnonzero((size > limits[0] - sigma) & (size < limits[1] + sigma)), p)
 
-    return Variant(
-        offset=np.where(lost, -rows.own, 0.0),
-        columns=np.zeros((*rows.n.shape, 0)),
-        widening=np.zeros_like(rows.n),
-        low=np.zeros(0),
-        high=np.zeros(0),
-        values=lambda coefficients: (0.5 * (limits[0] + limits[1]),),
-        limits=(limits,),
-        lost=lost,
-        fixed=np.zeros_like(lost),
-        stands=stands,
-        undecided=undecided,
-    )
+    offset = np.where(lost, -rows.own, 0.0)
+    return variant(rows.n.shape, (limits,), offset=offset, lost=lost, stands=stands, undecided=undecided)
 
 
-EFFECT = Effect(
-    name="dead-zone",
-    places=on_accelerometers("dead-zone"),
-    parameters=(EffectParameter("width", "g", "inputs smaller than it are lost", LARGEST_WIDTH, smallest=0.0),),
-    component="AccelerometerBlock",
-    stage="final_effects",
-    kernel=dead_zone,
-    place_numbers=accelerometer_number,
-    signature=no_signature,
-    from_coefficients=no_coefficients,
-    sentence=lambda place, values: (
-        f"accelerometer {place.index + 1} does not feel inputs below {values['width']:.2e} g"
-    ),
-    variants=variants,
+EFFECT = last_stage_effect(
+    "dead-zone",
+    dead_zone,
+    EffectParameter("width", "g", "inputs smaller than it are lost", LARGEST_WIDTH, smallest=0.0),
+    variants,
+    "accelerometer {p} does not feel inputs below {width:.2e} g",
     degree=-1,
     formula="n_{p} 'counts as' 0 'where' |n_{p}| < {width}",
 )

@@ -1,5 +1,6 @@
 """What an effect is: a piece of physics that the nominal model leaves out."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -215,3 +216,113 @@ def above_nominal(rows: Rows) -> NDArray[np.float64]:
     if rows.temperature is None:
         raise ValueError("effects of temperature need the temperature of the rows")
     return rows.temperature - NOMINAL_TEMPERATURE
+
+
+def said(template: str) -> Callable[[EffectPlace, Mapping[str, float]], str]:
+    """A sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
+
+    {p} is the accelerometer, {i} and {j} are the axes of the place, {axis} is where it sits in words, {times} how often
+    in a turn.
+    """
+
+    def say(place: EffectPlace, values: Mapping[str, float]) -> str:
+        known: dict[str, object] = dict(zip("ij", place.axes, strict=False))
+        known |= {"axis": place.where.replace("-", " "), "times": f"{place.order} time{'s' * (place.order != 1)}"}
+        known |= {f"{name}_arcsec": math.degrees(value) * 3600.0 for name, value in values.items()}
+        if place.where in ACCELEROMETERS:
+            known["p"] = place.index + 1
+        return template.format_map({**known, **values})
+
+    return say
+
+
+def accelerometer_effect(
+    name: str,
+    kernel: Callable[..., None],
+    parameter: EffectParameter,
+    values: Callable[[EffectPlace, Rows], NDArray[np.float64]],
+    sentence: str,
+    **more: Any,
+) -> Effect:
+    """An effect of one accelerometer that adds its only parameter times known values to the reading.
+
+    Parameters
+    ----------
+    name : str
+        of the effect
+    kernel : callable
+        ``kernel(context, n, p, parameter, added)``
+    parameter : EffectParameter
+    values : callable
+        place, rows -> (N,): what the parameter is multiplied by
+    sentence : str
+        as `said` takes it
+    more
+        other fields of the `Effect`
+    """
+    usual = {"places": on_accelerometers(name), "place_numbers": accelerometer_number}
+    fixed = {"component": "AccelerometerBlock", "stage": "reading_effects", "from_coefficients": only_coefficient}
+
+    def signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+        return accelerometer_column(place, values(place, rows))
+
+    return Effect(
+        name=name,
+        parameters=(parameter,),
+        kernel=kernel,
+        signature=signature,
+        sentence=said(sentence),
+        **(usual | fixed | more),
+    )
+
+
+def own_input(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """The accelerometer's own input (N,) [g]."""
+    return rows.n[:, place.index]
+
+
+def last_stage_effect(
+    name: str,
+    kernel: Callable[..., None],
+    parameter: EffectParameter,
+    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], list[Variant]],
+    sentence: str,
+    **more: Any,
+) -> Effect:
+    """An effect of one accelerometer that is not linear: a dead zone, clipping, rounding; `more` as in the other."""
+    usual = {"places": on_accelerometers(name), "place_numbers": accelerometer_number}
+    fixed = {"component": "AccelerometerBlock", "stage": "final_effects", "from_coefficients": no_coefficients}
+    return Effect(
+        name=name,
+        parameters=(parameter,),
+        kernel=kernel,
+        signature=no_signature,
+        variants=variants,
+        sentence=said(sentence),
+        **(usual | fixed | more),
+    )
+
+
+def table_effect(
+    name: str,
+    kernel: Callable[..., None],
+    parameters: tuple[EffectParameter, ...],
+    turns: Callable[[EffectPlace, Rows], NDArray[np.float64]],
+    sentence: str | Callable[[EffectPlace, Mapping[str, float]], str],
+    **more: Any,
+) -> Effect:
+    """An effect of the table: small turns, whose effect on the readings is its signature to first order.
+
+    `more` has at least `stage`; an amplitude and a phase are told from a cosine and a sine where nothing else is given.
+    """
+    usual = {"places": tuple(EffectPlace(name, where) for where in AXES), "component": "TurntableMotion"}
+    usual |= {"place_numbers": lambda place: (place.index,), "from_coefficients": polar_coefficients}
+    return Effect(
+        name=name,
+        parameters=parameters,
+        kernel=kernel,
+        signature=lambda place, rows: turned(rows, turns(place, rows)),
+        turns=turns,
+        sentence=said(sentence) if isinstance(sentence, str) else sentence,
+        **(usual | more),
+    )

@@ -6,14 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import (
-    AXES,
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    polar_coefficients,
-    turned,
-)
+from .definition import AXES, EffectParameter, EffectPlace, table_effect
 from .rows import Rows
 
 ORDERS = (1, 2, 3, 4, 5, 6)
@@ -41,24 +34,17 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     return small
 
 
-EFFECT = Effect(
-    name="encoder-harmonic",
-    places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in ORDERS),
-    parameters=(
+EFFECT = table_effect(
+    "encoder-harmonic",
+    encoder_harmonic,
+    (
         EffectParameter("amplitude", "rad", "amplitude of the harmonic", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "phase of the harmonic", math.pi),
     ),
-    component="TurntableMotion",
+    turns,
+    "the encoder of the {axis} errs by {amplitude_arcsec:.1f} arcsec, {times} a turn",
     stage="encoder_effects",
-    kernel=encoder_harmonic,
+    places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in ORDERS),
     place_numbers=lambda place: (place.index, place.order or 1),
-    signature=lambda place, rows: turned(rows, turns(place, rows)),
-    from_coefficients=polar_coefficients,
-    sentence=lambda place, values: (
-        f"the encoder of the {place.where.replace('-', ' ')} errs by "
-        f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec, {place.order} "
-        f"time{'s' if place.order != 1 else ''} a turn"
-    ),
-    turns=turns,
     formula="{angle}_read = {angle} + {amplitude} sin({order} {angle} + ({phase}))",
 )

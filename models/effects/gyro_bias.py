@@ -3,8 +3,7 @@
 import numpy as np
 
 from ..restricted import Vector
-from .definition import Effect, all_coefficients
-from .motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
+from .motion_rows import gyro_columns, gyro_effect, of_each_gyro, sentence_of
 
 
 def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_3: float, added: Vector) -> None:
@@ -14,17 +13,11 @@ def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_
     added[2] = added[2] + bias_3
 
 
-EFFECT = Effect(
-    name="gyro-bias",
-    places=on_gyros("gyro-bias"),
-    parameters=of_each_gyro("bias", "rad/s", "bias", 0.2),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=gyro_bias,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: gyro_columns(np.ones_like(rows.rate)),
-    from_coefficients=all_coefficients,
-    sentence=sentence_of("the gyros have a constant bias", "rad/s"),
+EFFECT = gyro_effect(
+    "gyro-bias",
+    gyro_bias,
+    of_each_gyro("bias", "rad/s", "bias", 0.2),
+    lambda place, rows: gyro_columns(np.ones_like(rows.rate)),
+    sentence_of("the gyros have a constant bias", "rad/s"),
     formula="Δω = ({bias_1}, {bias_2}, {bias_3}) 'rad/s'",
-    in_motion=True,
 )

@@ -3,8 +3,7 @@
 import numpy as np
 
 from ..restricted import HOURS, Vector
-from .definition import Effect, all_coefficients
-from .motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
+from .motion_rows import gyro_columns, gyro_effect, of_each_gyro, sentence_of
 
 
 def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float, rate_3: float, added: Vector) -> None:
@@ -14,17 +13,11 @@ def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float,
     added[2] = added[2] + rate_3 * context[HOURS]
 
 
-EFFECT = Effect(
-    name="gyro-bias-drift",
-    places=on_gyros("gyro-bias-drift"),
-    parameters=of_each_gyro("rate", "rad/s/h", "growth of the bias", 0.5),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=gyro_bias_drift,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),
-    from_coefficients=all_coefficients,
-    sentence=sentence_of("the biases of the gyros drift", "rad/s an hour"),
+EFFECT = gyro_effect(
+    "gyro-bias-drift",
+    gyro_bias_drift,
+    of_each_gyro("rate", "rad/s/h", "growth of the bias", 0.5),
+    lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),
+    sentence_of("the biases of the gyros drift", "rad/s an hour"),
     formula="Δω = ({rate_1}, {rate_2}, {rate_3}) t 'rad/s', t 'in hours'",
-    in_motion=True,
 )

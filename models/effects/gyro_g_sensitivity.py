@@ -1,15 +1,7 @@
 """Bias of the gyros that depends on the specific force."""
 
 from ..restricted import INPUT, Vector
-from .definition import Effect, all_coefficients
-from .motion_rows import (
-    matrix_columns,
-    matrix_formula,
-    no_numbers,
-    of_a_matrix,
-    on_gyros,
-    sentence_of,
-)
+from .motion_rows import gyro_effect, matrix_columns, matrix_formula, of_a_matrix, sentence_of
 
 
 def gyro_g_sensitivity(
@@ -35,17 +27,11 @@ def gyro_g_sensitivity(
     added[2] = added[2] + coefficient_31 * x + coefficient_32 * y + coefficient_33 * z
 
 
-EFFECT = Effect(
-    name="gyro-g-sensitivity",
-    places=on_gyros("gyro-g-sensitivity"),
-    parameters=of_a_matrix("coefficient", "rad/s/g", "bias for each g of specific force", 0.05),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=gyro_g_sensitivity,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: matrix_columns(rows.specific_force),
-    from_coefficients=all_coefficients,
-    sentence=sentence_of("the biases of the gyros depend on the specific force, row by row", "rad/s for each g"),
+EFFECT = gyro_effect(
+    "gyro-g-sensitivity",
+    gyro_g_sensitivity,
+    of_a_matrix("coefficient", "rad/s/g", "bias for each g of specific force", 0.05),
+    lambda place, rows: matrix_columns(rows.specific_force),
+    sentence_of("the biases of the gyros depend on the specific force, row by row", "rad/s for each g"),
     formula=f"Δω = {matrix_formula('coefficient', '123')} n 'rad/s'",
-    in_motion=True,
 )

@@ -1,8 +1,8 @@
 """Anisoelasticity of the gyros: a bias that depends on the product of two components of the specific force."""
 
 from ..restricted import INPUT, Vector
-from .definition import Effect, EffectParameter, all_coefficients
-from .motion_rows import matrix_columns, matrix_formula, no_numbers, on_gyros, sentence_of
+from .definition import EffectParameter
+from .motion_rows import gyro_effect, matrix_columns, matrix_formula, sentence_of
 
 PRODUCTS = ((1, 2), (1, 3), (2, 3))
 """The two axes of each product, in the order of the parameters."""
@@ -31,10 +31,10 @@ def gyro_g_squared(
     added[2] = added[2] + coefficient_3_12 * xy + coefficient_3_13 * xz + coefficient_3_23 * yz
 
 
-EFFECT = Effect(
-    name="gyro-g-squared",
-    places=on_gyros("gyro-g-squared"),
-    parameters=tuple(
+EFFECT = gyro_effect(
+    "gyro-g-squared",
+    gyro_g_squared,
+    tuple(
         EffectParameter(
             f"coefficient_{p}_{i}{j}",
             "rad/s/g2",
@@ -44,17 +44,9 @@ EFFECT = Effect(
         for p in (1, 2, 3)
         for i, j in PRODUCTS
     ),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=gyro_g_squared,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: matrix_columns(
+    lambda place, rows: matrix_columns(
         rows.specific_force[:, [i - 1 for i, _ in PRODUCTS]] * rows.specific_force[:, [j - 1 for _, j in PRODUCTS]]
     ),
-    from_coefficients=all_coefficients,
-    sentence=sentence_of(
-        "the biases of the gyros depend on products of two specific forces, gyro by gyro", "rad/s for each g²"
-    ),
+    sentence_of("the biases of the gyros depend on products of two specific forces, gyro by gyro", "rad/s for each g²"),
     formula=f"Δω = {matrix_formula('coefficient', ('_12', '_13', '_23'))} (n_1 n_2, n_1 n_3, n_2 n_3) 'rad/s'",
-    in_motion=True,
 )

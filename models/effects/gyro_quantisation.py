@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import Effect, EffectParameter, EffectPlace, no_coefficients, no_signature
+from .definition import EffectParameter, EffectPlace, last_stage_effect
 from .motion_rows import MotionRows, no_numbers, on_gyros
 from .quantisation import LARGEST_STEP, common_step
-from .rows import Rows, Variant
+from .rows import Variant, variant
 
 LEAST_STEP = 1e-7
 FINEST = 1e-9
@@ -36,37 +36,19 @@ def variants(place: EffectPlace, rows: MotionRows, reading: NDArray[np.float64],
     if not found:
         return []
     step = max(found)
-
-    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
-        return True
-
-    return [
-        Variant(
-            offset=np.zeros_like(reading),
-            columns=np.zeros((*reading.shape, 0)),
-            widening=np.tile([0.0 if own is None else 0.5 * own for own in steps], (len(reading), 1)),
-            low=np.zeros(0),
-            high=np.zeros(0),
-            values=lambda coefficients: (step,),
-            limits=((step - FINEST, step + FINEST),),
-            lost=np.zeros(reading.shape, dtype=bool),
-            fixed=np.zeros(reading.shape, dtype=bool),
-            stands=stands,
-        )
-    ]
+    widening = np.tile([0.0 if own is None else 0.5 * own for own in steps], (len(reading), 1))
+    limits = ((step - FINEST, step + FINEST),)
+    return [variant(reading.shape, limits, widening=widening, values=lambda coefficients: (step,))]
 
 
-EFFECT = Effect(
-    name="gyro-quantisation",
+EFFECT = last_stage_effect(
+    "gyro-quantisation",
+    gyro_quantisation,
+    EffectParameter("step", "rad/s", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),
+    variants,
+    "the gyros read in steps of {step:.3e} rad/s",
     places=on_gyros("gyro-quantisation"),
-    parameters=(EffectParameter("step", "rad/s", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),),
     component="GyroBlock",
-    stage="final_effects",
-    kernel=gyro_quantisation,
     place_numbers=no_numbers,
-    signature=no_signature,
-    from_coefficients=no_coefficients,
-    sentence=lambda place, values: f"the gyros read in steps of {values['step']:.3e} rad/s",
-    variants=variants,
     in_motion=True,
 )

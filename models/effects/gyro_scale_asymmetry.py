@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from ..restricted import Vector
-from .definition import Effect, all_coefficients
-from .motion_rows import gyro_columns, no_numbers, of_each_gyro, on_gyros, sentence_of
+from .motion_rows import gyro_columns, gyro_effect, of_each_gyro, sentence_of
 
 
 def gyro_scale_asymmetry(
@@ -18,17 +17,11 @@ def gyro_scale_asymmetry(
     added[2] = added[2] + coefficient_3 * math.fabs(rate[2])
 
 
-EFFECT = Effect(
-    name="gyro-scale-asymmetry",
-    places=on_gyros("gyro-scale-asymmetry"),
-    parameters=of_each_gyro("coefficient", "1", "c of c |ω|: half the difference of the scale factors", 0.05),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=gyro_scale_asymmetry,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: gyro_columns(np.abs(rows.rate)),
-    from_coefficients=all_coefficients,
-    sentence=sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
+EFFECT = gyro_effect(
+    "gyro-scale-asymmetry",
+    gyro_scale_asymmetry,
+    of_each_gyro("coefficient", "1", "c of c |ω|: half the difference of the scale factors", 0.05),
+    lambda place, rows: gyro_columns(np.abs(rows.rate)),
+    sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
     formula="Δω = ({coefficient_1} |ω_1|, {coefficient_2} |ω_2|, {coefficient_3} |ω_3|)",
-    in_motion=True,
 )

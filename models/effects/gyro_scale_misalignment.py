@@ -1,15 +1,7 @@
 """Scale factors and misalignment of the gyros."""
 
 from ..restricted import Vector
-from .definition import Effect, all_coefficients
-from .motion_rows import (
-    matrix_columns,
-    matrix_formula,
-    no_numbers,
-    of_a_matrix,
-    on_gyros,
-    sentence_of,
-)
+from .motion_rows import gyro_effect, matrix_columns, matrix_formula, of_a_matrix, sentence_of
 
 
 def gyro_scale_misalignment(
@@ -32,17 +24,11 @@ def gyro_scale_misalignment(
     added[2] = added[2] + gamma_31 * rate[0] + gamma_32 * rate[1] + gamma_33 * rate[2]
 
 
-EFFECT = Effect(
-    name="gyro-scale-misalignment",
-    places=on_gyros("gyro-scale-misalignment"),
-    parameters=of_a_matrix("gamma", "1", "Γ: response", 0.2),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=gyro_scale_misalignment,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: matrix_columns(rows.rate),
-    from_coefficients=all_coefficients,
-    sentence=sentence_of("the gyros have errors of scale (diagonal) and misalignment, row by row", ""),
+EFFECT = gyro_effect(
+    "gyro-scale-misalignment",
+    gyro_scale_misalignment,
+    of_a_matrix("gamma", "1", "Γ: response", 0.2),
+    lambda place, rows: matrix_columns(rows.rate),
+    sentence_of("the gyros have errors of scale (diagonal) and misalignment, row by row", ""),
     formula=f"Δω = {matrix_formula('gamma', '123')} ω",
-    in_motion=True,
 )

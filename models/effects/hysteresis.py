@@ -4,15 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import SENSE_INPUT, Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    accelerometer_column,
-    accelerometer_number,
-    on_accelerometers,
-    only_coefficient,
-)
+from .definition import EffectParameter, EffectPlace, accelerometer_column, accelerometer_effect
 from .rows import Rows
 
 
@@ -26,24 +18,12 @@ def untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     return accelerometer_column(place, np.where(rows.sense_told[:, place.index], 0.0, 0.5))[..., 0]
 
 
-EFFECT = Effect(
-    name="hysteresis",
-    places=on_accelerometers("hysteresis"),
-    parameters=(
-        EffectParameter(
-            "width", "g", "difference of readings after falling and after rising input", 1e-2, smallest=0.0
-        ),
-    ),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=hysteresis,
-    place_numbers=accelerometer_number,
-    signature=lambda place, rows: accelerometer_column(place, -0.5 * rows.input_sense[:, place.index]),
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"accelerometer {place.index + 1} reads {values['width']:.2e} g less after a rising input than after a "
-        "falling one"
-    ),
+EFFECT = accelerometer_effect(
+    "hysteresis",
+    hysteresis,
+    EffectParameter("width", "g", "difference of readings after falling and after rising input", 1e-2, smallest=0.0),
+    lambda place, rows: -0.5 * rows.input_sense[:, place.index],
+    "accelerometer {p} reads {width:.2e} g less after a rising input than after a falling one",
     untold=untold,
     formula="Δf_{p}/g = − 'sense of the last change of' n_{p} · {width} / 2",
 )

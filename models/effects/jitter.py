@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import INTERVAL, STEP_LENGTH, Vector
-from .definition import Effect, EffectParameter, EffectPlace, only_coefficient
-from .motion_rows import MotionRows, no_numbers, on_gyros
+from .definition import EffectParameter, EffectPlace
+from .motion_rows import MotionRows, gyro_effect
 
 
 def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
@@ -35,23 +35,17 @@ def signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
     return (rows.rate * away[:, None])[..., None]
 
 
-EFFECT = Effect(
-    name="jitter",
-    places=on_gyros("jitter"),
-    parameters=(
+EFFECT = gyro_effect(
+    "jitter",
+    jitter,
+    (
         EffectParameter(
             "share", "1", "part of the time stamps' jitter that the sampling does not have", 1.5, smallest=0.0
         ),
     ),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=jitter,
-    place_numbers=no_numbers,
-    signature=signature,
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
+    signature,
+    lambda place, values: (
         f"the time stamps jitter more than the sampling: {100.0 * values['share']:.0f} % of their jitter is the log's"
     ),
     formula="Δω = {share} ω (τ/T − k), τ 'the interval by the time stamps, of' k 'whole periods' T",
-    in_motion=True,
 )

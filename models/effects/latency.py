@@ -3,8 +3,8 @@
 import math
 
 from ..restricted import PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
-from .definition import Effect, EffectParameter, only_coefficient
-from .motion_rows import no_numbers, on_gyros
+from .definition import EffectParameter
+from .motion_rows import gyro_effect
 
 
 def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
@@ -29,21 +29,15 @@ def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
             added[p] = added[p] + (near - rate[p]) + (late - near) * (steps - back)
 
 
-EFFECT = Effect(
-    name="latency",
-    places=on_gyros("latency"),
-    parameters=(EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),),
-    component="GyroBlock",
-    stage="reading_effects",
-    kernel=latency,
-    place_numbers=no_numbers,
-    signature=lambda place, rows: ((rows.rate_before - rows.rate) / rows.step[:, None])[..., None],
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
+EFFECT = gyro_effect(
+    "latency",
+    latency,
+    (EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),),
+    lambda place, rows: ((rows.rate_before - rows.rate) / rows.step[:, None])[..., None],
+    lambda place, values: (
         f"the gyros lag by {1e3 * values['delay']:.3f} ms"
         if values["delay"] >= 0.0
         else f"the gyros lead by {-1e3 * values['delay']:.3f} ms"
     ),
     formula="ω_read(t) = ω(t − ({delay}) 's')",
-    in_motion=True,
 )

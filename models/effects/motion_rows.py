@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .definition import EffectParameter, EffectPlace
+from .definition import Effect, EffectParameter, EffectPlace, all_coefficients
 
 GYRO_BLOCK = "gyro-block"
 ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
@@ -106,3 +107,39 @@ def listed(values: Sequence[float]) -> str:
     """Values with their signs, in rows of three where there are more."""
     rows = [", ".join(f"{value:+.2e}" for value in values[at : at + 3]) for at in range(0, len(values), 3)]
     return "; ".join(rows)
+
+
+def gyro_effect(
+    name: str,
+    kernel: Callable[..., None],
+    parameters: tuple[EffectParameter, ...],
+    signature: Callable[[EffectPlace, MotionRows], NDArray[np.float64]],
+    sentence: Callable[[EffectPlace, Mapping[str, float]], str],
+    **more: Any,
+) -> Effect:
+    """An effect that adds to the readings of the gyros; its parameters are its linear coefficients.
+
+    Parameters
+    ----------
+    name : str
+        of the effect
+    kernel : callable
+        ``kernel(context, rate, *parameters, added)``
+    parameters : tuple of EffectParameter
+    signature, sentence : callable
+        as in `Effect`
+    more
+        other fields of the `Effect`
+    """
+    usual = {"places": on_gyros(name), "component": "GyroBlock", "stage": "reading_effects"}
+    return Effect(
+        name=name,
+        parameters=parameters,
+        kernel=kernel,
+        place_numbers=no_numbers,
+        signature=signature,
+        from_coefficients=all_coefficients,
+        sentence=sentence,
+        in_motion=True,
+        **(usual | more),
+    )

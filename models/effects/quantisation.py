@@ -7,16 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    accelerometer_number,
-    no_coefficients,
-    no_signature,
-    on_accelerometers,
-)
-from .rows import Rows, Variant, at_readings
+from .definition import EffectParameter, EffectPlace, last_stage_effect
+from .rows import Rows, Variant, at_readings, variant
 
 LEAST_STEP, LARGEST_STEP = 1e-7, 1e-2
 LEAST_PART = 0.2
@@ -54,30 +46,13 @@ def variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma
     step = 0.5 * (limits[0] + limits[1])
     rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
 
-    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
-        return True
-
     def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
         steps = others.prediction[:, p] / step
         from_edge = step * np.abs(steps - np.floor(steps) - 0.5)
         # The bench was fitted to readings that rounding had moved, by some part of a step.
         return at_readings(others.n.shape, np.flatnonzero(from_edge < 2.0 * sigma + 0.25 * step), p)
 
-    return [
-        Variant(
-            offset=np.zeros_like(rows.n),
-            columns=np.zeros((*rows.n.shape, 0)),
-            widening=np.where(rounded, 0.5 * step, 0.0),
-            low=np.zeros(0),
-            high=np.zeros(0),
-            values=lambda coefficients: (step,),
-            limits=(limits,),
-            lost=np.zeros_like(rounded),
-            fixed=np.zeros_like(rounded),
-            stands=stands,
-            undecided=undecided,
-        )
-    ]
+    return [variant(rows.n.shape, (limits,), widening=np.where(rounded, 0.5 * step, 0.0), undecided=undecided)]
 
 
 def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
@@ -173,17 +148,11 @@ def misses(values: NDArray[np.float64] | float, steps: NDArray[np.float64]) -> N
     return np.abs(values - np.round(values / steps) * steps)
 
 
-EFFECT = Effect(
-    name="quantisation",
-    places=on_accelerometers("quantisation"),
-    parameters=(EffectParameter("step", "g", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),),
-    component="AccelerometerBlock",
-    stage="final_effects",
-    kernel=quantisation,
-    place_numbers=accelerometer_number,
-    signature=no_signature,
-    from_coefficients=no_coefficients,
-    sentence=lambda place, values: f"accelerometer {place.index + 1} reads in steps of {values['step']:.3e} g",
-    variants=variants,
+EFFECT = last_stage_effect(
+    "quantisation",
+    quantisation,
+    EffectParameter("step", "g", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),
+    variants,
+    "accelerometer {p} reads in steps of {step:.3e} g",
     formula="f_{p}/g 'in multiples of' {step}",
 )

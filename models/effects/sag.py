@@ -7,14 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import (
-    AXES,
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    polar_coefficients,
-    turned,
-)
+from .definition import EffectParameter, EffectPlace, table_effect
 from .rows import Rows
 
 
@@ -45,24 +38,16 @@ def open_argument(place: EffectPlace, rows: Rows) -> float:
     return abs(rows.from_vertical) if place.index == 1 else 0.0
 
 
-EFFECT = Effect(
-    name="sag",
-    places=tuple(EffectPlace("sag", where) for where in AXES),
-    parameters=(
+EFFECT = table_effect(
+    "sag",
+    sag,
+    (
         EffectParameter("amplitude", "rad", "amplitude of the elastic turn", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "phase of the elastic turn", math.pi),
     ),
-    component="TurntableMotion",
+    turns,
+    "weight turns the table elastically about the {axis}, by up to {amplitude_arcsec:.1f} arcsec",
     stage="geometry_effects",
-    kernel=sag,
-    place_numbers=lambda place: (place.index,),
-    signature=lambda place, rows: turned(rows, turns(place, rows)),
-    from_coefficients=polar_coefficients,
-    sentence=lambda place, values: (
-        f"weight turns the table elastically about the {place.where.replace('-', ' ')}, by up to "
-        f"{math.degrees(values['amplitude']) * 3600.0:.1f} arcsec"
-    ),
-    turns=turns,
     open_argument=open_argument,
     formula="'elastic outer turn' = {amplitude} sin(α + ({phase}))",
     of_place=lambda place: EFFECT if place.index == 0 else INNER,

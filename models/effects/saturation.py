@@ -4,17 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    accelerometer_number,
-    all_coefficients,
-    no_coefficients,
-    no_signature,
-    on_accelerometers,
-)
-from .rows import Rows, Variant, at_readings
+from .definition import EffectParameter, EffectPlace, all_coefficients, last_stage_effect
+from .rows import Rows, Variant, at_readings, variant
 
 LEAST_LEVEL, LARGEST_LEVEL = 0.5, 10.0
 
@@ -60,31 +51,24 @@ def _variant(
         others = np.delete(size, chosen).max(initial=0.0)
         return bool(size[chosen].min() >= coefficients[0] - sigma and others <= coefficients[0] + sigma)
 
-    return Variant(
+    return variant(
+        rows.n.shape,
+        (limits,),
         offset=np.where(fixed, -rows.prediction, 0.0),
         columns=np.where(fixed, np.sign(reading), 0.0)[..., None],
-        widening=np.zeros_like(rows.n),
         low=np.array([limits[0]]),
         high=np.array([limits[1]]),
         values=all_coefficients,
-        limits=(limits,),
-        lost=np.zeros_like(fixed),
         fixed=fixed,
         stands=stands,
     )
 
 
-EFFECT = Effect(
-    name="saturation",
-    places=on_accelerometers("saturation"),
-    parameters=(EffectParameter("level", "g", "largest reading", LARGEST_LEVEL, smallest=LEAST_LEVEL),),
-    component="AccelerometerBlock",
-    stage="final_effects",
-    kernel=saturation,
-    place_numbers=accelerometer_number,
-    signature=no_signature,
-    from_coefficients=no_coefficients,
-    sentence=lambda place, values: f"accelerometer {place.index + 1} saturates at {values['level']:.5f} g",
-    variants=variants,
+EFFECT = last_stage_effect(
+    "saturation",
+    saturation,
+    EffectParameter("level", "g", "largest reading", LARGEST_LEVEL, smallest=LEAST_LEVEL),
+    variants,
+    "accelerometer {p} saturates at {level:.5f} g",
     formula="|f_{p}|/g ≤ {level}",
 )

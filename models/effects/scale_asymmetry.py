@@ -5,14 +5,7 @@ import math
 import numpy as np
 
 from ..restricted import Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    accelerometer_column,
-    accelerometer_number,
-    on_accelerometers,
-    only_coefficient,
-)
+from .definition import EffectParameter, accelerometer_effect, own_input
 
 
 def scale_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:
@@ -20,20 +13,12 @@ def scale_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, adde
     added[p] = added[p] + coefficient * math.fabs(n[p])
 
 
-EFFECT = Effect(
-    name="scale-asymmetry",
-    places=on_accelerometers("scale-asymmetry"),
-    parameters=(EffectParameter("coefficient", "1", "c of c |n|: half of Γ⁺ - Γ⁻", 2e-2),),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=scale_asymmetry,
-    place_numbers=accelerometer_number,
-    signature=lambda place, rows: accelerometer_column(place, np.abs(rows.n[:, place.index])),
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the scale factor of accelerometer {place.index + 1} differs between the signs of its input: "
-        f"{values['coefficient']:+.2e} |n|"
-    ),
+EFFECT = accelerometer_effect(
+    "scale-asymmetry",
+    scale_asymmetry,
+    EffectParameter("coefficient", "1", "c of c |n|: half of Γ⁺ - Γ⁻", 2e-2),
+    lambda place, rows: np.abs(own_input(place, rows)),
+    "the scale factor of accelerometer {p} differs between the signs of its input: {coefficient:+.2e} |n|",
     within="asymmetric",
     degree=1,
     formula="Δf_{p}/g = {coefficient} |n_{p}|",

@@ -1,16 +1,7 @@
 """Bias that depends on the temperature."""
 
 from ..restricted import TEMPERATURE, Vector
-from .definition import (
-    NOMINAL_TEMPERATURE,
-    Effect,
-    EffectParameter,
-    above_nominal,
-    accelerometer_column,
-    accelerometer_number,
-    on_accelerometers,
-    only_coefficient,
-)
+from .definition import NOMINAL_TEMPERATURE, EffectParameter, above_nominal, accelerometer_effect
 
 
 def temperature_bias(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:
@@ -18,21 +9,12 @@ def temperature_bias(context: Vector, n: Vector, p: int, coefficient: float, add
     added[p] = added[p] + coefficient * (context[TEMPERATURE] - NOMINAL_TEMPERATURE)
 
 
-EFFECT = Effect(
-    name="temperature-bias",
-    places=on_accelerometers("temperature-bias"),
-    parameters=(
-        EffectParameter("coefficient", "g/K", "c of c (T - 20 degC): change of the bias with temperature", 1e-3),
-    ),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=temperature_bias,
-    place_numbers=accelerometer_number,
-    signature=lambda place, rows: accelerometer_column(place, above_nominal(rows)),
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the bias of accelerometer {place.index + 1} changes by {values['coefficient']:+.2e} g per kelvin"
-    ),
+EFFECT = accelerometer_effect(
+    "temperature-bias",
+    temperature_bias,
+    EffectParameter("coefficient", "g/K", "c of c (T - 20 degC): change of the bias with temperature", 1e-3),
+    lambda place, rows: above_nominal(rows),
+    "the bias of accelerometer {p} changes by {coefficient:+.2e} g per kelvin",
     needs=("temperature",),
     open_argument=lambda place, rows: rows.temperature_resolution,
     formula="Δf_{p}/g = {coefficient} (T − 20 °C)",

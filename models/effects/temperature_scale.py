@@ -1,16 +1,7 @@
 """Scale factor that depends on the temperature."""
 
 from ..restricted import TEMPERATURE, Vector
-from .definition import (
-    NOMINAL_TEMPERATURE,
-    Effect,
-    EffectParameter,
-    above_nominal,
-    accelerometer_column,
-    accelerometer_number,
-    on_accelerometers,
-    only_coefficient,
-)
+from .definition import NOMINAL_TEMPERATURE, EffectParameter, above_nominal, accelerometer_effect, own_input
 
 
 def temperature_scale(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:
@@ -18,23 +9,12 @@ def temperature_scale(context: Vector, n: Vector, p: int, coefficient: float, ad
     added[p] = added[p] + coefficient * (context[TEMPERATURE] - NOMINAL_TEMPERATURE) * n[p]
 
 
-EFFECT = Effect(
-    name="temperature-scale",
-    places=on_accelerometers("temperature-scale"),
-    parameters=(
-        EffectParameter(
-            "coefficient", "1/K", "c of c (T - 20 degC) n: change of the scale factor with temperature", 1e-3
-        ),
-    ),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=temperature_scale,
-    place_numbers=accelerometer_number,
-    signature=lambda place, rows: accelerometer_column(place, above_nominal(rows) * rows.n[:, place.index]),
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the scale factor of accelerometer {place.index + 1} changes by {values['coefficient']:+.2e} per kelvin"
-    ),
+EFFECT = accelerometer_effect(
+    "temperature-scale",
+    temperature_scale,
+    EffectParameter("coefficient", "1/K", "c of c (T - 20 degC) n: change of the scale factor with temperature", 1e-3),
+    lambda place, rows: above_nominal(rows) * own_input(place, rows),
+    "the scale factor of accelerometer {p} changes by {coefficient:+.2e} per kelvin",
     needs=("temperature",),
     open_argument=lambda place, rows: rows.temperature_resolution,
     degree=1,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..restricted import Vector
-from .definition import Effect, EffectParameter, EffectPlace, only_coefficient
-from .motion_rows import no_numbers
+from .definition import EffectParameter, EffectPlace
+from .motion_rows import gyro_effect
 
 
 def undersampling(before: Vector, increment: Vector, coefficient: float, added: Vector) -> None:
@@ -18,22 +18,17 @@ def undersampling(before: Vector, increment: Vector, coefficient: float, added: 
     added[2] = added[2] + coefficient * (before[0] * increment[1] - before[1] * increment[0])
 
 
-EFFECT = Effect(
-    name="undersampling",
-    places=(EffectPlace("undersampling", "attitude-computer"),),
-    parameters=(
-        EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),
-    ),
-    component="AttitudeComputer",
-    stage="increment_effects",
-    kernel=undersampling,
-    place_numbers=no_numbers,
+EFFECT = gyro_effect(
+    "undersampling",
+    undersampling,
+    (EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),),
     # The attitude computer adds what the readings lack.
-    signature=lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
+    lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
+    lambda place, values: (
         f"the attitude computer leaves coning out: {values['coefficient']:+.3f} of the product of two increments"
     ),
+    places=(EffectPlace("undersampling", "attitude-computer"),),
+    component="AttitudeComputer",
+    stage="increment_effects",
     formula="Δγ = {coefficient} γ_before × γ",
-    in_motion=True,
 )
