@@ -35,7 +35,7 @@ def extended_instance(name: str, places: Sequence[EffectPlace], values: Values, 
     component = extend(components()[name], [place for place, _ in own])
     at = references(component)
     model = instantiate(component)
-    for variable, value in {**PARAMETERS[name], **settings}.items():
+    for variable, value in {**PARAMETERS.get(name, {}), **settings}.items():
         for i, element in enumerate(np.ravel(value)):
             model.set(at[f"{variable}[{i + 1}]" if isinstance(value, list) else variable], float(element))
     for place, v in own:

@@ -112,6 +112,23 @@ def test_senses_of_inputs_are_those_of_their_last_changes():
     assert seen == [1, -1, -1, -1, 1, 1, -1]
 
 
+@pytest.mark.parametrize(
+    ("name", "place", "values", "output", "per_hour"),
+    [
+        ("AccelerometerBlock", EffectPlace("bias-drift", "accelerometer-1"), (36.0,), "reading", 36.0 * G),
+        ("GyroBlock", EffectPlace("gyro-bias-drift", "gyro-block"), (36.0, 0.0, 0.0), "rate_reading", 36.0),
+    ],
+)
+def test_hours_count_from_the_beginning_to_the_end_of_the_step(name, place, values, output, per_hour):
+    model, at = extended_instance(name, [place], [values], noise_bound=0.0)
+    assert model.initialise(50.0) == 0
+    at_rest = model.get(at[f"{output}[1]"])
+    for k in range(3):
+        assert model.do_step(50.0 + 2.0 * k, 2.0) == 0
+        drifted = model.get(at[f"{output}[1]"]) - at_rest
+        assert drifted == pytest.approx(per_hour * 2.0 * (k + 1) / 3600.0, rel=1e-9)
+
+
 def table(effects: dict[EffectPlace, tuple[float, ...]], **settings):
     return extended_instance("TurntableMotion", list(effects), list(effects.values()), **settings)
 
