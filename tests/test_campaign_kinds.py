@@ -7,12 +7,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from choosing import Situation, situation_errors
 from foreign_fmus import build_foreign
 from trihedron.fmus.gyro_block import GYRO_BLOCK
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
-from trihedron.tools.attitude.choosing import Situation, situation_errors
-from trihedron.tools.attitude.published import algorithm_named
 from trihedron.tools.campaign.attitude_runs import motion_samples, read_increments
 from trihedron.tools.campaign.campaign import run_campaign
 from trihedron.tools.campaign.design import Design
@@ -22,6 +21,7 @@ from trihedron.tools.campaign.order import make_order
 from trihedron.tools.campaign.runners import columns_of, make_runner
 from trihedron.tools.campaign.simulation_runs import reduced
 from trihedron.tools.errors import InputError
+from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.run import PreparedScenario
 from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenario

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.tools.attitude import find_record
-from trihedron.tools.demo import MEASURED_RECORD, run_demo
+from trihedron.tools.demo import MEASURED_RECORD, find_record, run_demo
 
 
 @pytest.fixture(scope="module")

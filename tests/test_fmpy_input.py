@@ -10,9 +10,9 @@ from fmpy.util import read_csv
 
 import trihedron as th
 from trihedron.tools import cli
-from trihedron.tools.attitude import attitude_of_record
 from trihedron.tools.errors import InputError
 from trihedron.tools.fmpy_input import fmpy_input, write_fmpy_input
+from trihedron.tools.motion.attitude import attitude_of_record
 from trihedron.tools.records import StrapdownRecord, read_record
 
 PERIOD = 0.01

@@ -11,9 +11,9 @@ from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.evidence.carried import carried_evidence
 from trihedron.tools.evidence.references import Gravity, turned
+from trihedron.tools.motion.carry import GyroModel, carried_attitude
+from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.orchestrator.load import usual_flavour
-from trihedron.tools.strapdown import inspect_record
-from trihedron.tools.strapdown.carrying import GyroModel, carried_attitude
 from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 from trihedron.tools.strapdown.judging import order_of_effects, witnesses
 from trihedron.tools.strapdown.search import classes_of, seen_places, smallest_sets

@@ -15,11 +15,11 @@ import polars as pl
 
 from ..fmus import components
 from ..models.bench import ELEMENTARY, TARGETS, elementary, target_values
-from .attitude import WHERE_TO_GET, attitude_of_record, find_record, rate_at_rest
 from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
 from .evidence.gain import export_extended
 from .files import write_text
+from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
@@ -27,6 +27,7 @@ from .report.diagnosis_sections import diagnosis_sections
 from .report.page import Section, render_page
 from .report.run_sections import attitude_section, run_section
 from .report.target_sections import calibration_section
+from .reports.inspection import attitude_lines
 from .summaries import calibration_summary, diagnosis_summary
 from .trials.bench import NOISE_BOUND
 from .trials.draw import draw_alone
@@ -36,6 +37,15 @@ STATIC_CALIBRATION = "static-calibration.toml"
 MEASURED_RECORD = "broad-03.strapdown.csv"
 EXTENDING_EFFECTS = ("bias-drift", "encoder-harmonic", "quadratic")
 """Effects of which one is hidden: each can be composed into an FMU, and none looks like another."""
+VARIABLE = "TRIHEDRON_DATA"
+"""Environment variable that names the folder of the measured records."""
+
+WHERE_TO_GET = (
+    "broad-03.strapdown.csv is not here: it is trial 03 (undisturbed slow rotation) of the BROAD data set, D. Laidig "
+    "et al., doi 10.3390/data6070072 (github.com/dlaidig/broad, CC BY 4.0), written as a strapdown record; "
+    f"put it into a folder and name that in ${VARIABLE}"
+)
+"""What a person reads where the record is not there."""
 
 
 def run_demo(out: Path, *, seed: int, show: bool) -> Path:
@@ -194,12 +204,12 @@ def attitude_of_measured_record(out: Path) -> Section:
         return Section("A measured strapdown record", [WHERE_TO_GET])
     record = read_record(path, StrapdownRecord)
     run = attitude_of_record(record, out=out / "attitude-run", progress=True)
-    print("\n".join(run.summary()))
+    print("\n".join(attitude_lines(run)))
     bias = rate_at_rest(record)
     if bias is None:
         return attitude_section([run])
     freed = attitude_of_record(record, gyro_bias=bias, progress=True)
-    print("\n".join(freed.summary()[1:]))
+    print("\n".join(attitude_lines(freed)[1:]))
     return attitude_section([run, freed])
 
 
@@ -208,3 +218,25 @@ def open_page(page: Path) -> None:
     screen = sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if screen and sys.stdout.isatty():
         webbrowser.open(page.resolve().as_uri())
+
+
+def find_record(name: str) -> Path | None:
+    """Look for a measured record by its file's name.
+
+    Parameters
+    ----------
+    name : str
+        such as "broad-03.strapdown.csv"
+
+    Returns
+    -------
+    Path or None
+        in the folder that $TRIHEDRON_DATA names, else in `../shared/data` beside the checkout, else None
+    """
+    named = os.environ.get(VARIABLE)
+    checkout = Path(__file__).resolve().parents[1]
+    for folder in [*([Path(named)] if named else []), checkout.parent / "shared" / "data"]:
+        path = folder / Path(name).name
+        if path.is_file():
+            return path
+    return None

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from .attitude.measured import starting_attitude
-from .attitude.sampling import increments_from
 from .errors import InputError
 from .files import whole_file
+from .motion.attitude import increments_from, starting_attitude
 from .records import RawRecord, StrapdownRecord, read_record
 
 UNIFORM = 1e-3

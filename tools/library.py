@@ -16,7 +16,6 @@ from .errors import InputError, nearest
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from .attitude import AttitudeRun
     from .calibration import Calibration
     from .calibration.correction import Application
     from .campaign.campaign import Done
@@ -24,11 +23,12 @@ if TYPE_CHECKING:
     from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
     from .installation import Installation as Installation
+    from .motion.attitude import AttitudeRun
+    from .motion.inspect import Inspection
     from .orchestrator.run import Simulation as Simulation
     from .orchestrator.scenario import Scenario
     from .planning.plan import Plans, PositionPlan
     from .records import Source
-    from .strapdown.inspection import Inspection
     from .strapdown.result import StrapdownDiagnosis
     from .trials.suite import HiddenRecord
 
@@ -380,9 +380,9 @@ def inspect(record: "Source", *, gravity: float = 9.80665) -> "Inspection":
     InputError
         for a record of a table, or gravity that is none
     """
+    from .motion.inspect import inspect_record
     from .records import StrapdownRecord
     from .records import read_record as read
-    from .strapdown.inspection import inspect_record
 
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
@@ -423,7 +423,7 @@ def attitude_of_record(
     InputError
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
-    from .attitude import attitude_of_record as run
+    from .motion.attitude import attitude_of_record as run
     from .records import StrapdownRecord
     from .records import read_record as read
 

@@ -2,13 +2,31 @@
 
 import json
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_serializer
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    WithJsonSchema,
+    model_serializer,
+)
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from . import showing
+
+Array: TypeAlias = Annotated[
+    NDArray[np.float64],
+    BeforeValidator(lambda value: np.asarray(value, dtype=np.float64) if isinstance(value, list) else value),
+    PlainSerializer(lambda value: value.tolist()),
+    WithJsonSchema({"type": "array"}),
+]
+"""An array of a result: nested lists in its JSON."""
 
 
 class _Published(GenerateJsonSchema):

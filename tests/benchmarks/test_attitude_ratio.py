@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.tools.attitude.angles import angle_between, attitudes_of_angles
-from trihedron.tools.attitude.compiled_runs import Samples, run_algorithm, sample_motion
-from trihedron.tools.attitude.conditions import EXACT
-from trihedron.tools.attitude.paper_motions import paper_motion
-from trihedron.tools.attitude.published import algorithm_named
+from trihedron.tools.motion.attitude import algorithm_named
+from trihedron.tools.motion.attitude_error import angle_between, attitudes_of_angles
+from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
+from trihedron.tools.papers.attitude import EXACT, paper_motion
 
 RATE = 100.0
 COUNT = 160_000

@@ -13,13 +13,12 @@ from ...fmus.gyro_block import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
-from ..attitude.angles import angle_between, attitudes_of_angles
-from ..attitude.compiled_runs import Samples, run_algorithm, sample_motion
-from ..attitude.conditions import EXACT
-from ..attitude.paper_motions import paper_motion
-from ..attitude.published import algorithm_named
 from ..compiled import compiled
 from ..errors import InputError, nearest
+from ..motion.attitude import algorithm_named
+from ..motion.attitude_error import angle_between, attitudes_of_angles
+from ..motion.compare import Samples, run_algorithm, sample_motion
+from ..papers.attitude import EXACT, paper_motion
 from .design import Value, short_seed
 from .file import Campaign
 from .kinds import Output, Result

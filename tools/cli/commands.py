@@ -196,7 +196,7 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
         from ..report.allan_pictures import allan_picture
 
         write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))
-    return answer(found, json, found.json_text())
+    return answer(found, json)
 
 
 @takes(library.attitude_of_record)
@@ -217,16 +217,17 @@ def attitude(
         Run every algorithm and show them side by side.
     """
     distinct_files({"the record": record, "--json": json})
-    from ..attitude.comparison import compare_algorithms, comparison_json, comparison_text, write_comparison
+    from ..files import write_text
+    from ..motion.compare import compare_algorithms
     from ..records import StrapdownRecord, read_record
 
     measured = read_record(record, StrapdownRecord)
     if compare:
         options.pop("algorithm", None)
-        rows = compare_algorithms(measured, **options, progress=True)
+        compared = compare_algorithms(measured, **options, progress=True)
         if out is not None:
-            write_comparison(rows, out / "comparison.csv")
-        return answer(comparison_text(rows), json, comparison_json(rows))
+            write_text(out / "comparison.csv", compared.to_polars().write_csv())
+        return answer(compared, json)
     return answer(library.attitude_of_record(measured, **options, out=out, progress=True), json)
 
 
@@ -331,11 +332,9 @@ def calibration(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron reproduce calibration
     """
-    from ..planning.published import check_published_calibration, published_summary
+    from ..papers.calibration import check_published_calibration
 
-    rows = check_published_calibration()
-    content = [{**vars(row), "remarks": list(row.remarks)} for row in rows]
-    return answer(published_summary(rows), json, {"schema": "trihedron.published-calibration/1", "rows": content})
+    return answer(check_published_calibration(), json)
 
 
 @reproduce.command(name="attitude")
@@ -351,12 +350,11 @@ def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
     """
     written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
     distinct_files({**written, "--json": json})
-    from ..attitude.reproduction import reproduce_attitude
-    from ..attitude.reproduction_output import reproduction_json, reproduction_summary, write_reproduction
+    from ..papers.reproduction import reproduce_attitude
+    from ..reports.papers import write_reproduction
 
     result = reproduce_attitude(progress=True)
-    files = write_reproduction(result, out)
-    return answer("\n".join(reproduction_summary(result)), json, reproduction_json(result), files=files)
+    return answer(result, json, files=() if out is None else write_reproduction(result, out))
 
 
 @reproduce.command
@@ -365,13 +363,9 @@ def word_length(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron reproduce word-length
     """
-    from ..attitude.word_length import word_length_errors, word_length_summary
+    from ..papers.word_length import word_length_errors
 
-    errors = word_length_errors(progress=True)
-    content = [{**vars(e), "error": float(e.error)} for e in errors]
-    return answer(
-        "\n".join(word_length_summary(errors)), json, {"schema": "trihedron.word-length/1", "errors_rad": content}
-    )
+    return answer(word_length_errors(progress=True), json)
 
 
 def add_completion(app: App) -> None:

@@ -13,12 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from ..errors import InputError
-from ..strapdown.carrying import GyroModel, carried_attitude
-from ..strapdown.inspection import Inspection
-from ..strapdown.motion import Motion, motion_of
-from ..strapdown.norm_calibration import LARGEST, NAMES, inputs_of
-from ..strapdown.sampling import rates_of
-from ..strapdown.turning_check import FEWEST, LEAST_TURN, meaning
+from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
+from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
+from ..motion.inspect import LEAST_TURN, Inspection, meaning
+from ..motion.norm import LARGEST, NAMES, inputs_of
+from ..motion.sampling import rates_of
 from .carried_bounds import force_deviation, gyro_noise
 from .evidence import Evidence, coefficient_count, least_squares
 from .references import (
@@ -439,7 +438,7 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     if record.attitude is None or not len(known):
         return ()
     windows = windows_of(known, Usable(found), found.sampling.period, LENGTHS[0])
-    if len(windows) < FEWEST:
+    if len(windows) < FEWEST_TURNS:
         return ()
     rotation = Rotation.from_quat(np.roll(record.attitude[windows.first], -1, axis=1)).inv()
     true = (rotation * Rotation.from_quat(np.roll(record.attitude[windows.last], -1, axis=1))).as_rotvec()
@@ -448,7 +447,7 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     sums = np.cumsum((rates_of(record) - level) * step[:, None], axis=0)
     turn = sums[windows.last] - sums[windows.first]
     moving = np.linalg.norm(true, axis=1) > LEAST_TURN
-    if moving.sum() < FEWEST:
+    if moving.sum() < FEWEST_TURNS:
         return ()
     design, target = turn[moving], true[moving]
     singular = np.linalg.svd(design, compute_uv=False)

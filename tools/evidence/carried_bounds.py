@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
+from ..motion.carry import matrices_of
+from ..motion.inspect import Inspection
+from ..motion.rests import Rests
+from ..motion.sampling import rates_of
 from ..records.noise import SCATTER_FACTOR, allan_deviation
-from ..strapdown.carrying import matrices_of
-from ..strapdown.inspection import Inspection
-from ..strapdown.rests import Rests
-from ..strapdown.sampling import rates_of
 
 FLICKER_TO_ALLAN = 2.0 * math.log(2.0)
 """Square of flicker noise's Allan deviation over its coefficient: a mean over τ wanders about the mean over T by the

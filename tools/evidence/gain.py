@@ -12,10 +12,10 @@ from pydantic import Field, model_serializer
 
 from ...fmus import build
 from ...models.effects import CATALOGUE, EffectPlace
+from ..motion.carry import carried_attitude, reads
+from ..motion.norm import NAMES
 from ..orchestrator.load import usual_flavour
 from ..result import Result
-from ..strapdown.carrying import carried_attitude, reads
-from ..strapdown.norm_calibration import NAMES
 from .carried import LONG, Carried, is_of_gyros
 from .evidence import least_squares
 from .references import Gravity, all_rows, turned

@@ -14,13 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.turntable import EARTH_RATE
+from ..motion.carry import GyroModel, Motion, matrices_of
+from ..motion.inspect import Inspection
+from ..motion.norm import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
+from ..motion.rests import Rests
+from ..motion.sampling import GAP, rates_of, saturated_mask
 from ..records import StrapdownRecord
-from ..strapdown.carrying import GyroModel, matrices_of
-from ..strapdown.inspection import Inspection
-from ..strapdown.motion import Motion
-from ..strapdown.norm_calibration import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
-from ..strapdown.rests import Rests
-from ..strapdown.sampling import GAP, rates_of, saturated_mask
 from .carried_bounds import RestNoise, factor_for, truth_scatter
 from .evidence import Part, Pieces, coefficient_count
 

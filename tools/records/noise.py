@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ...fmus.units import STANDARD_GRAVITY
 from .kinds import DwellNoise, PositionRecord, RawRecord
@@ -84,6 +83,9 @@ def uniform_range_quantile(counts: np.ndarray, probability: float) -> float:
     def excess(t: float) -> float:
         logs = (counts - 1) * math.log(t) + np.log(counts - (counts - 1) * t)
         return float(np.sum(logs)) - math.log(probability)
+
+    # late: a record is read without it
+    from scipy.optimize import brentq
 
     root: Any = brentq(excess, 1e-12, 1.0)
     return float(root)

@@ -137,6 +137,8 @@ def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind]) -> Record:
     else:
         path = Path(source)
         data = _contents(path)
+        if path.suffix.lower() == ".parquet" and not data.startswith(MAGIC):
+            raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     # a table in memory cannot be corrupt
     found = all_faults(path, data, kinds, trusted=isinstance(source, pl.DataFrame))
     try:
@@ -174,8 +176,6 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     try:
         if data.startswith(MAGIC):
             columns = _read_parquet(path, data, kinds, trusted=trusted)
-        elif path.suffix.lower() == ".parquet":
-            raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
         else:
             columns = yield from _read_csv(path, data, kinds)
     except RecordError as error:

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 BLOCKS = 40
 """Blocks into which a rest is cut for the test of its start."""
@@ -163,6 +162,9 @@ def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:
 
 def _student(freedom: int, chance: float) -> float:
     """How many standard errors a quantity with so many degrees of freedom may lie from its mean."""
+    # late: a simulation that is not averaged need not wait for it
+    from scipy.special import stdtrit
+
     return float(stdtrit(max(freedom, 1), 1.0 - 0.5 * chance))
 
 

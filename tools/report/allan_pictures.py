@@ -6,12 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..motion.rests import Rests
+from ..motion.sampling import rates_of
 from ..records import StrapdownRecord
 from ..records.noise import allan_deviation
-from ..strapdown.rests import Rests
-from ..strapdown.sampling import rates_of
-from .choosing_pictures import power_of_ten
-from .svg import drawing, say_empty, svg_text
+from .svg import drawing, power_of_ten, say_empty, svg_text
 from .theme import AXES, DASHES, MUTED, WIDTH
 
 PER_OCTAVE = 4

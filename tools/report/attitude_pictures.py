@@ -4,10 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 
-from ..attitude.published import TABLES
-from ..attitude.reproduction import Reproduction
-from .choosing_pictures import power_of_ten
-from .svg import drawing, svg_text
+from ..papers.attitude import TABLES
+from ..papers.reproduction import Reproduction
+from .svg import drawing, power_of_ten, svg_text
 from .theme import ALERT, AXES, BAND, INK, MUTED, WIDTH
 
 MARKERS = ("o", "s", "^")
@@ -23,11 +22,11 @@ def published_and_reproduced(result: Reproduction) -> str:
     str
         SVG
     """
-    numbers = np.array([row.row.number for row in result.rows])
+    numbers = np.array([row.row for row in result.rows])
     ratios = np.array([row.ratio for row in result.rows]).reshape(-1, 3)
-    published = np.array([row.row.error_deg for row in result.rows]).reshape(-1, 3)
-    method = np.degrees([row.method for row in result.rows]).reshape(-1, 3)
-    tables = [row.row.table for row in result.rows]
+    published = np.array([row.published_deg for row in result.rows]).reshape(-1, 3)
+    method = np.array([row.method_error_deg for row in result.rows]).reshape(-1, 3)
+    tables = [row.table for row in result.rows]
     with drawing():
         figure = Figure(figsize=(WIDTH, 5.4), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.2])

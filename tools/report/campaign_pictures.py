@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from .choosing_pictures import power_of_ten
-from .svg import drawing, say_empty, short, svg_text
+from .svg import drawing, power_of_ten, say_empty, short, svg_text
 from .theme import BAND, DASHES, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
 
 BINS = 40

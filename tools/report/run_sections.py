@@ -7,7 +7,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from ..attitude import AttitudeRun
+from ..motion.attitude import AttitudeRun
+from ..reports.inspection import attitude_lines, split_lines
 from .cells import Cell
 from .page import Section, Table
 from .rounding import minus, significant
@@ -35,7 +36,7 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     shown = runs[-1]
     return Section(
         "A measured strapdown record",
-        [f"{shown.summary()[0]}.", *(f"{line[0].upper()}{line[1:]}." for line in shown.split_lines())],
+        [f"{attitude_lines(shown)[0]}.", *(f"{line[0].upper()}{line[1:]}." for line in split_lines(shown))],
         attitude_error(shown.time_s, np.degrees(shown.error_rad), np.degrees(shown.error_angle)),
         "Attitude from the measured gyros, "
         + ("" if shown.gyro_bias is None else "their bias at rest taken out, ")

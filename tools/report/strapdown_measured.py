@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from ..strapdown.inspection import EXCITED, Inspection
-from ..strapdown.norm_calibration import NAMES, NormCalibration
-from ..strapdown.rest_gyros import GyrosAtRest
+from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
+from ..motion.norm import NAMES, NormCalibration
 from ..strapdown.result import StrapdownDiagnosis
 from .allan_pictures import allan_picture
 from .cells import Cell, Written
@@ -69,7 +68,7 @@ def rest_words(found: Inspection) -> list[str]:
         said = f"{len(rests)} rests of {lengths.min():.2g} to {lengths.max():.2g} s, half of them up to "
         said += f"{np.median(lengths):.2g} s"
     if len(found.moves):
-        turns = np.degrees(found.moves[:, 1])
+        turns = np.degrees([move.turn_rad for move in found.moves])
         said += f"; {len(turns)} moves between them, of {turns.min():.0f} to " if len(turns) > 1 else "; one move of "
         said += f"{turns.max():.0f} degrees"
     rates = ", ".join(f"{math.degrees(value):.3g}" for value in found.excitation)

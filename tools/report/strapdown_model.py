@@ -8,7 +8,7 @@ import numpy as np
 from ...models.effects import CATALOGUE
 from ...models.effects.motion_rows import matrix_formula
 from ..diagnosis.result import Cause
-from ..strapdown.norm_calibration import COLUMNS, ROWS
+from ..motion.norm import COLUMNS, ROWS
 from ..strapdown.result import StrapdownDiagnosis
 from .equations import effect_formula, math
 from .model_sections import OPEN, Value

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import math
 import re
 import warnings
 from collections.abc import Iterator
@@ -131,3 +132,9 @@ def three_columns(values: object) -> np.ndarray:
     array = array.reshape(-1, 3).copy()
     array[~np.isfinite(array)] = np.nan
     return array
+
+
+def power_of_ten(value: float, _: object = None) -> str:
+    """A label of a logarithmic axis: 10⁻³."""
+    power = round(math.log10(value))
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

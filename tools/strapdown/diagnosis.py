@@ -25,14 +25,14 @@ from ..evidence.carried import (
 )
 from ..evidence.evidence import Fit, rms_size
 from ..evidence.gain import carried_gain
+from ..motion.inspect import Inspection, inspect_record
+from ..motion.norm import LARGEST
+from ..motion.rests import rest_warnings
 from ..records import StrapdownRecord
-from .inspection import Inspection, inspect_record
-from .inspection_text import rest_warnings
 from .intervals import excluded_sizes
 from .judging import witnesses
 from .lengths import by_length, length_of, only_at_one_length
 from .likeness import compared_places, likeness
-from .norm_calibration import LARGEST
 from .result import BaselineParameter, StrapdownDiagnosis
 from .search import classes_of, seen_places, smallest_sets
 from .separation import what_separates

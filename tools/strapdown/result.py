@@ -12,8 +12,8 @@ from ...models.effects import EffectPlace
 from ..diagnosis.result import SCHEMA, Cause, place_json
 from ..evidence.evidence import Part
 from ..evidence.gain import ARCMIN, Gain
+from ..motion.inspect import Inspection
 from ..shown import Shown
-from .inspection import Inspection
 from .judging import Order, Witness
 
 if TYPE_CHECKING:

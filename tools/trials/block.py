@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from ...models.harmonic_motion import HARMONICS
-from ..attitude.compiled_runs import sample_motion
+from ..motion.compare import sample_motion
 
 UP = np.array([0.0, 0.0, 1.0])
 LARGEST_SWING = 1.2

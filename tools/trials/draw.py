@@ -19,8 +19,8 @@ from ..diagnosis.sizes import SureSizes, level_margins, sure_sizes
 from ..errors import InputError, nearest
 from ..evidence.carried import carried_evidence
 from ..evidence.evidence import Evidence
+from ..motion.inspect import inspect_record
 from ..records import StrapdownRecord
-from ..strapdown import inspect_record
 from .bench import (
     DWELL_S,
     NOISE_BOUND,

@@ -1,0 +1,183 @@
+"""What the algorithms reach on the paper's motions: independent references, round-off, and the best of them."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.models.harmonic_motion import move_harmonically
+from trihedron.tools.motion.attitude_error import angle_errors
+from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
+from trihedron.tools.papers.attitude import EXACT, paper_motion
+
+BY_NAME = {a.name: a for a in ALGORITHMS}
+SMOOTH = ("functional-iteration-4", "functional-iteration-6", "functional-iteration-8", "adaptive-degree")
+
+
+def rate_of(harmonics: np.ndarray, time: float) -> np.ndarray:
+    """Body rate of a motion [rad/s]."""
+    rate = np.zeros(3)
+    move_harmonically(time, harmonics, np.zeros(3), np.zeros(3), rate)  # type: ignore[arg-type]
+    return rate
+
+
+def integrate(derivative, harmonics: np.ndarray, end: float) -> np.ndarray:
+    """Three parameters of the rotation from the start, by DOP853."""
+    run = solve_ivp(
+        lambda t, y: derivative(rate_of(harmonics, t), y),
+        (0.0, end),
+        np.zeros(3),
+        method="DOP853",
+        rtol=3e-14,
+        atol=1e-15,
+        max_step=0.02,
+    )
+    return run.y[:, -1]
+
+
+def modified_rodrigues(w: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Equation (18): 4 x' = ω + 2 x × ω + 2 x (x·ω) - (x·x) ω."""
+    return (w + 2 * np.cross(x, w) + 2 * x * (x @ w) - (x @ x) * w) / 4
+
+
+def bortz(w: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """Equation (14): φ' = ω + φ × ω / 2 + (1 - φ sin φ/(2 (1 - cos φ))) φ × (φ × ω)/φ²."""
+    size = np.linalg.norm(phi)
+    if size < 0.02:
+        factor = 1 / 12 + size**2 / 720 + size**4 / 30240
+    else:
+        factor = (1 - size * np.sin(size) / (2 * (1 - np.cos(size)))) / size**2
+    return w + np.cross(phi, w) / 2 + factor * np.cross(phi, np.cross(phi, w))
+
+
+@pytest.mark.parametrize("name", ["1", "4", "5", "small"])
+def test_two_equations_of_motion_and_the_closed_form_agree(name: str) -> None:
+    harmonics, end = paper_motion(name, EXACT), 1.37
+    angle = np.zeros(3)
+    move_harmonically(end, harmonics, angle, np.zeros(3), np.zeros(3))  # type: ignore[arg-type]
+    true = Rotation.from_euler("YZX", angle)
+    by_x = Rotation.from_mrp(integrate(modified_rodrigues, harmonics, end))
+    by_phi = Rotation.from_rotvec(integrate(bortz, harmonics, end))
+    assert (by_x.inv() * true).magnitude() < 1e-12
+    assert (by_phi.inv() * true).magnitude() < 1e-12
+    assert (by_phi.inv() * by_x).magnitude() < 1e-12
+
+
+@cache
+def samples(name: str, frequency: int, span: float) -> Samples:
+    return sample_motion(paper_motion(name, EXACT), 1.0 / frequency, round(span * frequency))
+
+
+def errors_deg(taken: Samples, algorithm: str, increments: np.ndarray | None = None) -> np.ndarray:
+    """Largest errors of ψ, ϑ, γ [deg]."""
+    chosen = BY_NAME[algorithm]
+    attitudes = run_algorithm(chosen, taken.increments if increments is None else increments, renormalise=True)
+    return np.degrees(angle_errors(attitudes, taken.angles_at_steps(chosen), normalised=True))
+
+
+@cache
+def exact_samples(frequency: int, span: float) -> Samples:
+    """The first motion with increments in extended precision, rounded once: time itself rounds in a double."""
+    extended = np.longdouble
+    count = round(span * frequency)
+    amplitude = np.array([15, 5, 15], extended) * np.arccos(extended(-1)) / 180
+    circular = 2 * np.arccos(extended(-1)) * np.array([extended(1), extended(0.5), extended(1)])
+    begin = np.arange(count, dtype=extended) / frequency
+
+    def angle_and_rate(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        phase = np.multiply.outer(time, circular)
+        return amplitude * np.sin(phase), amplitude * circular * np.cos(phase)
+
+    increments = np.zeros((count, 3), extended)
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    for node, weight in zip(nodes, weights, strict=True):
+        (_, theta, gamma), (psi_rate, theta_rate, gamma_rate) = (
+            part.T for part in angle_and_rate(begin + (extended(0.5) + extended(0.5) * extended(node)) / frequency)
+        )
+        across = psi_rate * np.cos(theta)
+        rate = (
+            gamma_rate + psi_rate * np.sin(theta),
+            across * np.cos(gamma) + theta_rate * np.sin(gamma),
+            theta_rate * np.cos(gamma) - across * np.sin(gamma),
+        )
+        increments += extended(0.5) * extended(weight) / frequency * np.stack(rate, axis=1)
+    angles = angle_and_rate(begin + extended(1) / frequency)[0]
+    return Samples(1.0 / frequency, increments.astype(np.float64), angles.astype(np.float64))
+
+
+@pytest.mark.parametrize("frequency", [1000, 2000])
+@pytest.mark.parametrize("algorithm", SMOOTH)
+def test_round_off_of_ten_minutes_stays_under_2e_11_degrees(algorithm: str, frequency: int) -> None:
+    assert errors_deg(exact_samples(frequency, 600.0), algorithm).max() <= 2e-11
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "expected"),
+    [
+        # Table of facts/attitude.md, section 3: motion 1 at 1 kHz, exact increments.
+        ("mean-rate", (1.18e-04, 4.44e-05, 1.71e-04)),
+        ("one-sample-rodrigues-symmetric", (1.60e-07, 8.02e-06, 2.09e-06)),
+        ("two-sample-rodrigues-third-order", (3.85e-07, 2.14e-05, 5.56e-06)),
+        ("two-sample-rodrigues", (4.22e-09, 5.21e-10, 1.86e-09)),
+        ("two-sample-rodrigues-second-iterate", (2.83e-07, 1.60e-05, 4.16e-06)),
+        ("two-sample-textbook", (4.37e-09, 7.14e-10, 2.64e-09)),
+        ("panov", (5.24e-08, 9.47e-09, 3.47e-08)),
+    ],
+)
+def test_the_method_error_on_the_first_motion(algorithm: str, expected: tuple) -> None:
+    np.testing.assert_allclose(errors_deg(samples("1", 1000, 600.0), algorithm), expected, rtol=0.04)
+
+
+def test_the_best_algorithm_is_ten_thousand_times_better_on_the_first_motion() -> None:
+    taken = samples("1", 100, 600.0)
+    assert errors_deg(taken, "two-sample-rodrigues").max() > 1e4 * errors_deg(taken, "adaptive-degree").max()
+
+
+@pytest.mark.parametrize("name", ["2", "3", "4", "5", "6"])
+def test_the_best_algorithm_is_five_thousand_times_better_on_the_other_variants(name: str) -> None:
+    taken = samples(name, 100, 600.0)
+    assert errors_deg(taken, "two-sample-rodrigues").max() > 5e3 * errors_deg(taken, "adaptive-degree").max()
+
+
+def quantised(increments: np.ndarray, step: float) -> np.ndarray:
+    """Increments of an angle that is counted in whole steps, as a gyro's pulses are."""
+    counted = np.round(np.vstack((np.zeros(3), np.cumsum(increments, axis=0))) / step) * step
+    return np.diff(counted, axis=0)
+
+
+def never_worse(taken: Samples) -> None:
+    draw = np.random.default_rng(11)
+    exact = taken.increments
+    cases = [exact]
+    cases += [quantised(exact, step) for step in (1e-8, 5e-8, 1e-6, 4.85e-6)]
+    cases += [exact + size * draw.normal(size=exact.shape) for size in (1e-8, 1e-7, 1e-6)]
+    for increments in cases:
+        best = errors_deg(taken, "adaptive-degree", increments).max()
+        assert best <= 1.05 * errors_deg(taken, "two-sample-rodrigues", increments).max()
+
+
+@pytest.mark.parametrize("frequency", [500, 1000, 2000, 4000])
+@pytest.mark.parametrize("name", ["first", "second"])
+def test_the_best_algorithm_is_never_worse_on_the_compositions(name: str, frequency: int) -> None:
+    """Vibration up to above half the sample rate; exact, quantised and noisy increments."""
+    never_worse(samples(name, frequency, 20.0))
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("frequency", [500, 1000, 2000, 4000])
+@pytest.mark.parametrize("name", ["first", "second"])
+def test_the_best_algorithm_is_never_worse_over_ten_minutes(name: str, frequency: int) -> None:
+    never_worse(samples(name, frequency, 600.0))
+
+
+def test_a_fixed_high_degree_is_worse_on_vibration_near_the_nyquist_rate() -> None:
+    taken = samples("second", 1000, 20.0)
+    assert errors_deg(taken, "functional-iteration-8").max() > 5 * errors_deg(taken, "adaptive-degree").max()
+
+
+def test_where_no_noise_is_seen_vibration_gains_too() -> None:
+    taken = samples("second", 4000, 20.0)
+    assert errors_deg(taken, "two-sample-rodrigues").max() > 20 * errors_deg(taken, "adaptive-degree").max()

@@ -1,0 +1,342 @@
+"""What a strapdown record supports, on simulated records whose truth is known, and on hostile ones."""
+
+import json
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
+from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
+from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.motion.rests import reading_steps
+from trihedron.tools.motion.sampling import sampling_of
+from trihedron.tools.records import StrapdownRecord, write_record
+from trihedron.tools.report.allan_pictures import allan_curve, allan_picture
+
+GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
+BIAS = np.array([0.01, -0.02, 0.03])
+TRUTH = np.concatenate([GAMMA[np.tril_indices(3)], BIAS])
+GYRO_BIAS = np.array([0.01, -0.02, 0.005])
+
+
+def chosen(record: StrapdownRecord, rows: np.ndarray) -> StrapdownRecord:
+    """The record with some of its rows."""
+    assert record.rate is not None
+    return StrapdownRecord(record.time_s[rows], record.rate[rows], None, record.specific_force[rows])
+
+
+def test_rests_moves_and_excitation_are_those_of_the_motion():
+    found = inspect_record(strapdown_record(gyro_bias=GYRO_BIAS))
+    assert len(found.rests) == len(POSES)
+    assert found.rests.force == pytest.approx(G * POSES, abs=0.01)
+    assert found.rests.time_s == pytest.approx(1.5 + 4.5 * np.arange(len(POSES)), abs=0.15)
+    _, rate, _ = true_motion()
+    turned = PERIOD * np.linalg.norm(rate, axis=1).sum()
+    assert sum(move.turn_rad for move in found.moves) == pytest.approx(turned, rel=0.02)
+    assert found.turning.matrix == pytest.approx(np.eye(3), abs=0.05)
+    assert found.turning.said == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_accelerometers_are_calibrated_within_their_guaranteed_ends(seed):
+    found = inspect_record(strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS)).accelerometers
+    assert found is not None
+    assert found.verdict == "consistent"
+    assert found.low is not None
+    assert found.high is not None
+    assert found.least_squares is not None
+    assert found.standard_error is not None
+    assert np.all(found.low <= TRUTH)
+    assert np.all(found.high >= TRUTH)
+    assert np.abs((found.least_squares - TRUTH) / found.standard_error).max() < 5.0
+    assert np.all(found.high - found.low < 0.03)
+
+
+def test_an_effect_that_nine_parameters_cannot_hold_falsifies_them():
+    time, rate, n = true_motion()
+    record = strapdown_record((time, rate, n + 0.02 * n**3 * np.array([0.0, 0.0, 1.0]) + 0.02 * n**2))
+    found = inspect_record(record).accelerometers
+    assert found is not None
+    assert found.verdict == "falsified"
+    assert found.radius is not None
+    assert found.radius > 1.0
+    assert found.low is None
+
+
+def test_missing_poses_are_named_and_mend_it():
+    """The block was never turned over: third axis up only, by and large."""
+    few = POSES[POSES[:, 2] > 0.5]
+    found = inspect_record(strapdown_record(true_motion(few))).accelerometers
+    assert found is not None
+    assert found.verdict == "insufficient"
+    assert any("down" in pose for pose in found.missing)
+    signs = {"up": 1.0, "down": -1.0}
+    added = []
+    for pose in found.missing:
+        words = pose.replace(",", "").split()
+        pairs = [(int(words[i + 1]) - 1, signs[words[i + 2]]) for i, word in enumerate(words) if word == "axis"]
+        added.append(sum(sign * np.eye(3)[p] for p, sign in pairs) / np.sqrt(len(pairs)))
+    mended = inspect_record(strapdown_record(true_motion(np.vstack([few, added])))).accelerometers
+    assert mended is not None
+    assert mended.verdict == "consistent"
+
+
+def test_constant_gyros_are_constant_and_nothing_is_named_on_clean_records():
+    for seed in range(10):
+        gyros = inspect_record(strapdown_record(seed=seed, gyro_bias=GYRO_BIAS)).gyros
+        assert gyros is not None
+        assert gyros.verdict == "constant"
+        assert np.array(gyros.standing[0].coefficients)[:, 0] == pytest.approx(GYRO_BIAS, abs=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        ("drift", {"drift": np.array([0.2, -0.1, 0.15])}),
+        ("gravity", {"sensitivity": np.array([[0.002, 0.0, 0.001], [0.0, -0.001, 0.0], [0.001, 0.0, 0.002]])}),
+        ("temperature", {"gyro_bias": None}),
+    ],
+)
+def test_what_the_gyros_depend_on_at_rest_is_named(name: str, effect: dict[str, Any]):
+    motion = true_motion()
+    time = motion[0]
+    warmth = 25.0 + 4.0 * np.sin(time / 9.0)
+    if name == "temperature":
+        effect = {"gyro_bias": (warmth - 20.0)[:, None] * np.array([1e-3, 0.0, -5e-4])}
+    gyros = inspect_record(strapdown_record(motion, temperature=warmth, **effect)).gyros
+    assert gyros is not None
+    assert gyros.verdict == "named"
+    assert gyros.standing[0].terms == (name,)
+    assert gyros.standing[0].by_chance == 0.0
+
+
+def test_biases_that_change_from_rest_to_rest_are_given_no_cause():
+    """Nothing in the record explains them, so nothing is named."""
+    motion = true_motion()
+    steps = np.repeat(np.random.default_rng(8).normal(0.0, 1e-3, (len(POSES), 3)), 450, axis=0)[: len(motion[0])]
+    gyros = inspect_record(strapdown_record(motion, gyro_bias=steps)).gyros
+    assert gyros is not None
+    assert gyros.verdict == "wandering"
+    assert gyros.standing == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda w: np.degrees(w), "degrees per second"),
+        (lambda w: w * [1.0, -1.0, 1.0], "gyro 2 has the wrong sign about axis 2"),
+        (lambda w: w[:, [1, 0, 2]], "about axis 1 of the accelerometers is read by gyro 2"),
+    ],
+)
+def test_wrong_units_signs_and_orders_of_the_gyros_are_said(change, said):
+    record = strapdown_record()
+    assert record.rate is not None
+    found = inspect_record(replace(record, rate=change(record.rate)))
+    assert any(said in line for line in found.turning.said)
+    assert said in str(found)
+
+
+def test_gaps_jitter_dead_and_saturated_channels_are_stated():
+    record = strapdown_record()
+    assert record.rate is not None
+    rate = np.clip(record.rate, -1.0, 1.0)
+    rate[:, 2] = 0.0
+    rows = np.ones(len(record), dtype=bool)
+    rows[1000:1200] = False
+    time = record.time_s + np.random.default_rng(1).uniform(-1e-3, 1e-3, len(record))
+    hurt = chosen(StrapdownRecord(time, rate, None, record.specific_force), rows)
+    found = inspect_record(hurt)
+    assert found.sampling.missing == 200
+    gap = found.sampling.gaps[0]
+    assert (gap.time_s, gap.length_s) == pytest.approx((10.0, 2.01), abs=0.01)
+    assert found.sampling.jitter_rms == pytest.approx(1e-3 * np.sqrt(2.0 / 3.0), rel=0.1)
+    assert found.sampling.dead == ("w3",)
+    assert found.sampling.saturated.keys() == {"w1", "w2"}
+    clipped = int((np.abs(rate[rows]) == 1.0).sum())
+    assert sum(found.sampling.saturated.values()) == pytest.approx(clipped, abs=4)
+    text = str(found)
+    assert "w3: dead" in text
+    assert "200 rows missing" in text
+
+
+def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_rates():
+    record = strapdown_record()
+    assert record.rate is not None
+    assert sampling_of(record).saturated == {}
+    summed = StrapdownRecord(record.time_s, None, record.rate * PERIOD, record.specific_force)
+    one, other = inspect_record(record), inspect_record(summed)
+    assert other.rests.rows == one.rests.rows
+    assert other.rests.rate == pytest.approx(one.rests.rate, rel=1e-9, abs=1e-12)
+
+
+def test_with_thirty_percent_of_the_rows_missing_no_wrong_thing_is_named():
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    keep = np.sort(np.random.default_rng(2).permutation(len(record))[: int(0.7 * len(record))])
+    found = inspect_record(chosen(record, keep))
+    assert found.sampling.missing == pytest.approx(0.3 * len(record), rel=0.02)
+    assert found.gyros is None or found.gyros.verdict in ("constant", "insufficient")
+    assert found.accelerometers is None or found.accelerometers.verdict != "falsified"
+
+
+def test_a_record_without_rests_has_none():
+    t = PERIOD * np.arange(6000)
+    rate = np.stack([np.sin(2.0 * t), np.cos(3.1 * t), 0.7 * np.sin(1.3 * t + 1.0)], axis=1)
+    rng = np.random.default_rng(0)
+    force = G * np.stack(
+        [np.sin(1.1 * t), np.cos(1.1 * t) * np.sin(0.7 * t), np.cos(1.1 * t) * np.cos(0.7 * t)], axis=1
+    )
+    noisy = force + 0.03 * rng.standard_normal(force.shape)
+    found = inspect_record(StrapdownRecord(t, rate + 1e-3 * rng.standard_normal(rate.shape), None, noisy))
+    assert len(found.rests) == 0
+    assert found.accelerometers is None
+    assert "no rests" in str(found)
+
+
+def test_a_record_of_one_rest_is_insufficient():
+    rng = np.random.default_rng(0)
+    force = np.array([0.0, 0.0, G]) + 0.03 * rng.standard_normal((6000, 3))
+    found = inspect_record(
+        StrapdownRecord(PERIOD * np.arange(6000), 1e-3 * rng.standard_normal((6000, 3)), None, force)
+    )
+    assert len(found.rests) == 1
+    assert found.accelerometers is not None
+    assert found.accelerometers.verdict == "insufficient"
+    assert found.gyros is not None
+    assert found.gyros.verdict == "insufficient"
+    assert found.turning.said == ()
+
+
+def test_a_record_without_noise_and_one_of_few_rows():
+    force = np.tile([0.0, 0.0, G], (3000, 1))
+    found = inspect_record(StrapdownRecord(PERIOD * np.arange(3000), np.zeros((3000, 3)), None, force))
+    assert len(found.sampling.dead) == 6
+    assert found.accelerometers is None or found.accelerometers.verdict == "insufficient"
+    with pytest.raises(InputError, match="at least 16"):
+        inspect_record(chosen(strapdown_record(), np.arange(8)))
+
+
+def test_the_allan_curve_of_white_noise_falls_as_its_root():
+    rng = np.random.default_rng(5)
+    times, deviation = allan_curve(rng.standard_normal((40000, 3)), [slice(0, 40000)], PERIOD)
+    short = times < 1.0
+    assert deviation[short] == pytest.approx(np.sqrt(PERIOD / times[short])[:, None] * np.ones(3), rel=0.1)
+
+
+def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    path, text, picture = tmp_path / "r.csv", tmp_path / "r.json", tmp_path / "a.svg"
+    write_record(record, path)
+    assert main(["inspect", str(path), "--json", str(text), "--allan", str(picture)]) == 0
+    printed = capsys.readouterr().out
+    assert "14 rests" in printed
+    assert "accelerometers by the norm of gravity: consistent" in printed
+    said = json.loads(text.read_text(encoding="utf-8"))
+    assert said["schema"] == "trihedron.inspection/1"
+    assert said["gyros_at_rest"]["verdict"] == "constant"
+    assert ElementTree.fromstring(picture.read_text(encoding="utf-8")).tag.endswith("svg")
+    assert main(["inspect", str(path), "--gravity", "0"]) == 2
+    assert "gravity" in capsys.readouterr().err
+
+
+def test_the_picture_of_a_record_without_rests_says_so():
+    record = chosen(strapdown_record(), np.arange(40))
+    assert "no rests" in allan_picture(record, inspect_record(record).rests, PERIOD)
+
+
+@pytest.mark.parametrize("limit", [0.6, 0.9, 0.999])
+def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
+    """Their means would falsify the norm calibration; the others give the true parameters."""
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    force = np.array(record.specific_force)
+    whole = inspect_record(record).rests
+    level = limit * force[:, 2].max() if limit > 0.95 else limit * G
+    force[:, 2] = np.clip(force[:, 2], -level, level)
+    found = inspect_record(replace(record, specific_force=force))
+    surely = int((np.abs(whole.force[:, 2]) > level).sum())
+    assert found.rests.clipped >= surely
+    assert surely > 0 or limit > 0.95
+    assert len(found.rests) == len(POSES) - found.rests.clipped
+    assert (found.rests.clipped > 0) == (f"its limit: {found.rests.clipped}, left out" in str(found))
+    calibration = found.accelerometers
+    assert calibration is not None
+    assert calibration.verdict != "falsified"
+
+
+def test_no_rest_of_a_sound_record_counts_as_clipped():
+    """Of readings in steps, and of others."""
+    for step in (0.0, 0.02, 0.05, 0.2):
+        record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=2)
+        force = record.specific_force if step == 0.0 else step * np.round(record.specific_force / step)
+        assert inspect_record(replace(record, specific_force=force)).rests.clipped == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("step_g", [0.003, 0.006, 0.01])
+def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
+    """Noise of 0.3 mg does not average steps of 3 mg and more out: half a step may remain."""
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=3e-3, seed=seed)
+    force = np.array(record.specific_force)
+    force[:, 1] = step_g * G * np.round(force[:, 1] / (step_g * G))
+    found = inspect_record(replace(record, specific_force=force))
+    assert found.rests.step[1] == pytest.approx(step_g * G, rel=1e-6)
+    assert found.rests.step[[0, 2]] == pytest.approx(0.0, abs=0.0)
+    assert f"f2 reads in steps of {step_g:.2g} g" in str(found)
+    calibration = found.accelerometers
+    assert calibration is not None
+    assert calibration.verdict == "consistent"
+    assert calibration.low is not None
+    assert calibration.high is not None
+    assert np.all((calibration.low <= TRUTH) & (calibration.high >= TRUTH))
+
+
+@pytest.mark.parametrize("decimals", [None, 9, 6])
+def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
+    """Each rest has one value, as with coarse steps; but the values have no divisor in common."""
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
+    force = record.specific_force if decimals is None else np.round(record.specific_force, decimals)
+    found = inspect_record(replace(record, specific_force=force))
+    assert len(found.rests) == len(POSES)
+    assert not found.rests.step.any()
+    assert found.rests.force_bound is not None
+    assert found.rests.force_bound.max() < 1e-5 * G
+
+
+def test_a_step_is_found_though_no_two_rests_are_one_apart():
+    step = 0.05
+    values = step * np.array([0.0, 14.0, 35.0, 41.0, 80.0]).repeat(50)
+    channel = np.column_stack([values, values + 0.3 * step, np.zeros_like(values)])
+    rests = tuple(slice(k, k + 50) for k in range(0, 250, 50))
+    found, off = reading_steps(channel, rests)
+    assert found == pytest.approx([step, step, 0.0])
+    assert off == pytest.approx([0.5 * step, 0.5 * step, 0.0])
+
+
+def test_noise_wider_than_the_steps_averages_them_out():
+    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=4)
+    stepped = replace(record, specific_force=0.01 * np.round(record.specific_force / 0.01))
+    plain, found = inspect_record(record), inspect_record(stepped)
+    assert not found.rests.step.any()
+    assert plain.rests.force_bound is not None
+    assert found.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)
+
+
+def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_gravity_turn_nothing():
+    """Accelerometers do not see the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
+    sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
+    record = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
+    whole = inspect_record(record)
+    assert len(whole.rests) == len(POSES)
+    assert whole.rests.turning == 0
+    assert record.rate is not None
+    rate, turned = np.array(record.rate), (4, 9)
+    for k in turned:
+        middle = round(whole.rests.time_s[k] / PERIOD)
+        rate[middle - 170 : middle + 170] += 0.1 * POSES[k] / np.linalg.norm(POSES[k])
+    found = inspect_record(replace(record, rate=rate))
+    assert found.rests.turning >= len(turned)
+    others = np.delete(whole.rests.time_s, turned)
+    assert found.rests.time_s == pytest.approx(others, abs=0.2)

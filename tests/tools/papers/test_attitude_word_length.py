@@ -1,0 +1,85 @@
+"""32-bit words: what carrying 1 - λ0*, compensation and error feedback buy."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from trihedron.tools.motion.attitude import algorithm_named
+from trihedron.tools.motion.attitude_error import angle_between
+from trihedron.tools.motion.compare import run_algorithm
+from trihedron.tools.papers.word_length import (
+    ARITHMETICS,
+    DOUBLE,
+    INCOMMENSURATE,
+    REPEATING,
+    ROUNDINGS,
+    rounded_increments,
+    run_single,
+    word_length_errors,
+)
+from trihedron.tools.reports.papers import word_length_lines
+
+
+def degrees(found):
+    return {(e.motion, e.rounding, e.arithmetic): float(np.degrees(e.error)) for e in found.errors}
+
+
+def test_thirty_seconds():
+    found = degrees(word_length_errors(30.0, motions=(REPEATING,)))
+    for rounding in ROUNDINGS:
+        assert found[REPEATING, rounding, "single"] > 1e-4
+        assert found[REPEATING, rounding, "compensated"] < 1e-5
+    floor = found[REPEATING, "independently", DOUBLE]
+    assert found[REPEATING, "independently", "pairs"] == pytest.approx(floor, rel=0.05)
+    assert found[REPEATING, "feedback", "pairs"] < 1e-8 < 100 * found[REPEATING, "feedback", "pairs"] < floor
+    assert found[REPEATING, "pairs", "pairs"] < 2e-9
+    assert found[REPEATING, "pairs", DOUBLE] < 1e-12
+
+
+@given(st.lists(st.floats(-0.01, 0.01), min_size=3, max_size=60))
+def test_error_feedback_loses_nothing_for_good(values):
+    """The sum of the rounded increments is the sum of the increments, but for the last rounding."""
+    increments = np.array(values[: len(values) // 3 * 3]).reshape(-1, 3)
+    high, low = rounded_increments(increments, "feedback")
+    assert (low == 0.0).all()
+    apart = np.abs(high.astype(np.float64).sum(axis=0) - increments.sum(axis=0))
+    assert (apart <= 2.0**-25 * (0.02 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_short_words_run_the_same_algorithm(arithmetic):
+    """On a few steps every arithmetic is (22) to its own rounding."""
+    increments = np.random.default_rng(7).normal(size=(40, 3)) * 0.003
+    high, low = rounded_increments(increments, "pairs")
+    expected = run_algorithm(algorithm_named("two-sample-rodrigues"), increments)
+    bound = 1e-11 if arithmetic == "pairs" else 3e-6
+    assert angle_between(run_single(high, low, arithmetic), expected).max() < bound
+
+
+def test_angle_between_is_right_for_small_and_large_angles():
+    for angle in (0.0, 1e-12, 1e-3, 2.0, 3.1):
+        p = Rotation.from_rotvec([0.3, -1.2, 0.4])
+        q = p * Rotation.from_rotvec(angle * np.array([0.6, 0.0, 0.8]))
+        pair = [2.0 * r.as_quat(scalar_first=True)[None] for r in (p, q)]
+        assert angle_between(*pair)[0] == pytest.approx(angle, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.acceptance
+def test_ten_minutes():
+    """600 s, variant 1, 1 kHz: below 1e-6 degrees with feedback or pairs; the floor of independent rounding."""
+    errors = word_length_errors()
+    for line in word_length_lines(errors):
+        print(line)
+    found = degrees(errors)
+    for rounding in ROUNDINGS:
+        assert 1e-3 < found[REPEATING, rounding, "single"] < 2e-2
+        assert 2.0 < found[REPEATING, rounding, "single"] / found[REPEATING, rounding, "carried"] < 7.0
+        assert found[REPEATING, rounding, "compensated"] < 1.5e-4
+    assert found[REPEATING, "independently", DOUBLE] == pytest.approx(4.7e-5, rel=0.02)
+    assert found[REPEATING, "independently", "pairs"] == pytest.approx(4.7e-5, rel=0.02)
+    assert found[REPEATING, "feedback", "pairs"] < 1e-7
+    assert found[REPEATING, "pairs", "pairs"] < 5e-8
+    # Where rounding errors do not repeat with the motion they do not add up.
+    assert found[INCOMMENSURATE, "independently", DOUBLE] < 3e-6

@@ -1,0 +1,47 @@
+"""`trihedron reproduce`: what it prints and writes, and what it refuses."""
+
+import json
+
+import pytest
+
+from trihedron.tools.cli import main
+from trihedron.tools.papers import reproduction
+
+
+@pytest.fixture
+def two_rows(monkeypatch):
+    """Two quick rows in place of all 88."""
+    every = reproduction.reproduce_attitude
+    monkeypatch.setattr(reproduction, "reproduce_attitude", lambda **options: every((12, 56), **options))
+
+
+def test_reproduce_attitude(two_rows, tmp_path, capsys):
+    out, document = tmp_path / "out", tmp_path / "result.json"
+    assert main(["reproduce", "attitude", "--out", str(out), "--json", str(document)]) == 0
+    said = capsys.readouterr()
+    assert "Table 1: 3 of 3 numbers within 0.2%" in said.out
+    assert "this row ran with M = 41" in said.out
+    assert said.err == ""
+    assert sorted(path.name for path in out.iterdir()) == ["attitude.csv", "attitude.svg"]
+    assert [row["row"] for row in json.loads(document.read_text(encoding="utf-8"))["rows"]] == [12, 56]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--out", "FILE"], "is a file"),
+        (["--out", "FOLDER", "--json", "FOLDER/attitude.csv"], "is --out (attitude.csv) too"),
+        (["nonsense"], "nonsense"),
+    ],
+)
+def test_refusals(two_rows, tmp_path, capsys, arguments, words):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    places = {"FILE": tmp_path / "file", "FOLDER": tmp_path / "folder"}
+    for name, path in places.items():
+        arguments = [argument.replace(name, str(path)) for argument in arguments]
+    assert main(["reproduce", "attitude", *arguments]) == 2
+    said = capsys.readouterr()
+    assert words in said.err
+    assert said.err.count("\n") == 1
+    assert said.out == ""
+    assert not (tmp_path / "folder").exists()

@@ -1,0 +1,422 @@
+"""The attitude of a measured record: its gyros through the attitude computer's FMU, against the true attitude."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+from pydantic import Field
+
+from ...models.attitude import ALGORITHMS, Algorithm
+from ..errors import InputError, nearest
+from ..orchestrator import simulate
+from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from ..records import StrapdownRecord
+from ..records.columns import INCREMENT, QUATERNION
+from ..result import Array, Result
+from .attitude_error import attitude_error, heading_and_tilt, rotation_of
+from .sampling import GAP, check_meaning, check_turns, mean_rates
+
+VERTICAL_WITHIN = math.radians(5.0)
+"""How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
+
+JITTER = 0.01
+"""Largest deviation of a row's time from the uniform grid that is taken, in sampling periods."""
+
+REST_BLOCK = 1.0
+"""Length of the blocks in which rest is looked for [s]."""
+
+QUIET = 2.0
+"""A block is at rest when its gyros scatter at most so many times as much as in the record's quietest block."""
+
+
+class AttitudeRun(Result):
+    """What the attitude computer made of a record, and how far that is from the truth.
+
+    Arrays hold the moments of the algorithm's updates, the start first; NaN where the truth is not known.
+
+    Attributes
+    ----------
+    record : Path
+        where the gyros came from
+    algorithm, rates : str
+        the algorithm's name; how the rates were taken ("increments" where the record has these)
+    gyro_bias : tuple of 3 float or None
+        what was taken out of the rates [rad/s]
+    period : float
+        time between the record's rows [s]
+    updates, judged_updates : int
+        after the start: all, and those whose true attitude is known
+    rms, maximum, final : float or None
+        of the error's angle [rad], root mean square, largest, and where the truth is known last; None where nothing can
+        be judged
+    drift : float or None
+        growth of the error's angle: slope of the best line through zero at the start [rad/s]
+    files : tuple of Path
+        what was written
+    row : ndarray, shape (N,)
+        the record's rows, as an editor counts lines
+    time_s : ndarray, shape (N,)
+        [s]
+    attitude : ndarray, shape (N, 4)
+        computed, unit quaternion, scalar first, body to reference
+    error_rad : ndarray, shape (N, 3)
+        rotation vector of the computed against the true attitude, components in the reference frame [rad]
+    error_angle : ndarray, shape (N,)
+        its length [rad]
+    heading, tilt : ndarray, shape (N,), or None
+        the error about the reference's third axis and of that axis [rad]; None where it is not the vertical
+    provenance : dict
+        what the orchestrator says of the run
+    """
+
+    schema_: Literal["trihedron.attitude/1"] = Field(default="trihedron.attitude/1", alias="schema")
+    record: Path
+    algorithm: str
+    rates: str
+    gyro_bias: tuple[float, float, float] | None = Field(alias="gyro_bias_radps")
+    period: float = Field(alias="period_s")
+    updates: int
+    judged_updates: int
+    rms: float | None = Field(alias="error_rms_rad")
+    maximum: float | None = Field(alias="error_max_rad")
+    final: float | None = Field(alias="error_at_end_rad")
+    drift: float | None = Field(alias="drift_radps")
+    files: tuple[Path, ...] = ()
+    row: Array = Field(default=None, exclude=True)
+    time_s: Array = Field(default=None, exclude=True)
+    attitude: Array = Field(default=None, exclude=True)
+    error_rad: Array = Field(default=None, exclude=True)
+    error_angle: Array = Field(default=None, exclude=True)
+    heading: Array | None = Field(default=None, exclude=True)
+    tilt: Array | None = Field(default=None, exclude=True)
+    provenance: dict[str, Any] = Field(default_factory=dict, exclude=True)
+
+    @property
+    def judged(self) -> np.ndarray:
+        """Mask (N,) of the updates after the start whose true attitude is known."""
+        return judged_updates(self.error_angle)
+
+    def to_polars(self) -> pl.DataFrame:
+        """A row for each update: time_s, q0 to q3, error_rad."""
+        quaternion = {name: self.attitude[:, k] for k, name in enumerate(QUATERNION)}
+        return pl.DataFrame({"time_s": self.time_s, **quaternion, "error_rad": self.error_angle}).fill_nan(None)
+
+
+def judged_updates(error_angle: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the updates after the start whose error (N,) is known."""
+    known = np.isfinite(error_angle)
+    known[:1] = False
+    return known
+
+
+@dataclass(frozen=True)
+class Increments:
+    """Angle increments from a first row on.
+
+    Attributes
+    ----------
+    period : float
+        time between rows [s]
+    time_s : ndarray, shape (N + 1,)
+        uniform: the first row's time and the ends of the N intervals [s]
+    angle : ndarray, shape (N, 3)
+        integral of the body's rate over each interval [rad]
+    """
+
+    period: float
+    time_s: np.ndarray
+    angle: np.ndarray
+
+
+def sampling_period(record: StrapdownRecord) -> float:
+    """Time between the rows of a uniform record [s].
+
+    Raises
+    ------
+    InputError
+        fewer than two rows, a gap, or a time that is off the uniform grid by more than 1 % of the period
+    """
+    time = record.time_s
+    if len(time) < 2:
+        raise InputError(f"{record.path}: has {len(time)} row; an attitude needs at least two")
+    between = np.diff(time)
+    usual = float(np.median(between))
+    gaps = np.flatnonzero(between > GAP * usual)
+    if gaps.size:
+        k = int(gaps[0])
+        raise InputError(
+            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {between[k]:.6g} s before "
+            f"{time[k + 1]:.9g} s, where rows come every {usual:.6g} s; give a record without gaps"
+        )
+    period = float(time[-1] - time[0]) / (len(time) - 1)
+    off = (time - time[0]) / period - np.arange(len(time))
+    worst = int(np.argmax(np.abs(off)))
+    if not abs(off[worst]) <= JITTER:
+        raise InputError(
+            f"{record.path}, row {int(record.row[worst])}, column 'time_s': {time[worst]:.9g} s is "
+            f"{100.0 * abs(off[worst]):.3g} % of the period ({period:.6g} s) off the uniform grid; "
+            f"at most {100.0 * JITTER:g} % is taken: give a uniformly sampled record with enough digits of time"
+        )
+    return period
+
+
+def increments_from(
+    record: StrapdownRecord,
+    first: int,
+    rates: str = "instantaneous",
+    gyro_bias: Sequence[float] | np.ndarray | None = None,
+) -> Increments:
+    """Angle increments of the rows after row `first`.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+        increments are taken as they are, rates are integrated
+    first : int
+        index of the row at which the attitude is known
+    rates : "instantaneous" or "averaged"
+        samples of the rate (trapezoid rule), or means over the interval that ends at the row's time
+    gyro_bias : sequence of 3 float or None
+        rate that is taken out of every sample [rad/s]
+
+    Raises
+    ------
+    InputError
+        the record is not uniform, is too short, or turns by more than half a turn between two rows
+    """
+    check_meaning(rates)
+    period = sampling_period(record)
+    count = len(record) - 1 - first
+    if count < 1:
+        raise InputError(
+            f"{record.path}, row {int(record.row[first])}: the first known attitude is that of the last row; "
+            "at least one row must follow it"
+        )
+    if record.increment is not None:
+        angle = record.increment[first + 1 :]
+    else:
+        angle = period * mean_rates(record, rates)[first:]
+    if gyro_bias is not None:
+        bias = np.asarray(gyro_bias, dtype=np.float64)
+        if bias.shape != (3,) or not np.isfinite(bias).all():
+            raise InputError("gyro_bias must be three finite numbers [rad/s], one for each gyro")
+        angle = angle - period * bias
+    check_turns(record, angle)
+    time = record.time_s[0] + period * np.arange(first, len(record))
+    return Increments(period, time, np.ascontiguousarray(angle))
+
+
+def coarser(increments: Increments, divisor: int) -> Increments:
+    """Increments of a gyro that is sampled less often: every `divisor` of them added up.
+
+    Parameters
+    ----------
+    divisor : int
+        1 changes nothing; increments at the end that fill no sample are left out
+
+    Raises
+    ------
+    InputError
+        a divisor that is not positive, or more than there are increments
+    """
+    count = len(increments.angle)
+    if not 1 <= divisor <= count:
+        raise InputError(f"--rate-divisor {divisor}: give a whole number from 1 to {count}, the record's increments")
+    kept = count // divisor
+    angle = increments.angle[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1)
+    time = increments.time_s[: kept * divisor + 1 : divisor]
+    return Increments(divisor * increments.period, time, np.ascontiguousarray(angle))
+
+
+def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
+    """Mean rate over the rest with which a record begins: what a user takes for the gyros' bias.
+
+    It holds Earth's rotation too, in the components of that rest.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+        uniformly sampled
+
+    Returns
+    -------
+    ndarray, shape (3,), or None
+        [rad/s]; None where the record does not begin with a rest of at least one block (1 s)
+
+    Raises
+    ------
+    InputError
+        the record is not uniform
+    """
+    period = sampling_period(record)
+    rate = record.rate if record.rate is not None else np.asarray(record.increment) / period
+    size = max(2, round(REST_BLOCK / period))
+    count = len(record) // size
+    if count < 2:
+        return None
+    scatter = rate[: count * size].reshape(count, size, 3).std(axis=1).max(axis=1)
+    moving = np.flatnonzero(scatter > QUIET * scatter.min())
+    quiet = int(moving[0]) if moving.size else count
+    return rate[: quiet * size].mean(axis=0) if quiet else None
+
+
+def attitude_of_record(
+    record: StrapdownRecord,
+    *,
+    algorithm: str = "two-sample-rodrigues",
+    rates: str = "instantaneous",
+    gyro_bias: Sequence[float] | np.ndarray | None = None,
+    rate_divisor: int = 1,
+    out: Path | None = None,
+    progress: bool = False,
+) -> AttitudeRun:
+    """Run the attitude computer's FMU on a record's gyros and compare it with the record's true attitude.
+
+    The run begins at the first row whose true attitude is known, with that attitude (without any: at the first row,
+    with the identity). Errors are taken only at updates, where the truth is known.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+        uniformly sampled
+    algorithm : str
+        name in `trihedron.models.attitude.ALGORITHMS`
+    rates : str
+        "instantaneous" (integrated by the trapezoid rule) or "averaged" (mean over the interval before each row)
+    gyro_bias : sequence of 3 float or None
+        rate that is taken out of every sample [rad/s], `rate_at_rest(record)` say; None: the rates as measured
+    rate_divisor : int
+        how many of the record's increments are added up to one, as a slower gyro would give them
+    out : Path or None
+        folder for the orchestrator's run; None: nothing is written
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Returns
+    -------
+    AttitudeRun
+
+    Raises
+    ------
+    InputError
+        unknown algorithm or meaning of the rates; a record that is not uniform, has a gap, ends where its true
+        attitude begins, or turns by more than the algorithm takes in one sample
+    """
+    chosen = algorithm_named(algorithm)
+    first, start = starting_attitude(record)
+    increments = coarser(increments_from(record, first, rates, gyro_bias), rate_divisor)
+    size = np.linalg.norm(increments.angle, axis=1)
+    beyond = np.flatnonzero(size > chosen.max_increment)
+    if beyond.size:
+        k = int(beyond[0])
+        raise InputError(
+            f"{record.path}, row {int(record.row[first + (k + 1) * rate_divisor])}: a turn of {size[k]:.6g} rad in one "
+            f"sample; {chosen.name} is valid to {chosen.max_increment:.3g} rad: sample faster or take mean-rate"
+        )
+    run = simulate(_scenario(record, increments, chosen.number, start), out, progress=progress)
+    updated = run.table["updated"].to_numpy()
+    attitude = run.table.select(QUATERNION).to_numpy()[updated]
+    index = first + rate_divisor * np.flatnonzero(updated)
+    error = np.full((len(index), 3), np.nan)
+    if record.attitude is not None:
+        true = record.attitude[index]
+        judged = np.isfinite(true).all(axis=1)
+        error[judged] = attitude_error(attitude[judged], true[judged])
+    heading = tilt = None
+    if _third_axis_is_vertical(record):
+        heading, tilt = np.full(len(index), np.nan), np.full(len(index), np.nan)
+        judged = np.isfinite(error).all(axis=1)
+        heading[judged], tilt[judged] = heading_and_tilt(error[judged])
+    angle = np.linalg.norm(error, axis=1)
+    known = judged_updates(angle)
+    time, known_angle = increments.time_s[updated], angle[known]
+    elapsed = time[known] - time[0]
+    told = bool(known.any())
+    return AttitudeRun(
+        record=record.path,
+        algorithm=algorithm,
+        rates="increments" if record.increment is not None else rates,
+        gyro_bias=None if gyro_bias is None else tuple(np.asarray(gyro_bias).tolist()),
+        period=increments.period,
+        updates=len(index) - 1,
+        judged_updates=int(known.sum()),
+        rms=float(np.sqrt(np.mean(known_angle**2))) if told else None,
+        maximum=float(known_angle.max()) if told else None,
+        final=float(known_angle[-1]) if told else None,
+        drift=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
+        files=run.files,
+        row=record.row[index],
+        time_s=time,
+        attitude=attitude,
+        error_rad=error,
+        error_angle=angle,
+        heading=heading,
+        tilt=tilt,
+        provenance=run.provenance,
+    )
+
+
+def algorithm_named(name: str) -> Algorithm:
+    """The algorithm of a name; InputError where there is none."""
+    known = {a.name: a for a in ALGORITHMS}
+    if name not in known:
+        raise InputError(f"algorithm '{name}' is not known; {nearest(name, tuple(known))}")
+    return known[name]
+
+
+def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
+    """Index of the row to begin at, and the attitude there."""
+    if record.attitude is not None:
+        known = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
+        if known.size:
+            first = int(known[0])
+            return first, (record.attitude[first] / np.linalg.norm(record.attitude[first])).tolist()
+    return 0, [1.0, 0.0, 0.0, 0.0]
+
+
+def _scenario(record: StrapdownRecord, increments: Increments, number: int, start: list[float]) -> Scenario:
+    """One attitude computer, driven by the record's increments."""
+    time = increments.time_s
+    columns = dict(zip(INCREMENT, increments.angle.T, strict=True))
+    return Scenario(
+        title=f"attitude of {record.path.name}",
+        run=RunSetting(start_s=float(time[0]), stop_s=float(time[-1]), step_s=increments.period),
+        fmus={
+            "computer": FmuSetting(
+                component="AttitudeComputer",
+                parameters={
+                    "algorithm": number,
+                    "sample_period": increments.period,
+                    "initial_attitude": start,
+                },
+            )
+        },
+        stimuli=[
+            Stimulus(
+                table=pl.DataFrame({"time_s": time[1:], **columns}),
+                stamp="end",
+                columns={f"computer.increment[{i}]": name for i, name in enumerate(INCREMENT, start=1)},
+            )
+        ],
+        record=RecordSetting(
+            columns={
+                **{name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)},
+                "updated": "computer.updated",
+            }
+        ),
+    )
+
+
+def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
+    """Whether the specific force, on average, points along the third axis of the true attitude's reference."""
+    if record.attitude is None:
+        return False
+    known = np.isfinite(record.attitude).all(axis=1)
+    if not known.any():
+        return False
+    mean = rotation_of(record.attitude[known]).apply(record.specific_force[known]).mean(axis=0)
+    return bool(math.atan2(math.hypot(mean[0], mean[1]), mean[2]) <= VERTICAL_WITHIN)

@@ -1,0 +1,252 @@
+"""What the gyros say over each interval between rows, and the attitude that they carry through a record.
+
+Gyro block and attitude computer, as FMUs, carry it; the orchestrator runs them.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ...models.attitude_algorithms import ALGORITHMS
+from ...models.effects import CATALOGUE, EffectPlace, MotionRows, parameter_name, place_from_mapping
+from ..orchestrator import simulate
+from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from ..records import StrapdownRecord
+from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
+from .sampling import GAP, Sampling, check_meaning, check_turns, mean_rates
+
+ALGORITHM = "one-sample-rodrigues"
+"""What carries the attitude: it updates at every sample."""
+FALLBACK = "mean-rate"
+"""In its place where a turn between two rows is beyond its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Means over the interval that ends at each row; row 0 has none, and stands for the first of them.
+
+    Attributes
+    ----------
+    period : float
+        median time between rows [s]
+    time_s : (N,) array
+        [s]
+    step : (N,) array
+        length of the interval [s]; the period over gaps
+    rate : (N, 3) array
+        mean reading of the gyros [rad/s]
+    specific_force : (N, 3) array
+        readings of the accelerometers at the rows [m/s²]
+    gravity : float
+        model value [m/s²]
+    temperature : (N,) array or None
+        [°C]
+    """
+
+    period: float
+    time_s: NDArray[np.float64]
+    step: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    specific_force: NDArray[np.float64]
+    gravity: float
+    temperature: NDArray[np.float64] | None
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def increments(self) -> NDArray[np.float64]:
+        """Integrals (N - 1, 3) of the readings over the intervals [rad]."""
+        return self.rate[1:] * self.step[1:, None]
+
+    def part(self, begin: int, end: int) -> "Motion":
+        """The rows begin to end."""
+        names = ("time_s", "step", "rate", "specific_force", "temperature")
+        values = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: None if v is None else v[begin:end] for name, v in values.items()})
+
+    def force(self, rows: slice | NDArray) -> NDArray[np.float64]:
+        """Readings of the accelerometers at some rows [g]."""
+        return self.specific_force[rows] / self.gravity
+
+    def rows(self, begin: int, end: int, matrix: NDArray, bias: NDArray) -> MotionRows:
+        """Rows begin to end as the effects see them, with (I + Γ)⁻¹ (3, 3) and a bias (3,) [rad/s] taken out."""
+        first = max(begin - 1, 0)
+        force = 0.5 * (self.force(slice(begin, end)) + self.force(slice(first, first + end - begin)))
+        rate = (self.rate[first:end] - bias) @ matrix.T
+        before = rate[:-1] if first < begin else np.vstack([rate[:1], rate[:-1]])
+        return MotionRows(
+            rate=rate[begin - first :],
+            rate_before=before,
+            specific_force=force,
+            hours=(self.time_s[begin:end] - self.time_s[0]) / 3600.0,
+            step=self.step[begin:end],
+            temperature=None if self.temperature is None else self.temperature[begin:end],
+            period=self.period,
+        )
+
+
+def motion_of(record: StrapdownRecord, sampling: Sampling, gravity: float, rates: str = "instantaneous") -> Motion:
+    """The means of a record over its intervals.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+    sampling : Sampling
+        of that record
+    gravity : float
+        model value [m/s²]
+    rates : "instantaneous" or "averaged"
+        samples of the rate (trapezoid rule), or means over the interval that ends at the row's time
+
+    Raises
+    ------
+    InputError
+        an unknown meaning of the rates, or a turn by more than half a turn between two rows
+    """
+    check_meaning(rates)
+    step = np.concatenate([[sampling.period], np.diff(record.time_s)])
+    if record.increment is not None:
+        rate = record.increment / step[:, None]
+    else:
+        assert record.rate is not None
+        rate = np.vstack([record.rate[:1], mean_rates(record, rates)])
+    step[step > GAP * sampling.period] = sampling.period
+    check_turns(record, rate[1:] * step[1:, None])
+    return Motion(sampling.period, record.time_s, step, rate, record.specific_force, gravity, record.temperature)
+
+
+@dataclass(frozen=True, eq=False)
+class GyroModel:
+    """The gyros as the compensation takes them: readings = (I + Γ) ω + b + what effects add.
+
+    Attributes
+    ----------
+    bias : (3,) array
+        [rad/s]
+    scale_misalignment : (9,) array
+        Γ, row by row
+    effects : mapping
+        effect at its place -> values of its parameters
+    """
+
+    bias: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    scale_misalignment: NDArray[np.float64] = field(default_factory=lambda: np.zeros(9))
+    effects: Mapping[EffectPlace, tuple[float, ...]] = field(default_factory=dict)
+
+    @property
+    def inverse(self) -> NDArray[np.float64]:
+        """(I + Γ)⁻¹ (3, 3)."""
+        return np.asarray(np.linalg.inv(np.eye(3) + self.scale_misalignment.reshape(3, 3)), dtype=np.float64)
+
+
+def carried_attitude(
+    motion: Motion, model: GyroModel, gravity: float, fmus: Mapping[str, Path] | None = None
+) -> NDArray[np.float64]:
+    """Attitudes (N, 4), scalar first, at the rows of a record, from the identity at the first.
+
+    Parameters
+    ----------
+    motion : Motion
+    model : GyroModel
+    gravity : float
+        model value [m/s²]
+    fmus : mapping or None
+        component -> FMU file to take in place of the one that is built here
+    """
+    table = simulate(carrying_scenario(motion, model, gravity, fmus or {})).table
+    return table.select(QUATERNION).to_numpy()
+
+
+def carrying_scenario(motion: Motion, model: GyroModel, gravity: float, fmus: Mapping[str, Path]) -> Scenario:
+    """The scenario: the record's increments through the compensation of the gyro block to the attitude computer.
+
+    The run's steps are the record's intervals, each as long as the period: the increments hold the logged times.
+    """
+    increments, count = motion.increments, len(motion) - 1
+    ends = motion.period * np.arange(1, count + 1)
+    columns = dict(zip(INCREMENT, increments.T, strict=True))
+    driven = {f"compensation.increment_reading[{p}]": name for p, name in enumerate(INCREMENT, start=1)}
+    # Only effects depend on anything but the increments.
+    if reads(model.effects, "INPUT"):
+        columns |= dict(zip(FORCE, motion.specific_force[1:].T, strict=True))
+        driven |= {f"compensation.specific_force[{p}]": name for p, name in enumerate(FORCE, start=1)}
+    if model.effects:
+        columns |= {"interval_s": motion.step[1:]}
+        driven |= {"compensation.interval": "interval_s"}
+    if motion.temperature is not None and reads(model.effects, "TEMPERATURE"):
+        columns[TEMPERATURE] = motion.temperature[1:]
+        driven["compensation.temperature"] = TEMPERATURE
+    return Scenario(
+        title="the attitude of a record, carried by its gyros",
+        run=RunSetting(start_s=0.0, stop_s=count * motion.period, step_s=motion.period),
+        fmus={
+            "compensation": _setting(
+                "GyroCompensation",
+                fmus,
+                {
+                    "gravity": gravity,
+                    "bias": model.bias.tolist(),
+                    "scale_misalignment": model.scale_misalignment.tolist(),
+                },
+                effect_entries(model.effects, "GyroBlock"),
+            ),
+            "computer": _setting(
+                "AttitudeComputer",
+                fmus,
+                {"algorithm": algorithm_for(increments), "sample_period": motion.period},
+                effect_entries(model.effects, "AttitudeComputer"),
+            ),
+        },
+        connections=[{"from": "compensation.increment", "to": "computer.increment"}],  # pyright: ignore
+        stimuli=[Stimulus(table=pl.DataFrame({"time_s": ends, **columns}), stamp="end", columns=driven)],
+        record=RecordSetting(
+            columns={name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)},
+        ),
+    )
+
+
+def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:
+    """Whether the kernel of some effect reads a place of the context."""
+    kernels = (CATALOGUE[place.effect].at(place).kernel for place in effects)
+    return any(quantity in kernel.__code__.co_names for kernel in kernels if kernel is not None)
+
+
+def _setting(
+    component: str, fmus: Mapping[str, Path], parameters: dict[str, object], effects: list[dict[str, object]]
+) -> FmuSetting:
+    """A component built here with its effects, or an FMU that has them, whose parameters they are."""
+    if component not in fmus:
+        return FmuSetting(component=component, parameters=parameters, effects=effects)
+    for entry in effects:
+        place, values = place_from_mapping(entry)
+        parameters = parameters | {parameter_name(place, name): value for name, value in values.items()}
+    return FmuSetting(fmu=str(fmus[component]), parameters=parameters)
+
+
+def effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component: str) -> list[dict[str, object]]:
+    """Effects on a component, with their sizes, as a scenario writes them."""
+    entries: list[dict[str, object]] = []
+    for place, values in effects.items():
+        effect = CATALOGUE[place.effect].at(place)
+        if effect.component == component:
+            named = zip((parameter.name for parameter in effect.parameters), values, strict=True)
+            entries.append({"effect": place.effect, "where": place.where, **dict(named)})
+    return entries
+
+
+def algorithm_for(increments: NDArray) -> int:
+    """Number of the algorithm: the usual one, or the one of any range."""
+    known = {a.name: a for a in ALGORITHMS}
+    longest = float(np.linalg.norm(increments, axis=1).max(initial=0.0))
+    return known[ALGORITHM if 1.1 * longest < known[ALGORITHM].max_increment else FALLBACK].number
+
+
+def matrices_of(quaternion: NDArray) -> NDArray[np.float64]:
+    """Rotation matrices (n, 3, 3), body to reference, of quaternions (n, 4), scalar first."""
+    return Rotation.from_quat(np.roll(quaternion, -1, axis=1)).as_matrix()

@@ -1,0 +1,298 @@
+"""Attitude algorithms compared: on a record through the attitude computer's FMU, on motions with compiled kernels."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+import numba
+import numpy as np
+import polars as pl
+from pydantic import Field
+
+from ...models import harmonic_motion, rotation
+from ...models.attitude_algorithms import (
+    ALGORITHMS,
+    Algorithm,
+    adaptive_degree,
+    coning_optimised,
+    four_sample,
+    functional_iteration,
+    one_sample,
+    two_sample,
+)
+from ...models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
+from ..compiled import compile_callee, compiled
+from ..errors import InputError
+from ..progress import progress_bar
+from ..records import StrapdownRecord
+from ..result import Result
+from .attitude import AttitudeRun, attitude_of_record
+from .attitude_error import attitude_error
+
+REFERENCE = "adaptive-degree"
+"""The algorithm that the others are compared with, at the record's own rate."""
+
+FAMILIES = (one_sample, two_sample, four_sample, coning_optimised, functional_iteration, adaptive_degree)
+"""Modules with the kernels of the algorithms."""
+
+
+class ComparedAlgorithm(Result):
+    """One row of a comparison; None where it cannot be told.
+
+    Attributes
+    ----------
+    algorithm : str
+    order : int
+    updates : int
+        how many updates the run made
+    apart : float or None
+        largest angle to the reference's attitude at common moments [rad]
+    rms, maximum : float or None
+        of the error against the true attitude [rad]
+    refused : str
+        why the algorithm does not take this record; empty where it does
+    samples : int
+        in one step
+    """
+
+    algorithm: str
+    order: int
+    updates: int = 0
+    apart: float | None = Field(default=None, alias="from_reference_rad")
+    rms: float | None = Field(default=None, alias="error_rms_rad")
+    maximum: float | None = Field(default=None, alias="error_max_rad")
+    refused: str = Field(default="", alias="not_taken")
+    samples: int = Field(default=0, exclude=True)
+
+
+class AttitudeComparison(Result):
+    """A strapdown record through several attitude algorithms, side by side."""
+
+    schema_: Literal["trihedron.attitude-comparison/1"] = Field(
+        default="trihedron.attitude-comparison/1", alias="schema"
+    )
+    reference: str = REFERENCE
+    algorithms: tuple[ComparedAlgorithm, ...]
+
+    def to_polars(self) -> pl.DataFrame:
+        """A row for each algorithm, angles in degrees; null where a number cannot be told."""
+        known = pl.DataFrame(
+            [row.model_dump() | {"samples": row.samples} for row in self.algorithms], infer_schema_length=None
+        )
+        angles = {"from_reference": "from_reference_rad", "error_rms": "error_rms_rad", "error_max": "error_max_rad"}
+        return known.select(
+            "algorithm",
+            "order",
+            "samples",
+            "updates",
+            *(pl.col(old).cast(pl.Float64).degrees().alias(f"{new}_deg") for new, old in angles.items()),
+            "not_taken",
+        )
+
+
+def compare_algorithms(
+    record: StrapdownRecord,
+    *,
+    rates: str = "instantaneous",
+    rate_divisor: int = 1,
+    algorithms: Sequence[Algorithm] = ALGORITHMS,
+    progress: bool = False,
+) -> AttitudeComparison:
+    """Run algorithms over a record through the attitude computer's FMU.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+    rates, rate_divisor
+        as of `attitude_of_record`; the reference runs at the record's own rate
+    algorithms : sequence of Algorithm
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Raises
+    ------
+    InputError
+        a record that no algorithm can take
+    """
+    rows = []
+    with progress_bar("attitude", 1 + len(algorithms), show=progress) as advance:
+        reference = attitude_of_record(record, algorithm=REFERENCE, rates=rates)
+        advance(1)
+        for algorithm in algorithms:
+            known = {"algorithm": algorithm.name, "order": algorithm.order, "samples": algorithm.samples}
+            try:
+                run = attitude_of_record(record, algorithm=algorithm.name, rates=rates, rate_divisor=rate_divisor)
+            except InputError as error:
+                rows.append(ComparedAlgorithm(**known, refused=str(error)))
+            else:
+                apart, figures = _apart(run, reference), {"rms": run.rms, "maximum": run.maximum}
+                rows.append(ComparedAlgorithm(**known, updates=run.updates, apart=apart, **figures))
+            advance(1)
+    if all(row.refused for row in rows):
+        raise InputError(rows[0].refused)
+    return AttitudeComparison(algorithms=tuple(rows))
+
+
+def _apart(run: AttitudeRun, reference: AttitudeRun) -> float | None:
+    """Largest angle between two runs after the start, at moments when both were updated [rad]."""
+    _, mine, others = np.intersect1d(run.row[1:], reference.row[1:], assume_unique=True, return_indices=True)
+    if not mine.size:
+        return None
+    difference = attitude_error(run.attitude[1:][mine], reference.attitude[1:][others])
+    return float(np.linalg.norm(difference, axis=1).max())
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What the gyros give over a motion, and the true angles.
+
+    Attributes
+    ----------
+    period : float
+        [s]
+    increments : ndarray, shape (N, 3)
+        over each sample period [rad]
+    angles : ndarray, shape (N, 3)
+        true ψ, ϑ, γ at the end of each [rad]
+    """
+
+    period: float
+    increments: np.ndarray
+    angles: np.ndarray
+
+    def angles_at_steps(self, algorithm: Algorithm) -> np.ndarray:
+        """True angles at the end of each step of an algorithm."""
+        samples = algorithm.samples
+        return self.angles[samples - 1 : len(self.angles) // samples * samples : samples]
+
+
+def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: int = 0) -> Samples:
+    """Increments and true angles of a harmonic motion.
+
+    Parameters
+    ----------
+    harmonics : ndarray, shape (36,)
+        of the motion
+    period : float
+        of the gyro samples [s]
+    count : int
+        number of samples
+    intervals : int
+        of the trapezoid rule in each sample; 0: increments exact to rounding
+    """
+    increments, angles = np.empty((count, 3)), np.empty((count, 3))
+    axes = harmonics.reshape(3, harmonic_motion.HARMONICS, 3)
+    shaking = axes[:, :, 0] != 0.0
+    bandwidth = float((np.abs(axes[:, :, 1]) * (1.0 + np.abs(axes[:, :, 0])))[shaking].sum())
+    pieces = 1 + math.floor(bandwidth * period / harmonic_motion.PHASE_OF_PIECE)
+    _sampler()(harmonics, period, intervals, pieces, increments, angles)
+    return Samples(period, increments, angles)
+
+
+def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False) -> np.ndarray:
+    """Attitudes at the end of each step of an algorithm, from the attitude 1.
+
+    Parameters
+    ----------
+    increments : ndarray, shape (N, 3)
+        of the gyro samples [rad]; samples that do not fill a step are left out
+
+    Returns
+    -------
+    ndarray, shape (N // samples, 4)
+        quaternions, scalar first
+    """
+    table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
+    prepare_update(float(algorithm.number), table, half_table)
+    attitudes = np.empty((len(increments) // algorithm.samples, 4))
+    work = (np.array(table), np.array(half_table), *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
+    _runner(algorithm)(np.ascontiguousarray(increments), renormalise, work, attitudes)
+    return attitudes
+
+
+def step_kernel(algorithm: Algorithm) -> Callable[..., Any]:
+    """The kernel of an algorithm."""
+    return next(found for family in FAMILIES if (found := getattr(family, algorithm.kernel, None)) is not None)
+
+
+@cache
+def _sampler() -> Callable[..., None]:
+    trapezoid, exactly, move = (
+        compiled(kernel)
+        for kernel in (
+            harmonic_motion.integrate_by_trapezoid,
+            harmonic_motion.integrate_exactly,
+            harmonic_motion.move_harmonically,
+        )
+    )
+
+    @numba.njit(nogil=True, error_model="numpy")
+    def sample(harmonics, period, intervals, pieces, increments, angles):
+        angle, angle_rate, rate, increment = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+        for k in range(len(increments)):
+            if intervals > 0:
+                trapezoid(k * period, period, intervals, harmonics, angle, angle_rate, rate, increment)
+            else:
+                exactly(k * period, period, pieces, harmonics, angle, angle_rate, rate, increment)
+            increments[k] = increment
+            move((k + 1) * period, harmonics, angle, angle_rate, rate)
+            angles[k] = angle
+
+    return sample
+
+
+@cache
+def _runner(algorithm: Algorithm) -> Callable[..., None]:
+    turn = _turn(algorithm)
+    samples = algorithm.samples
+    multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
+
+    @numba.njit(nogil=True, error_model="numpy")
+    def run(increments, renormalise, work, attitudes):
+        attitude, turned = np.zeros(4), np.zeros(4)
+        attitude[0] = 1.0
+        previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
+        known = 0.0
+        for k in range(len(attitudes)):
+            for i in range(samples):
+                for j in range(3):
+                    g[3 * i + j] = increments[samples * k + i, j]
+            turn(previous, known, g, work, turned)
+            known = 1.0
+            multiply(attitude, turned, attitude)
+            if renormalise:
+                normalise(attitude)
+            attitudes[k] = attitude
+            for i in range(3 * samples):
+                previous[i] = g[i]
+
+    return run
+
+
+def _turn(algorithm: Algorithm) -> Callable[..., None]:
+    """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
+    kernel = compiled(step_kernel(algorithm))
+    samples = algorithm.samples
+    if algorithm.kernel == "functional_iteration":
+
+        def turn(previous, known, g, work, turned):
+            kernel(samples, g, 0, work[0], work[3], work[4], work[5], turned)
+
+    elif algorithm.kernel == "adaptive_degree":
+
+        def turn(previous, known, g, work, turned):
+            kernel(previous, known, g, work[0], work[1], work[2], work[3], work[4], work[5], work[6], turned)
+
+    elif algorithm.previous:
+
+        def turn(previous, known, g, work, turned):
+            kernel(previous, g, turned)
+
+    else:
+
+        def turn(previous, known, g, work, turned):
+            kernel(g, turned)
+
+    return compile_callee(turn)

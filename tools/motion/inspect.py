@@ -1,0 +1,388 @@
+"""What a strapdown record supports: sampling, rests, moves, excitation, and what its rests say of the instruments."""
+
+from itertools import combinations, pairwise
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.turntable import EARTH_RATE
+from ..bounded.programmes import chebyshev_radius
+from ..records import StrapdownRecord
+from ..result import Array, Result
+from .norm import NormCalibration, calibrate_by_norm, inputs_of
+from .rests import Rests, find_rests
+from .sampling import Sampling, rates_of, sampling_of
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+LEAST_BOUND = 1e-9
+"""Bounds of means [g], [rad/s] are not taken for less: arithmetic has errors too."""
+EXCITED = 5.0
+"""An axis is excited when its rate's rms in moves is so many times the noise of a sample."""
+SPARE = 3
+"""A model is tried with at least so many rests more than it has parameters for each gyro."""
+DISTINCT = 1e-3
+"""Least singular value, over the largest, of columns of size one that can be told apart."""
+SHUFFLES, CHANCE = 200, 0.01
+"""Of shuffled rests not more than this part may be explained as well by a term that is named."""
+WORDS = {
+    "drift": "drifting with time",
+    "gravity": "dependent on the direction of gravity",
+    "temperature": "dependent on temperature",
+}
+"""What may be added to a constant."""
+TURNING_WINDOW = 0.2
+"""Length of the windows in which gyros and accelerometers are compared [s]."""
+MOVING = 10.0
+"""A window is a move where its turn is so many times what the noise of the gyros makes."""
+LEAST_TURN = 0.01
+"""Smaller turns in a window tell nothing [rad]; in degrees they are larger."""
+FEWEST_WINDOWS = 30
+"""Fewer windows of moves tell nothing."""
+DEGREE = np.pi / 180.0
+
+
+class RestModel(Result):
+    """A model of the gyros' means at rest and whether bounded errors refuse it.
+
+    Attributes
+    ----------
+    terms : tuple of str
+        beside the constant, of WORDS
+    radius : float
+        least possible largest residual over its bound; refused above 1
+    by_chance : float or None
+        part of 200 shuffles of the rests in which the terms do as well; None of the constant and of what is refused
+    stands : bool
+        whether it is one of the smallest that are not refused, and not explained by chance
+    coefficients : tuple of tuple of float
+        for each gyro: the constant [rad/s], then the terms' [rad/s/h], three [rad/s/g], [rad/s/K]
+    """
+
+    terms: tuple[str, ...]
+    radius: float
+    by_chance: float | None = None
+    stands: bool = False
+    coefficients: tuple[tuple[float, ...], ...]
+
+    @property
+    def title(self) -> str:
+        """In words."""
+        return " and ".join(WORDS[term] for term in self.terms) or "constant"
+
+
+class GyrosAtRest(Result):
+    """The smallest models that stand; none where all that could be tried are refused.
+
+    Attributes
+    ----------
+    verdict : str
+        "constant", "named": one smallest model stands; "ambiguous": several of that size; "wandering": none does,
+        or only terms that do as well for shuffled rests; "insufficient": too few rests to refuse anything
+    tried : tuple of RestModel
+        all, in the order of their size
+    not_tried : tuple of str
+        terms that the rests do not allow to try, with the reason
+    """
+
+    verdict: str
+    tried: tuple[RestModel, ...] = Field(alias="models")
+    not_tried: tuple[str, ...]
+
+    @property
+    def standing(self) -> tuple[RestModel, ...]:
+        """Of the smallest size that stands."""
+        return tuple(model for model in self.tried if model.stands)
+
+
+class TurningCheck(Result):
+    """Whether the gyros turn as the accelerometers say: units, signs and order of axes, from moves alone.
+
+    A block that turns at ω sees gravity turn by df = −ω × f dt. The matrix K that fits df = −(K ω dt) × f best over
+    short windows of moves is the identity for rates in rad/s along the accelerometers' axes, (π/180)·I for degrees per
+    second; a swap or a flip of axes shows in it. The scale of the accelerometers does not matter.
+
+    Attributes
+    ----------
+    matrix : (3, 3) array or None
+        K; None where moves are too few, or do not turn about all axes
+    said : tuple of str
+        what is wrong, in words; empty where nothing is
+    """
+
+    matrix: Array | None = None
+    said: tuple[str, ...] = ()
+
+
+class Move(Result):
+    """A move between two rests: its duration, and the integral of the rate's size less the median mean at rest."""
+
+    length_s: float
+    turn_rad: float
+
+
+class RecordSeen(Result):
+    """The record that was inspected, as its JSON names it."""
+
+    rows: int
+    sha256: str
+    warnings: tuple[str, ...]
+
+
+class Inspection(Result):
+    """What a record supports.
+
+    Attributes
+    ----------
+    gravity : float
+        model value [m/s²]
+    input : str
+        what the gyros gave
+    temperature, true_attitude : bool
+        whether the record has them
+    moves : tuple of Move
+        between rests
+    excitation : (3,) array
+        rms of each gyro's rate outside the rests [rad/s]
+    accelerometers : NormCalibration or None
+        None where there are no rests, or their noise cannot be told
+    """
+
+    schema_: Literal["trihedron.inspection/1"] = Field(default="trihedron.inspection/1", alias="schema")
+    seen: RecordSeen = Field(alias="record")
+    gravity: float = Field(alias="gravity_mps2")
+    input: Literal["rates", "increments"]
+    sampling: Sampling
+    temperature: bool
+    true_attitude: bool
+    rests: Rests
+    moves: tuple[Move, ...]
+    excitation: Array = Field(alias="rate_rms_radps")
+    turning: TurningCheck
+    accelerometers: NormCalibration | None
+    gyros: GyrosAtRest | None = Field(alias="gyros_at_rest")
+    measured: StrapdownRecord = Field(default=None, exclude=True)
+
+    @property
+    def record(self) -> StrapdownRecord:
+        """The record itself; an inspection that comes back from its JSON has none."""
+        return self.measured
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each rest: time_s, length_s."""
+        import polars as pl
+
+        return pl.DataFrame({"time_s": self.rests.time_s, "length_s": self.rests.length_s})
+
+
+def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY) -> Inspection:
+    """Say what a strapdown record supports, and what its rests say of gyros and accelerometers.
+
+    Nothing is resampled or repaired: gaps, jitter, saturated samples and wrong units are stated.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+    gravity : float
+        model value [m/s²]; a wrong one is in every scale factor
+
+    Raises
+    ------
+    InputError
+        fewer than 16 rows
+    """
+    sampling = sampling_of(record)
+    rests = find_rests(record, sampling)
+    rate = rates_of(record)
+    moving = np.ones(len(record), dtype=bool)
+    for rows in rests.rows:
+        moving[rows] = False
+    level = np.median(rests.rate, axis=0) if len(rests) else np.zeros(3)
+    excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0)) if moving.any() else np.zeros(3)
+    noise = rests.noise[:3] if len(rests) else np.zeros(3)
+    calibration = gyros = None
+    if len(rests) and rests.force_bound is not None and rests.rate_bound is not None:
+        bound = np.maximum(rests.force_bound / gravity, LEAST_BOUND)
+        calibration = calibrate_by_norm(rests.force / gravity, bound)
+        stands = calibration.verdict == "consistent" and calibration.least_squares is not None
+        x = calibration.least_squares if stands else np.zeros(9)
+        assert x is not None
+        up = inputs_of(x, rests.force / gravity)
+        limits = np.maximum(rests.rate_bound, LEAST_BOUND)
+        gyros = gyros_at_rest(rests.time_s, rests.rate, limits, up, rests.temperature)
+    return Inspection(
+        seen=RecordSeen(rows=len(record), sha256=record.sha256, warnings=record.warnings),
+        measured=record,
+        gravity=gravity,
+        input="rates" if record.rate is not None else "increments",
+        sampling=sampling,
+        temperature=record.temperature is not None,
+        true_attitude=record.attitude is not None,
+        rests=rests,
+        moves=_moves(record, rests, rate - level),
+        excitation=excitation,
+        turning=check_turning(record.time_s, rate - level, record.specific_force, noise),
+        accelerometers=calibration,
+        gyros=gyros,
+    )
+
+
+def _moves(record: StrapdownRecord, rests: Rests, rate: NDArray) -> tuple[Move, ...]:
+    """Duration and turn of each move between rests."""
+    speed = np.linalg.norm(rate, axis=1)
+    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(record.time_s)
+    between = [(a.stop - 1, b.start) for a, b in pairwise(rests.rows)]
+    return tuple(
+        Move(length_s=record.time_s[last] - record.time_s[first], turn_rad=steps[first:last].sum())
+        for first, last in between
+    )
+
+
+def gyros_at_rest(
+    time_s: NDArray, rate: NDArray, bound: NDArray, up: NDArray, temperature: NDArray | None = None
+) -> GyrosAtRest:
+    """Find the smallest model of the gyros' means at rest.
+
+    Earth's rotation is in the means; without heading its direction is not known, so its size widens the bounds.
+
+    Parameters
+    ----------
+    time_s : (K,) array
+        middles of the rests [s]
+    rate, bound : (K, 3) array
+        means and the bounds of their errors [rad/s]
+    up : (K, 3) array
+        inputs of the accelerometers [g]
+    temperature : (K,) array or None
+        [°C]
+
+    Returns
+    -------
+    GyrosAtRest
+    """
+    terms = {"drift": (time_s - time_s[:1]).reshape(-1, 1) / 3600.0, "gravity": up}
+    not_tried = []
+    if temperature is not None and np.ptp(temperature) > 0.0:
+        terms["temperature"] = temperature.reshape(-1, 1) - 20.0
+    else:
+        not_tried.append("temperature: " + ("not in the record" if temperature is None else "does not change"))
+    bound = bound + EARTH_RATE
+    tried: list[RestModel] = []
+    for size in range(len(terms) + 1):
+        fits = []
+        for chosen in combinations(terms, size):
+            design = np.hstack([np.ones((len(rate), 1)), *(terms[term] for term in chosen)])
+            why = _hindrance(design)
+            if why is None:
+                found = [chebyshev_radius(design, rate[:, p], bound[:, p]) for p in range(3)]
+                radius, coefficients = max(fit[0] for fit in found), tuple(tuple(fit[1].tolist()) for fit in found)
+                chance = _by_chance(design, rate, bound, radius) if size and radius <= 1.0 else None
+                stands = radius <= 1.0 and (chance is None or chance <= CHANCE)
+                model = RestModel(
+                    terms=chosen, radius=radius, by_chance=chance, stands=stands, coefficients=coefficients
+                )
+                (fits if radius <= 1.0 else tried).append(model)
+            elif size <= 1:
+                not_tried.append(f"{' and '.join(chosen) or 'constant'}: {why}")
+        tried += fits
+        if fits:
+            standing = sum(model.stands for model in fits)
+            verdict = "constant" if not size else ("wandering", "named", "ambiguous")[min(standing, 2)]
+            return GyrosAtRest(verdict=verdict, tried=tuple(tried), not_tried=tuple(not_tried))
+    verdict = "wandering" if tried else "insufficient"
+    return GyrosAtRest(verdict=verdict, tried=tuple(tried), not_tried=tuple(not_tried))
+
+
+def _by_chance(design: NDArray, rate: NDArray, bound: NDArray, radius: float) -> float:
+    """Part of shuffles of the rests in which a model (K, n) does as well."""
+    rng = np.random.default_rng(0)
+    as_well = 0
+    for _ in range(SHUFFLES):
+        order = rng.permutation(len(rate))
+        as_well += all(chebyshev_radius(design, rate[order, p], bound[order, p])[0] <= radius for p in range(3))
+    return as_well / SHUFFLES
+
+
+def _hindrance(design: NDArray) -> str | None:
+    """Why a model cannot be tried; None where it can."""
+    if len(design) < design.shape[1] + SPARE:
+        return f"{len(design)} rests, {design.shape[1] + SPARE} are needed"
+    size = np.abs(design).max(axis=0)
+    if not size.all():
+        return "nothing changes"
+    singular = np.linalg.svd(design / size, compute_uv=False)
+    return None if singular[-1] > DISTINCT * singular[0] else "the rests do not tell its terms apart"
+
+
+def check_turning(time_s: NDArray, rate: NDArray, force: NDArray, noise: NDArray) -> TurningCheck:
+    """Compare gyros with accelerometers over moves.
+
+    Parameters
+    ----------
+    time_s : (N,) array
+        [s]
+    rate, force : (N, 3) array
+        as the record has them
+    noise : (3,) array
+        scatter of a sample of the gyros at rest, in the rates' unit
+
+    Returns
+    -------
+    TurningCheck
+    """
+    period = float(np.median(np.diff(time_s)))
+    size = max(2, round(TURNING_WINDOW / period))
+    pieces = len(time_s) // size
+    if pieces < FEWEST_WINDOWS:
+        return TurningCheck()
+    blocks = slice(0, pieces * size)
+    middle = force[blocks].reshape(pieces, size, 3).mean(axis=1)
+    mean = rate[blocks].reshape(pieces, size, 3).mean(axis=1)
+    between = np.diff(time_s[blocks].reshape(pieces, size).mean(axis=1))
+    turn = 0.5 * (mean[1:] + mean[:-1]) * between[:, None]
+    change, level = np.diff(middle, axis=0), 0.5 * (middle[1:] + middle[:-1])
+    least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), LEAST_TURN)
+    moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
+    if moving.sum() < FEWEST_WINDOWS:
+        return TurningCheck()
+    turn, change, level = turn[moving], change[moving], level[moving]
+    cross = np.zeros((len(level), 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -level[:, 2], level[:, 1], -level[:, 0]
+    cross -= cross.transpose(0, 2, 1)
+    # −(K ω) × f = f × (K ω); columns in the order of K's elements, row by row.
+    design = np.einsum("nij,nk->nijk", cross, turn).reshape(3 * len(turn), 9)
+    singular = np.linalg.svd(design, compute_uv=False)
+    if singular[-1] < 0.02 * singular[0]:
+        return TurningCheck()
+    target = change.ravel()
+    solution = np.linalg.lstsq(design, target, rcond=None)[0]
+    left = target - design @ solution
+    # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
+    share = 1.0 - float(left @ left) / float(target @ target)
+    error = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * (left @ left) / (len(left) - 9))
+    matrix = solution.reshape(3, 3)
+    return TurningCheck(matrix=matrix, said=meaning(matrix, error.reshape(3, 3)) if share > 0.5 else ())
+
+
+def meaning(matrix: NDArray, error: NDArray) -> tuple[str, ...]:
+    """What K (3, 3) says of units, order and signs of the gyros, where it is surely so."""
+    said = []
+    size = float(np.median(np.abs(matrix).max(axis=1)))
+    if 0.5 * DEGREE < size < 2.0 * DEGREE:
+        said.append("the rates are probably in degrees per second: they turn the block 57 times too far")
+    elif not 0.5 < size < 2.0:
+        said.append(f"the gyros turn the block {1.0 / size:.3g} times as far as gravity turns: check their unit")
+    for axis in range(3):
+        row, sure = matrix[axis] / size, error[axis] / size
+        gyro = int(np.argmax(np.abs(row)))
+        if np.abs(row[gyro]) < 0.5 or sure.max() > 0.1:
+            continue
+        if gyro != axis:
+            said.append(f"what turns about axis {axis + 1} of the accelerometers is read by gyro {gyro + 1}")
+        if row[gyro] < 0.0:
+            said.append(f"gyro {gyro + 1} has the wrong sign about axis {axis + 1} of the accelerometers")
+    return tuple(said)

@@ -1,0 +1,330 @@
+"""Rests of a block that is moved by hand: where gyros and accelerometers show nothing but their noise."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ..records import StrapdownRecord
+from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
+from ..result import Array, Result
+from .sampling import GAP, Sampling, rates_of, runs_of
+
+WINDOW = 0.5
+"""Length of the windows in which rest is looked for [s]."""
+LAG = 0.05
+"""Noise is taken from differences over this time [s]: long enough for filters to forget, short for a hand."""
+QUIET = 3.0
+"""A window is quiet when no channel scatters so many times as much as its noise."""
+QUIETEST = 0.1
+"""Part of the windows that shows the noise."""
+SHORTEST = 1.0
+"""A rest lasts at least so long [s]."""
+SETTLING = 0.2
+"""Dropped at both ends of a rest [s]."""
+SLOW = 3.0
+"""A rest whose thirds differ by so many times the noise of a sample is a slow turn."""
+FAR = 10.0
+"""A rest whose mean rate is so many times the noise of a sample from what the others make expect is a steady turn."""
+FEWEST_POSES = 10
+"""Of fewer rests no dependence on gravity and time is taken away before."""
+REWEIGHTED = 30
+"""Rounds of reweighted least squares."""
+LEAST_SHARE = 0.02
+"""A channel without a limit is at its extreme in fewer rows of a rest."""
+MORE_THAN_USUAL = 3.0
+"""A channel that shows steps repeats its values in every rest; at a limit it does so many times as much."""
+FEW_VALUES = 3
+"""Where the readings of a rest take at most so many values, noise is no wider than a step, and the mean is off by up
+to half of one."""
+WIDE_NOISE = 0.1
+"""Of noise as wide as k steps the mean is off by at most this part of one step, over k: the first harmonic of what is
+rounded away, of a flat distribution, 1/π² of it; of a Gaussian one it is less."""
+SAME_STEP = 1e-3
+"""Multiples of a step are written with digits of their own: they may be off by so much of it."""
+TOO_FINE = 1e-6
+"""A step of so small a part of the range of the readings is a last digit: a record without noise has no other."""
+MOST_DIVISIONS = 60
+
+
+class Rests(Result):
+    """The rests of a strapdown record.
+
+    Attributes
+    ----------
+    count : int
+        K
+    turning : int
+        quiet stretches that were slow turns, left out
+    clipped : int
+        rests with an accelerometer at its limit, left out
+    step : (3,) array
+        in which each accelerometer reads [m/s²], where its noise does not average that out; else 0
+    time_s : (K,) array
+        middle of each rest [s]
+    length_s : (K,) array
+        of what is averaged of each rest [s]
+    force_bound, rate_bound : (K, 3) array or None
+        bound of each mean's error [m/s²], [rad/s], three times the Allan deviation at the length of the rests, and what
+        steps of the readings leave; None where the rests are too few or too short to tell
+    rows : tuple of slice
+        the rows that are averaged, of each rest
+    force, rate : (K, 3) array
+        mean readings [m/s²], [rad/s]
+    temperature : (K,) array or None
+        [°C]
+    noise : (6,) array
+        scatter of one sample at rest: gyros [rad/s], accelerometers [m/s²]
+    """
+
+    count: int
+    turning: int = Field(alias="slow_turns_left_out")
+    clipped: int = Field(alias="clipped_left_out")
+    step: Array = Field(alias="reading_step_mps2")
+    time_s: Array
+    length_s: Array
+    force_bound: Array | None = Field(alias="force_bound_mps2")
+    rate_bound: Array | None = Field(alias="rate_bound_radps")
+    rows: tuple[slice, ...] = Field(default=(), exclude=True)
+    force: Array = Field(default=None, exclude=True)
+    rate: Array = Field(default=None, exclude=True)
+    temperature: Array | None = Field(default=None, exclude=True)
+    noise: Array = Field(default=None, exclude=True)
+
+    def __len__(self) -> int:
+        return self.count
+
+
+def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
+    """Find the rests of a record and average them.
+
+    A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from
+    differences over 0.05 s in the windows where they are least: a slow move has small differences and a large
+    scatter. Rests are quiet stretches of a second and more without a gap, whose readings do not walk.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+    sampling : Sampling
+        of that record
+
+    Returns
+    -------
+    Rests
+        none at all where nothing is quiet
+    """
+    rate = rates_of(record)
+    channels = [*rate.T, *record.specific_force.T]
+    size = max(8, round(WINDOW / sampling.period))
+    lag = max(1, min(round(LAG / sampling.period), size // 4))
+    if len(record) < 2 * size:
+        return _averaged(record, sampling, (), np.zeros(6), turning=0, clipped=0)
+    noise = np.empty(6)
+    quiet = np.ones(len(record) - size + 1, dtype=bool)
+    # One channel after the other: sums over an hour at 1 kHz are large.
+    for k, values in enumerate(channels):
+        noise[k] = _noise(values, size, lag)
+        quiet &= _scatter(values, size) <= QUIET * noise[k]
+    begun = np.concatenate([[0], np.cumsum(quiet)])
+    at = np.arange(len(record))
+    resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
+    kept, turning = [], 0
+    dropped = round(SETTLING / sampling.period)
+    for first, stop in _stretches(resting, record.time_s, sampling.period):
+        if record.time_s[stop - 1] - record.time_s[first] < SHORTEST:
+            continue
+        rows = slice(first + dropped, stop - dropped)
+        if _walks(np.column_stack([values[rows] for values in channels]), noise):
+            turning += 1
+        else:
+            kept.append(rows)
+    turns = _steady_turns(rate, record.specific_force, kept, noise[:3])
+    turning += int(turns.sum())
+    kept = [rows for rows, out in zip(kept, turns, strict=True) if not out]
+    clipped = clipped_rests(record.specific_force, kept)
+    rows = tuple(rows for rows, out in zip(kept, clipped, strict=True) if not out)
+    seen = np.where(np.isfinite(noise), noise, 0.0)
+    return _averaged(record, sampling, rows, seen, turning=turning, clipped=int(clipped.sum()))
+
+
+def _noise(values: NDArray, size: int, lag: int) -> float:
+    """Noise of a channel (N,), from differences over `lag` rows in the windows of `size` rows where they are least.
+
+    A channel that is dead, or shows steps wider than its noise, decides nothing: its noise is infinite.
+    """
+    square = _window_sums((values[lag:] - values[:-lag]) ** 2, size - lag)
+    most = max(1, round(QUIETEST * len(square)))
+    noise = float(np.sqrt(0.5 * np.maximum(np.partition(square, most - 1)[most - 1], 0.0) / (size - lag)))
+    return noise if noise > 0.0 else np.inf
+
+
+def _scatter(values: NDArray, size: int) -> NDArray:
+    """Standard deviation of a channel (N,) in each window of `size` rows, shape (N - size + 1,)."""
+    centred = values - values.mean()
+    mean = _window_sums(centred, size) / size
+    return np.sqrt(np.maximum(_window_sums(centred**2, size) / size - mean**2, 0.0))
+
+
+def _window_sums(values: NDArray, size: int) -> NDArray:
+    """Sums of values (N,) over windows of `size` rows, shape (N - size + 1,)."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    return sums[size:] - sums[:-size]
+
+
+def _stretches(resting: NDArray, time: NDArray, period: float) -> list[tuple[int, int]]:
+    """Beginnings and ends of the stretches of quiet rows between moves and gaps."""
+    breaks = np.flatnonzero(np.diff(time) > GAP * period) + 1
+    edges = np.concatenate([[0], breaks, [len(time)]])
+    return [
+        (int(low + begin), int(low + end))
+        for low, high in pairwise(edges)
+        for begin, end in zip(*runs_of(resting[low:high]), strict=True)
+    ]
+
+
+def _walks(values: NDArray, noise: NDArray) -> bool:
+    """Whether the first and the last third of a stretch (n, 6) differ as no noise makes them."""
+    third = max(1, len(values) // 3)
+    return bool((np.abs(values[-third:].mean(axis=0) - values[:third].mean(axis=0)) > SLOW * noise).any())
+
+
+def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDArray) -> NDArray[np.bool_]:
+    """Rests (K,) whose mean rate is far from what the others', and their dependence on gravity and time, make expect.
+
+    Gyros that depend on gravity read something else in every pose. The least sum of sizes (least squares, reweighted)
+    is not drawn to a few turns.
+    """
+    if not rests:
+        return np.zeros(0, dtype=bool)
+    means, up = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (rate, force))
+    design = np.ones((len(rests), 1))
+    if len(rests) >= FEWEST_POSES:
+        middle = np.array([0.5 * (rows.start + rows.stop) for rows in rests])
+        design = np.column_stack([design, middle / middle.max(), up / np.abs(up).max()])
+    least = np.where(np.isfinite(noise), noise, 1.0)
+    found = np.zeros(len(rests), dtype=bool)
+    for axis in range(3):
+        left = means[:, axis] - np.median(means[:, axis])
+        for _ in range(REWEIGHTED):
+            root = 1.0 / np.sqrt(np.maximum(np.abs(left), 0.1 * least[axis] + 1e-300))
+            solution = np.linalg.lstsq(design * root[:, None], means[:, axis] * root, rcond=1e-9)[0]
+            left = means[:, axis] - design @ solution
+        found |= np.abs(left) > FAR * noise[axis]
+    return found
+
+
+def _averaged(
+    record: StrapdownRecord, sampling: Sampling, rows: tuple[slice, ...], noise: NDArray, *, turning: int, clipped: int
+) -> Rests:
+    def means(values: NDArray) -> NDArray:
+        return np.array([values[r].mean(axis=0) for r in rows]).reshape(len(rows), *values.shape[1:])
+
+    def bounds(values: NDArray) -> NDArray | None:
+        """Of the means' errors (K, 3): shorter rests than the median one have larger ones, as white noise has."""
+        deviation = deviation_at_dwell([values[r] for r in rows])
+        if deviation is None:
+            return None
+        longer = np.sqrt(np.maximum(1.0, np.median(length) / length))
+        return SCATTER_FACTOR * longer[:, None] * deviation
+
+    length = np.array([r.stop - r.start for r in rows], dtype=float)
+    rate, force_bound = rates_of(record), bounds(record.specific_force)
+    step, off = reading_steps(record.specific_force, rows) if rows else (np.zeros(3), np.zeros(3))
+    return Rests(
+        count=len(rows),
+        turning=turning,
+        clipped=clipped,
+        step=step,
+        time_s=means(record.time_s),
+        length_s=length * sampling.period,
+        force_bound=None if force_bound is None else force_bound + off,
+        rate_bound=bounds(rate),
+        rows=rows,
+        force=means(record.specific_force),
+        rate=means(rate),
+        temperature=None if record.temperature is None else means(record.temperature),
+        noise=noise,
+    )
+
+
+def clipped_rests(force: NDArray[np.float64], rests: list[slice]) -> NDArray[np.bool_]:
+    """Rests (K,) in which an accelerometer often reads its largest or its least value of the record, and elsewhere not.
+
+    Parameters
+    ----------
+    force : (N, 3) array
+        readings, in any unit
+    rests : list of slice
+        rows of each rest
+    """
+    found = np.zeros(len(rests), dtype=bool)
+    for values in force.T:
+        extremes = (values.max(initial=-np.inf), values.min(initial=np.inf))
+        at_limit = np.array([max(np.mean(values[rows] == extreme) for extreme in extremes) for rows in rests])
+        suspects = at_limit > LEAST_SHARE
+        others = [_commonest(values[rows]) for rows, suspect in zip(rests, suspects, strict=True) if not suspect]
+        if others and suspects.any():
+            found |= suspects & (at_limit > MORE_THAN_USUAL * np.median(others))
+    return found
+
+
+def _commonest(values: NDArray[np.float64]) -> float:
+    """Part of the values (n,) that are the commonest one."""
+    return float(np.unique(values, return_counts=True)[1].max() / len(values))
+
+
+def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:
+    """Steps of the readings of each channel, and by how much they may put a mean at rest off.
+
+    Parameters
+    ----------
+    values : (N, 3) array
+        readings, in any unit
+    rests : tuple of slice
+        rows of each rest; at least one
+
+    Returns
+    -------
+    step : (3,) array
+        in that unit; 0 where the readings hide no step in their noise
+    off : (3,) array
+        largest error of a mean, in that unit
+    """
+    step, off = np.zeros(3), np.zeros(3)
+    for p, channel in enumerate(values.T):
+        seen = [np.unique(channel[rows]) for rows in rests]
+        apart = np.diff(np.unique(np.concatenate(seen)))
+        if not len(apart):
+            continue
+        common, count = common_divisor(apart), float(np.median([len(different) for different in seen]))
+        if count > FEW_VALUES:
+            off[p] = WIDE_NOISE * common / (count - 1.0)
+        elif common > TOO_FINE * apart.max():
+            step[p], off[p] = common, 0.5 * common
+    return step, off
+
+
+def common_divisor(values: NDArray[np.float64]) -> float:
+    """The largest number of which all values (n,), positive, are whole multiples to a thousandth of it, as Euclid does.
+
+    Of readings without a step it is as small as their last digit, or smaller.
+    """
+    common = float(values.min())
+    for _ in range(MOST_DIVISIONS):
+        left = np.abs(values - np.round(values / common) * common)
+        left = left[left > SAME_STEP * common]
+        if not len(left):
+            break
+        common = float(left.min())
+    return common
+
+
+def rest_warnings(rests: Rests, gravity: float) -> list[str]:
+    """What a person should know of the accelerometers at rest: limits and steps."""
+    said = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"] if rests.clipped else []
+    for p in np.flatnonzero(rests.step):
+        said.append(
+            f"f{p + 1} reads in steps of {rests.step[p] / gravity:.2g} g: half of one counts in its means' bounds"
+        )
+    return said

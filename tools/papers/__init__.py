@@ -1,0 +1,1 @@
+"""Published tables beside what is computed here: calibration, attitude algorithms, word length."""

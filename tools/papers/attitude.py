@@ -1,0 +1,342 @@
+"""A paper on attitude algorithms: its published errors and motions, and what its simulation did otherwise than it says.
+
+Source: Chelnokov, Perelyaev, Chelnokova 2016 (Izv. Saratov Univ., Ser. Math. Mech. Inform. 16(1)), Tables 1 to 3 and
+section 3.1.1. With every switch of `Conditions` on, the published errors come out; with every switch off, the true
+errors of the methods do.
+"""
+
+import csv
+import math
+from dataclasses import dataclass, replace
+from importlib.resources import files
+
+import numpy as np
+
+from ...models.attitude_algorithms import Algorithm
+from ...models.harmonic_motion import HARMONICS, store_harmonics
+from ..errors import InputError, nearest
+from ..motion.attitude import algorithm_named
+
+ALGORITHM_OF_PRINT = {
+    "(7.18)": "mean-rate",
+    "(7.20)": "one-sample-quaternion",
+    "(7.22)": "two-sample-quaternion",
+    "(19)": "one-sample-rodrigues",
+    "(20)": "one-sample-rodrigues-symmetric",
+    "(22)": "two-sample-rodrigues",
+    "[1, p. 355]": "two-sample-textbook-as-run",
+    "(24), (25)": "panov",
+    "(24), remark 3": "panov-cut-off",
+}
+"""The algorithm that gives the published errors, for each name in print."""
+
+ANGLES = ("ψ", "ϑ", "γ")
+TABLES = {"1": "Table 1", "2": "Table 2", "3": "Table 3", "3.1.1": "section 3.1.1"}
+
+SLOW_AMPLITUDES_DEG = {
+    "1": (15.0, 5.0, 15.0),
+    "2": (30.0, 10.0, 30.0),
+    "3": (15.0, 5.0, 15.0),
+    "4": (30.0, 10.0, 30.0),
+    "5": (60.0, 20.0, 60.0),
+    "6": (120.0, 40.0, 120.0),
+    "small": (1.0, 2.0, 3.0),
+}
+"""Amplitudes [deg] of the motions with one harmonic in each angle."""
+
+SLOW_FREQUENCIES = (1.0, 0.5, 1.0)
+"""[Hz]"""
+
+FAST_FREQUENCIES = ((380.0, 400.0, 420.0), (60.0, 80.0, 100.0))
+"""First and second harmonics of the compositions [Hz]."""
+
+THIRD_FREQUENCIES = {"first": (1.0, 1.0, 1.0), "second": (1.0, 2.0, 3.0)}
+"""Third harmonics of the compositions [Hz]."""
+
+THIRD_AMPLITUDES_DEG = (6.0, 8.0, 10.0)
+TYPED_DEG = {2.0 / 60.0: 0.0333, 2.5 / 3600.0: 0.000694, 20.0 / 60.0: 0.333, 25.0 / 3600.0: 0.00694}
+"""Amplitudes as they must have been typed [deg]."""
+
+MOTIONS = (*SLOW_AMPLITUDES_DEG, *THIRD_FREQUENCIES)
+"""Names of the motions: the variants of Table 1, the small amplitudes of 3.1.1, the two compositions."""
+
+PAPER_PI = 3.141592
+"""π of the paper's program (fitted): 2.1e-7 too small."""
+
+NODES_AS_RUN = {("3.1.1", "(22)", 0.01, 21): 41}
+"""Rows that come out with another M than the printed one."""
+
+
+@dataclass(frozen=True)
+class PublishedRow:
+    """One row: the largest errors of ψ, ϑ, γ over 600 s.
+
+    Attributes
+    ----------
+    number : int
+        of the row, from 1
+    table : str
+        key of `TABLES`
+    print_name : str
+        name of the algorithm in print
+    step : float
+        h [s]
+    nodes : int
+        M as printed
+    motion : str
+        1 to 6: variants of Table 1; small: small amplitudes; first, second: compositions of harmonics
+    error_deg : tuple of float
+        printed errors of ψ, ϑ, γ [deg]
+    """
+
+    number: int
+    table: str
+    print_name: str
+    step: float
+    nodes: int
+    motion: str
+    error_deg: tuple[float, float, float]
+
+    @property
+    def algorithm(self) -> Algorithm:
+        """The algorithm that was run."""
+        return algorithm_named(ALGORITHM_OF_PRINT[self.print_name])
+
+    @property
+    def error(self) -> np.ndarray:
+        """Printed errors of ψ, ϑ, γ [rad]."""
+        return np.radians(self.error_deg)
+
+    @property
+    def title(self) -> str:
+        """The row as it is named in what people read."""
+        return f"{TABLES[self.table]}, {self.print_name}, h = {self.step:g} s, M = {self.nodes}, motion {self.motion}"
+
+
+def published_rows() -> tuple[PublishedRow, ...]:
+    """All published rows, in the order of the paper."""
+    text = files(__package__).joinpath("attitude.csv").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return tuple(
+        PublishedRow(
+            number,
+            row["table"],
+            row["algorithm"],
+            float(row["h_s"]),
+            int(row["M"]),
+            row["motion"],
+            (float(row["psi_deg"]), float(row["theta_deg"]), float(row["gamma_deg"])),
+        )
+        for number, row in enumerate(csv.DictReader(lines), start=1)
+    )
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Under which conditions a row is run; a switch that is off is what the text says, or exact.
+
+    Attributes
+    ----------
+    short_pi : bool
+        π = 3.141592 in every 2π f t, not π
+    trapezoid : bool
+        increments by the trapezoid rule with M nodes, not exact
+    nodes_over_step : bool
+        the M nodes lie over the whole step of the algorithm, not over each gyro sample
+    not_normalised : bool
+        the angles are taken from the quaternion as it is, not from its normalised one
+    other_frequencies : bool
+        variants 3 and 4 of Table 1 run at 4π + 1 and 2π rad/s, not at 4π and 2π
+    smaller_theta : bool
+        second harmonic of ϑ in Tables 2 and 3: 1.5' and 15', not 2' and 20'
+    typed_amplitudes : bool
+        2' and 2.5'' typed as 0.0333 and 0.000694 degrees, 20' and 25'' as 0.333 and 0.00694
+    series_cut : bool
+        [1, p. 355] without φ⁴/384, remark 3 without φ³/48: one term less than the text says
+    nodes_as_run : bool
+        M of `NODES_AS_RUN` in place of the printed one
+    """
+
+    short_pi: bool = True
+    trapezoid: bool = True
+    nodes_over_step: bool = True
+    not_normalised: bool = True
+    other_frequencies: bool = True
+    smaller_theta: bool = True
+    typed_amplitudes: bool = True
+    series_cut: bool = True
+    nodes_as_run: bool = True
+
+    @property
+    def pi(self) -> float:
+        """π of the motion."""
+        return PAPER_PI if self.short_pi else math.pi
+
+    def without(self, *switches: str) -> "Conditions":
+        """The same conditions with these switches off."""
+        return replace(self, **dict.fromkeys(switches, False))
+
+    def algorithm(self, row: PublishedRow) -> Algorithm:
+        """The algorithm that runs."""
+        named = row.algorithm
+        if self.series_cut:
+            return named
+        full = {"two-sample-textbook-as-run": "two-sample-textbook", "panov-cut-off": "panov-series"}
+        return algorithm_named(full.get(named.name, named.name))
+
+    def intervals(self, row: PublishedRow) -> int:
+        """Intervals of the trapezoid rule in one gyro sample; 0: increments are exact."""
+        if not self.trapezoid:
+            return 0
+        nodes = row.nodes
+        if self.nodes_as_run:
+            nodes = NODES_AS_RUN.get((row.table, row.print_name, row.step, row.nodes), nodes)
+        return (nodes - 1) // row.algorithm.samples if self.nodes_over_step else nodes - 1
+
+
+PAPER = Conditions()
+"""As the paper's program ran."""
+
+EXACT = PAPER.without("short_pi", "trapezoid", "not_normalised")
+"""The same motions and algorithms with exact π, exact increments and normalised quaternions: true method error."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A switch of `Conditions`: what it does to the published numbers, and rows that show it.
+
+    Attributes
+    ----------
+    switch : str
+        name of the field of `Conditions`
+    sentence : str
+        what was done, and with what effect
+    shown_on : tuple of int
+        numbers of published rows
+    """
+
+    switch: str
+    sentence: str
+    shown_on: tuple[int, ...]
+
+
+CAUSES = (
+    Cause(
+        "short_pi",
+        "π = 3.141592 in 2π f t detunes 400 + 100 Hz and 420 + 80 Hz from the 500 Hz of the updates: "
+        'the whole "instability" of ψ',
+        (71, 88),
+    ),
+    Cause("trapezoid", "the trapezoid rule makes the printed error of (22), not the method", (1, 13)),
+    Cause("nodes_over_step", "the M nodes lie over the whole step, not over each gyro sample", (1, 13)),
+    Cause(
+        "not_normalised",
+        "angles were taken from quaternions that had left the unit sphere: the advantage over [1, p. 355]",
+        (25, 31),
+    ),
+    Cause("series_cut", "[1, p. 355] ran without φ⁴/384, and Panov's of remark 3 without φ³/48", (32, 53)),
+    Cause("other_frequencies", "variants 3 and 4 ran at 4π + 1 rad/s in ψ and γ, not at 4π", (10, 11, 34)),
+    Cause("smaller_theta", "the second harmonic of ϑ was 1.5' and 15', not 2' and 20'", (71, 88)),
+    Cause("typed_amplitudes", "amplitudes were typed as rounded decimals of a degree: 2' as 0.0333", (71, 88)),
+    Cause("nodes_as_run", "this row ran with M = 41, not with M = 21", (56,)),
+)
+"""Every switch of `Conditions`."""
+
+
+def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
+    """A motion of the paper as the harmonics that `trihedron.models.harmonic_motion` takes.
+
+    Parameters
+    ----------
+    name : str
+        one of `MOTIONS`
+    conditions : Conditions
+        what π, frequencies and amplitudes are
+
+    Returns
+    -------
+    ndarray, shape (36,)
+        amplitude [rad], circular frequency [rad/s] and phase of each harmonic
+
+    Raises
+    ------
+    InputError
+        no motion has this name
+    """
+    if name not in MOTIONS:
+        raise InputError(f"motion {name}: is not known; {nearest(name, MOTIONS)}")
+    harmonics = [0.0] * (9 * HARMONICS)
+    for axis in range(3):
+        if name in THIRD_FREQUENCIES:
+            frequencies = (*(harmonic[axis] for harmonic in FAST_FREQUENCIES), THIRD_FREQUENCIES[name][axis])
+            amplitudes_deg = _composition_amplitudes_deg(name, axis, conditions)
+        else:
+            frequencies = (_slow_frequency(name, axis, conditions),)
+            amplitudes_deg = (SLOW_AMPLITUDES_DEG[name][axis],)
+        store_harmonics(
+            axis,
+            conditions.pi,
+            _padded(np.radians(amplitudes_deg)),
+            _padded(frequencies),
+            _padded(()),
+            harmonics,
+        )
+    return np.array(harmonics)
+
+
+def _slow_frequency(name: str, axis: int, conditions: Conditions) -> float:
+    if name not in ("3", "4"):
+        return SLOW_FREQUENCIES[axis]
+    printed = 2.0 * SLOW_FREQUENCIES[axis]
+    if conditions.other_frequencies and axis != 1:
+        return printed + 1.0 / (2.0 * conditions.pi)
+    return printed
+
+
+def _composition_amplitudes_deg(name: str, axis: int, conditions: Conditions) -> tuple[float, float, float]:
+    scale = 1.0 if name == "first" else 10.0
+    minutes = (1.0, 1.5 if conditions.smaller_theta else 2.0, 2.0)[axis]
+    first, second = scale * 2.5 / 3600.0, scale * minutes / 60.0
+    if conditions.typed_amplitudes:
+        first, second = _as_typed(first), _as_typed(second)
+    return first, second, THIRD_AMPLITUDES_DEG[axis]
+
+
+def _as_typed(amplitude_deg: float) -> float:
+    return next((typed for full, typed in TYPED_DEG.items() if abs(amplitude_deg - full) < 1e-9), amplitude_deg)
+
+
+def _padded(values: object) -> list[float]:
+    given = [float(value) for value in np.asarray(values).reshape(-1)]
+    return given + [0.0] * (HARMONICS - len(given))
+
+
+TRIED = "tried without success: exact π, other T, errors taken at every n-th step only, words of 36 to 42 bits"
+
+
+UNEXPLAINED: tuple[tuple[tuple[int, ...], str], ...] = (
+    (
+        (5, 17),
+        "variant 5: ψ and γ are printed 8e-6 degrees larger, ϑ agrees to four digits; tried without success: exact π, "
+        "T from 60 to 1200 s, normalised quaternions",
+    ),
+    ((36,), "γ in print is 5.74e-7, surely for 5.74e-6: the text has it two orders below 5.97e-4"),
+    (
+        (43, 45),
+        "not possible as the largest errors of one run: an error of ϑ that is drift about the third axis is seen in γ "
+        f"with sin 15° of its size, which is more than the γ in print; {TRIED}",
+    ),
+    (
+        (46,),
+        "ϑ fits normalised quaternions, γ fits quaternions that are not, ψ lies halfway between: (7.20) itself is "
+        "reconstructed, the book was not at hand",
+    ),
+    ((38, 74, 75, 80), f"drift in ψ or γ comes out larger than in print; {TRIED}"),
+    ((62, 69), f"ψ comes out 14 % larger than in print from the first second on; {TRIED}"),
+    (
+        (78, 83),
+        "(7.20) and (19) carry the same three numbers in print: one row is a copy, and neither fits it in all angles",
+    ),
+    ((79, 84), f"ϑ comes out 6 % larger and 8 % smaller than in print, while ψ agrees; {TRIED}"),
+)
+"""Rows that do not come out, and what is known of them."""

@@ -1,0 +1,172 @@
+"""What is said of a strapdown record: what it supports, and the attitude that its gyros give."""
+
+import math
+
+import numpy as np
+
+from ...models.turntable import EARTH_RATE
+from ..errors import InputError
+from ..motion.attitude import AttitudeRun
+from ..motion.attitude_error import split_error
+from ..motion.compare import AttitudeComparison
+from ..motion.inspect import EXCITED, Inspection
+from ..motion.rests import rest_warnings
+
+DIGITS_OF_STAMPS = 1e-6
+"""Jitter of so small a part of the period is in the last digits of the time stamps."""
+
+
+def inspection_lines(found: Inspection) -> list[str]:
+    """What `trihedron inspect` prints."""
+    return [*_sampling_lines(found), *_rest_lines(found), *_accelerometer_lines(found), *_gyro_lines(found)]
+
+
+def _sampling_lines(found: Inspection) -> list[str]:
+    record, sampling = found.record, found.sampling
+    kind = "rates" if record.rate is not None else "increments"
+    length = float(record.time_s[-1] - record.time_s[0])
+    jitter = f"jitter {sampling.jitter_rms:.2g} s rms, {sampling.jitter_max:.2g} s at most"
+    if sampling.jitter_max < DIGITS_OF_STAMPS * sampling.period:
+        jitter = "no jitter"
+    lines = [
+        f"{record.path.name}: {len(record)} rows of {kind} over {length:.6g} s, one every {sampling.period:.6g} s",
+        f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
+    ]
+    lines += [f"gap of {gap.length_s:.4g} s after {gap.time_s:.6g} s" for gap in sampling.gaps[:5]]
+    lines += [f"{name}: {rows} rows are saturated" for name, rows in sampling.saturated.items()]
+    lines += [f"{name}: dead, it never changes" for name in sampling.dead]
+    lines.append("temperature: " + ("in the record" if record.temperature is not None else "not in the record"))
+    return lines + [f"units and axes: {said}" for said in found.turning.said]
+
+
+def _rest_lines(found: Inspection) -> list[str]:
+    rests = found.rests
+    if not len(rests):
+        return ["no rests: neither gyros nor accelerometers can be judged at rest"]
+    lengths = rests.length_s
+    lines = [f"{len(rests)} rests of {lengths.min():.2g} to {lengths.max():.2g} s, median {np.median(lengths):.2g} s"]
+    if rests.turning:
+        lines[0] += f"; {rests.turning} slow turns left out"
+    lines += rest_warnings(rests, found.gravity)
+    if len(found.moves):
+        turns = np.degrees([move.turn_rad for move in found.moves])
+        lines.append(f"{len(turns)} moves between them, of {turns.min():.3g} to {turns.max():.3g} degrees")
+    quiet = [str(p + 1) for p in range(3) if found.excitation[p] < EXCITED * rests.noise[p]]
+    rates = ", ".join(f"{math.degrees(value):.3g}" for value in found.excitation)
+    lines.append(f"rates between the rests: {rates} deg/s rms about axes 1, 2, 3")
+    if quiet:
+        lines.append(f"not excited: axis {', '.join(quiet)}")
+    if rests.force_bound is None or rests.rate_bound is None:
+        lines.append("the rests are too short to tell the noise of their means")
+    else:
+        force, rate = np.median(rests.force_bound, axis=0).max(), np.median(rests.rate_bound, axis=0).max()
+        lines.append(
+            f"bound of a mean at rest, 3 Allan deviations: {force / found.gravity:.2g} g, "
+            f"{math.degrees(rate):.2g} deg/s"
+        )
+    return lines
+
+
+def _accelerometer_lines(found: Inspection) -> list[str]:
+    calibration = found.accelerometers
+    if calibration is None:
+        return []
+    lines = [f"accelerometers by the norm of gravity: {calibration.verdict}"]
+    if calibration.radius is not None:
+        lines[0] += f", radius {calibration.radius:.3g}"
+    if calibration.missing:
+        lines.append("poses that are missing: " + "; ".join(calibration.missing))
+    if calibration.low is not None:
+        lines.append("            least squares            guaranteed")
+        for p in calibration.parameters:
+            error = math.nan if p.standard_error is None else p.standard_error
+            lines.append(f"  {p.name:9} {p.least_squares:+.5f} ± {error:.5f}   {p.low:+.5f} to {p.high:+.5f}")
+    return lines
+
+
+def _gyro_lines(found: Inspection) -> list[str]:
+    gyros = found.gyros
+    if gyros is None:
+        return []
+    said = {
+        "constant": "constant",
+        "named": "",
+        "ambiguous": "several models do: ",
+        "wandering": "not constant, but nothing is supported that would explain it",
+        "insufficient": "insufficient, too few rests",
+    }[gyros.verdict]
+    if gyros.verdict in ("named", "ambiguous"):
+        said += "; ".join(model.title for model in gyros.standing)
+    lines = [f"gyros at rest: {said}"]
+    for model in gyros.tried:
+        chance = "" if model.by_chance is None else f", as good for {100.0 * model.by_chance:.0f} % of shuffled rests"
+        lines.append(f"  {model.title}: radius {model.radius:.3g}{chance}")
+    return lines + [f"  not tried, {why}" for why in gyros.not_tried]
+
+
+def attitude_lines(run: AttitudeRun) -> list[str]:
+    """Lines for a person: what was run, and how large the error is."""
+    span = run.time_s[-1] - run.time_s[0]
+    how = {
+        "instantaneous": "instantaneous rates, trapezoid rule",
+        "averaged": "rates averaged over their intervals",
+    }
+    lines = [
+        f"{run.record.name}: {span:.1f} s at {1.0 / run.period:.1f} Hz, algorithm {run.algorithm}, "
+        f"{how.get(run.rates, 'increments as measured')}"
+    ]
+    rms, maximum, final, drift = run.rms, run.maximum, run.final, run.drift
+    if rms is None or maximum is None or final is None or drift is None:
+        return [*lines, "attitude error: the record has no true attitude to compare with"]
+    known = run.judged
+    if run.gyro_bias is None:
+        earth = math.degrees(EARTH_RATE * (run.time_s[known][-1] - run.time_s[0]))
+        lines.append(
+            f"rates as measured: neither the gyros' bias nor Earth's rotation ({earth:.3f} deg over this time) "
+            "is taken out"
+        )
+    else:
+        bias = ", ".join(f"{math.degrees(value):.4f}" for value in run.gyro_bias)
+        lines.append(f"a gyro bias of ({bias}) deg/s is taken out of the rates")
+    lines.append(
+        f"attitude error over {int(known.sum())} updates: {math.degrees(rms):.3f} deg rms, "
+        f"{math.degrees(maximum):.3f} deg at most, {math.degrees(final):.3f} deg at the end, "
+        f"drift {60.0 * math.degrees(drift):.3f} deg/min"
+    )
+    if run.heading is not None and run.tilt is not None:
+        heading, tilt = (float(np.sqrt(np.mean(part[known] ** 2))) for part in (run.heading, run.tilt))
+        lines.append(f"of it heading {math.degrees(heading):.3f} deg rms, tilt {math.degrees(tilt):.3f} deg rms")
+    return lines + split_lines(run)
+
+
+def split_lines(run: AttitudeRun) -> list[str]:
+    """The error as a slowly growing and a periodic part; nothing where the run is too short to tell them apart."""
+    known = run.judged
+    try:
+        split = split_error(run.time_s[known], np.degrees(run.error_rad[known]))
+    except InputError:
+        return []
+    rate = ", ".join(f"{60.0 * value:+.3f}" for value in split.rate)
+    amplitude = ", ".join(f"{value:.3f}" for value in split.amplitude)
+    return [
+        f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
+        f"(period {split.period:.1f} s)"
+    ]
+
+
+def comparison_lines(found: AttitudeComparison) -> list[str]:
+    """The comparison as lines for a person, angles in degrees."""
+
+    def degrees(angle: float | None, width: int) -> str:
+        return f"{'-' if angle is None else f'{math.degrees(angle):.2e}':>{width}}"
+
+    width = max(len(row.algorithm) for row in found.algorithms)
+    lines = [f"{'algorithm':{width}}  order  updates  from {found.reference}  error rms  error max   [deg]"]
+    for row in found.algorithms:
+        start = f"{row.algorithm:{width}}  {row.order:5d}"
+        if row.refused:
+            lines.append(f"{start}  not taken: {row.refused}")
+        else:
+            angles = "  ".join((degrees(row.apart, 20), degrees(row.rms, 9), degrees(row.maximum, 9)))
+            lines.append(f"{start}  {row.updates:7d}  {angles}")
+    return lines
