@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 
 from .. import library
 from ..errors import one_line
+from ..files import ordinary_folder
 from .answer import STANDARD_OUTPUT, Answer, answer
 from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
 
@@ -298,7 +299,7 @@ def doctor(*, json: JsonFile = None) -> Answer:
 
 def demo(
     *,
-    out: Annotated[Path, Folder] = Path("demo-results"),
+    out: Annotated[Path, Parameter(name="--out", validator=ordinary_folder)] = Path("demo-results"),
     seed: int = 2026,
     show: Annotated[bool, Parameter(negative="--no-show")] = True,
     json: JsonFile = None,

@@ -99,7 +99,8 @@ def takes(function: Callable[..., Any], *left_out: str) -> Callable[[Command], C
         kept = {name: text for name, text in words.items() if name in signature.parameters}
         examples, own_words = described(command)
         lines = [f"{name}\n    {text}" for name, text in (kept | own_words).items()]
-        command.__doc__ = "\n\n".join([sentence, examples, "Parameters\n----------\n" + "\n".join(lines)])
+        section = ["Parameters\n----------\n" + "\n".join(lines)] if lines else []
+        command.__doc__ = "\n\n".join([sentence, examples, *section])
         return command
 
     return given
