@@ -170,18 +170,14 @@ def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says)
         ("kappa|Real|1|K", "is in K, but kappa is in rad"),
         ("kappa|Real|1|furlong", "is in furlong, but kappa is in rad"),
         ("kappa|Real|2|rad", "kappa = 2.0 is outside its limits [-0.5, 0.5]"),
+        ("kappa|Real|1e-3|x", "the exponent of rad is 0.5, not a whole number"),
     ],
 )
 def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, given, says):
-    units = '<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>'
+    broken = '<ssc:Unit name="x"><ssc:BaseUnit rad="0.5"/></ssc:Unit>' if given.endswith("x") else ""
+    units = f'<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>{broken}'
     whole = system("root", component("table", "TurntableMotion", inline(given, units=units)), more=STEP)
     assert says in refusal(packed(tmp_path, fmus, whole, "TurntableMotion"))
-
-
-def test_a_unit_whose_exponent_is_no_whole_number(tmp_path, fmus):
-    units = '<ssc:Unit name="x"><ssc:BaseUnit rad="0.5"/></ssc:Unit>'
-    whole = system("root", component("table", "TurntableMotion", inline("kappa|Real|1e-3|x", units=units)), more=STEP)
-    assert "the exponent of rad is 0.5, not a whole number" in refusal(packed(tmp_path, fmus, whole, "TurntableMotion"))
 
 
 GAIN = component("gain", "Gain", u_1="input", y_1="output")
@@ -219,18 +215,14 @@ def test_what_is_not_supported_or_wrong_is_named(tmp_path, fmus, whole, says):
     assert said.startswith(str(tmp_path / "made.ssp"))
 
 
-def test_an_experiment_that_says_no_end_or_none_that_is_a_number(tmp_path, fmus):
+def test_an_experiment_that_says_no_end_or_none_that_can_be_counted(tmp_path, fmus):
     whole = system("root", GAIN, more=STEP)
-    assert "no stopTime" in refusal(packed(tmp_path, fmus, whole, "Gain", tail=""))
-    soon = '<ssd:DefaultExperiment stopTime="soon"/>'
-    assert "'soon', not a finite number" in refusal(packed(tmp_path, fmus, whole, "Gain", tail=soon))
-
-
-def test_an_experiment_too_long_to_count(tmp_path, fmus):
+    for tail, says in (("", "no stopTime"), ('stopTime="soon"', "'soon', not a finite number")):
+        experiment = f"<ssd:DefaultExperiment {tail}/>" if tail else ""
+        assert says in refusal(packed(tmp_path, fmus, whole, "Gain", tail=experiment))
     ages = '<ssd:DefaultExperiment startTime="-1e308" stopTime="1e308"/>'
-    path = packed(tmp_path, fmus, system("root", GAIN, more=STEP), "Gain", tail=ages)
     with pytest.raises(InputError, match="makes inf steps; at most"):
-        run(path)
+        run(packed(tmp_path, fmus, whole, "Gain", tail=ages))
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="skipped: no named pipes")

@@ -1,7 +1,7 @@
 """The scenarios that come with Trihedron give their reference results."""
 
 import json
-from pathlib import Path
+import math
 
 import numpy as np
 import polars as pl
@@ -9,13 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
+from scenario_runs import SCENARIOS
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
 
-SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 REFERENCE = json.loads((SCENARIOS / "reference-results.json").read_text(encoding="utf-8"))
 # The platforms' sin and cos may differ in the last bit; everything else is the same everywhere.
 ROUNDING = 1e-11
@@ -83,3 +84,16 @@ def test_table_and_attitude_computer_give_their_reference_results(tmp_path):
     assert error.max() == pytest.approx(reference["largest_error_rad"], rel=1e-3)
     # Two samples of 10 ms through moves of 1.4 rad/s and kinks of 2.5 rad/s²: fractions of an arcsecond a move.
     assert error.max() < 1e-6
+
+
+def test_the_stabilised_table_gives_its_reference_results() -> None:
+    reference = REFERENCE["table-stabilised"]
+    run = simulate(read_scenario(SCENARIOS / "table-stabilised.toml"))
+    names = ["alpha_deg", "beta_deg", "q1", "q2", "q3"]
+    for time, expected in zip(reference["time_s"], reference["values"], strict=True):
+        row = run.table.row(round(time / 0.1), named=True)
+        assert [row[name] for name in names] == pytest.approx(expected, abs=ROUNDING)
+    # The Earth has turned by 0.5 degrees; the block has kept its attitude about both axes to ten arcseconds.
+    last = run.table.row(-1, named=True)
+    assert 2.0 * max(abs(last["q1"]), abs(last["q3"])) < math.radians(10.0 / 3600.0)
+    assert abs(last["beta_deg"]) > 0.3

@@ -9,6 +9,8 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import find_components, read_ssd, read_ssm, read_ssv
 
+import trihedron as th
+from scenario_runs import SCENARIOS, wires
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
@@ -18,7 +20,6 @@ from trihedron.tools.ssp.read import scenario_of_ssp
 from trihedron.tools.ssp.values import children, parsed
 from trihedron.tools.ssp.write import export_ssp, self_contained
 
-SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
 EIGHTH = 0.125
 """A step that adds up without rounding, as FMPy adds up times."""
@@ -45,11 +46,11 @@ def bench(folder: Path = Path(), **sections) -> Scenario:
                 "parameters": {"algorithm": NUMBERS["one-sample-rodrigues"]},
             },
         },
-        "connections": [
-            {"from": "table.specific_force", "to": "block.specific_force"},
-            {"from": "table.dwell", "to": "block.dwell"},
-            {"from": "table.increment", "to": "computer.increment"},
-        ],
+        "connections": wires(
+            "table.specific_force -> block.specific_force",
+            "table.dwell -> block.dwell",
+            "table.increment -> computer.increment",
+        ),
         "stimuli": [
             {"to": "table.command", "table": rows, "dwell_s": 1.3},
             {"to": "table.temperature", "constant": 25.0},
@@ -128,35 +129,20 @@ def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
 
 
 def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
-    import trihedron as th
-    from trihedron.tools.calibration import calibrate
-    from trihedron.tools.records import PositionRecord, read_record
-
-    files = th.simulate(SCENARIOS / "static-calibration.toml", out=tmp_path / "run").files
-    result = calibrate(read_record(files[-1], PositionRecord), noise_bound=1e-5)
+    result = th.calibrate(th.simulate(SCENARIOS / "static-calibration.toml"), noise_bound=1e-5)
     (tmp_path / "measured.json").write_text(result.json_text())
-    fmus = {
-        "table": {"component": "TurntableMotion", "parameters_from": "measured.json"},
-        "first": {"component": "AccelerometerBlock", "parameters_from": "measured.json"},
-        "second": {
-            "component": "AccelerometerBlock",
-            "parameters_from": "measured.json",
-            "parameters": {"bias": [0.0, 0.0, 0.0], "seed": 3},
-        },
-    }
-    wires = [{"from": "table.specific_force", "to": f"{name}.specific_force"} for name in ("first", "second")]
-    scenario = bench(tmp_path, fmus=fmus, connections=wires)
+    table, block = (
+        {"component": name, "parameters_from": "measured.json"} for name in ("TurntableMotion", "AccelerometerBlock")
+    )
+    fmus = {"table": table, "first": block, "second": {**block, "parameters": {"bias": [0.0, 0.0, 0.0], "seed": 3}}}
+    forces = wires(*(f"table.specific_force -> {name}.specific_force" for name in ("first", "second")))
+    scenario = bench(tmp_path, fmus=fmus, connections=forces)
     path = export_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
     with zipfile.ZipFile(path) as archive:
         resources = sorted(n for n in archive.namelist() if n.startswith("resources/"))
-    assert resources == [
-        "resources/AccelerometerBlock.fmu",
-        "resources/PositionProgramme.fmu",
-        "resources/TurntableMotion.fmu",
-        "resources/measured.ssm",
-        "resources/measured.ssv",
-        "resources/parameters.ssv",
-    ]
+    fmus = ["AccelerometerBlock.fmu", "PositionProgramme.fmu", "TurntableMotion.fmu"]
+    sets = ["measured.ssm", "measured.ssv", "parameters.ssv"]
+    assert resources == [f"resources/{name}" for name in fmus + sets]
     values = {p.name: p for p in read_ssv(str(path), "resources/measured.ssv").parameters}
     mapping = [(e.source, e.target) for e in read_ssm(str(path), "resources/measured.ssm").mappingEntries]
     assert ("AccelerometerBlock.bias[1]", "first.bias[1]") in mapping

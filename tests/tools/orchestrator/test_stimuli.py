@@ -1,6 +1,5 @@
 """Stimuli: which row of a table, and which position of a programme, holds over which step."""
 
-import json
 import math
 from pathlib import Path
 
@@ -8,32 +7,17 @@ import numpy as np
 import polars as pl
 import pytest
 
-from foreign_fmus import build_foreign, declaring
+from scenario_runs import GAIN, refusal
+from scenario_runs import run as run_scenario
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.load import Sources
-from trihedron.tools.orchestrator.scenario import Scenario
 
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with Gain, with Accumulator, and with Adder: an accumulator of angles."""
-    folder = tmp_path_factory.mktemp("foreign")
-    for script in ("foreign_gain", "foreign_accumulator"):
-        build_foreign(script, folder)
-    declaring(folder / "Accumulator.fmu", folder / "Adder.fmu", {"increment": 'unit="rad"'})
-    return folder
+GAINS, ADDER = {"g": GAIN}, {"s": {"fmu": "Adder.fmu"}}
 
 
 def run(folder: Path, fmus: dict[str, dict], stimuli: list[dict], stop: float | None = 1.0, step: float = 0.1):
+    """The run of a scenario without connections; the files of its stimuli stand beside its FMUs."""
     setting = {"step_s": step} if stop is None else {"stop_s": stop, "step_s": step}
-    data = {"run": setting, "fmus": fmus, "stimuli": stimuli, "base_folder": folder}
-    return simulate(Scenario.model_validate(data))
-
-
-GAIN = {"g": {"fmu": "Gain.fmu"}}
-SUM = {"s": {"fmu": "Accumulator.fmu"}}
-ADDER = {"s": {"fmu": "Adder.fmu"}}
+    return run_scenario(folder, fmus, run=setting, stimuli=stimuli)
 
 
 def rows(text: str, folder: Path) -> str:
@@ -41,42 +25,42 @@ def rows(text: str, folder: Path) -> str:
     return "rows.csv"
 
 
-def test_a_row_holds_from_its_time_on(folder: Path) -> None:
-    csv = rows("# made by hand\ntime_s,u,v\n-1,7,1\n0.2,8,1\n\n0.5,9,2\n5,10,2\n", folder)
+def test_a_row_holds_from_its_time_on(foreign: Path) -> None:
+    csv = rows("# made by hand\ntime_s,u,v\n-1,7,1\n0.2,8,1\n\n0.5,9,2\n5,10,2\n", foreign)
     stimulus = {"csv": csv, "columns": {"g.u[2]": "u", "g.count": "v"}}
     other = {"table": {"time_s": [0.0, 0.7], "u": [1.0, 2.0]}, "columns": {"g.u[1]": "u"}}
-    table = run(folder, GAIN, [stimulus, other]).table
+    table = run(foreign, GAINS, [stimulus, other]).table
     assert table["g.y[1]"].to_list() == [1.0] * 8 + [2.0] * 3
     # The output at t_k still shows the input that held over the step before.
     assert table["g.y[2]"].to_list() == [7.0] * 3 + [8.0] * 3 + [9.0] * 5
     assert table["g.counted"].to_list() == [1] * 6 + [2] * 5
 
 
-def test_increments_stamped_at_their_end_all_arrive_in_their_own_step(folder: Path) -> None:
+def test_increments_stamped_at_their_end_all_arrive_in_their_own_step(foreign: Path) -> None:
     increments = [0.001 * (i + 1) for i in range(10)]
     lines = [f"{0.1 * (i + 1):.1f},{d!r}" for i, d in enumerate(increments)]
-    csv = rows("time_s,d1_rad\n" + "\n".join(lines) + "\n", folder)
+    csv = rows("time_s,d1_rad\n" + "\n".join(lines) + "\n", foreign)
     stimulus = {"csv": csv, "stamp": "end", "columns": {"s.increment": "d1_rad"}}
-    table = run(folder, ADDER, [stimulus]).table
+    table = run(foreign, ADDER, [stimulus]).table
     assert table["s.total"].to_list() == [0.0, *np.cumsum(increments)]
     # A first row at the run's start has its interval before the run: it is not used.
-    csv = rows("time_s,d1_rad\n0,99\n" + "\n".join(lines) + "\n", folder)
-    assert run(folder, ADDER, [stimulus]).table["s.total"].to_list() == table["s.total"].to_list()
+    csv = rows("time_s,d1_rad\n0,99\n" + "\n".join(lines) + "\n", foreign)
+    assert run(foreign, ADDER, [stimulus]).table["s.total"].to_list() == table["s.total"].to_list()
 
 
-def test_digits_that_a_file_leaves_off_do_not_shift_a_row(folder: Path) -> None:
+def test_digits_that_a_file_leaves_off_do_not_shift_a_row(foreign: Path) -> None:
     step = 1.0 / 285.7142857
     times = [f"{(i + 1) * step:.7f}" for i in range(500)]
-    csv = rows("time_s,d1_rad\n" + "".join(f"{t},1e-3\n" for t in times), folder)
+    csv = rows("time_s,d1_rad\n" + "".join(f"{t},1e-3\n" for t in times), foreign)
     stimulus = {"csv": csv, "stamp": "end", "columns": {"s.increment": "d1_rad"}}
-    total = run(folder, ADDER, [stimulus], stop=500 * step, step=step).table["s.total"]
+    total = run(foreign, ADDER, [stimulus], stop=500 * step, step=step).table["s.total"]
     assert total[-1] == pytest.approx(0.5, rel=1e-12)
 
 
-def test_a_column_is_converted_to_the_unit_of_its_variable(folder: Path) -> None:
+def test_a_column_is_converted_to_the_unit_of_its_variable(foreign: Path) -> None:
     table = {"time_s": [0.0], "d_deg": [90.0]}
     stimulus = {"table": table, "columns": {"s.increment": "d_deg"}}
-    found = run(folder, ADDER, [stimulus]).table["s.total"]
+    found = run(foreign, ADDER, [stimulus]).table["s.total"]
     assert found[1] == pytest.approx(math.pi / 2, rel=1e-15)
 
 
@@ -104,26 +88,26 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("text", "more", "says"), REFUSED)
-def test_rows_that_cannot_drive_an_input(folder: Path, text: str, more: dict, says: str) -> None:
-    csv = rows(text, folder)
+def test_rows_that_cannot_drive_an_input(foreign: Path, text: str, more: dict, says: str) -> None:
+    csv = rows(text, foreign)
     with pytest.raises(InputError, match=says) as refused:
-        run(folder, GAIN, [{"csv": csv, "columns": {"g.u[1]": "u"}, **more}])
+        run(foreign, GAINS, [{"csv": csv, "columns": {"g.u[1]": "u"}, **more}])
     assert str(refused.value).startswith("stimuli[1]: ")
 
 
-def test_an_increment_is_never_applied_twice(folder: Path) -> None:
-    csv = rows("time_s,d_rad\n0.2,1\n0.4,1\n0.6,1\n0.8,1\n1.0,1\n", folder)
+def test_an_increment_is_never_applied_twice(foreign: Path) -> None:
+    csv = rows("time_s,d_rad\n0.2,1\n0.4,1\n0.6,1\n0.8,1\n1.0,1\n", foreign)
     stimulus = {"csv": csv, "stamp": "end", "columns": {"s.increment": "d_rad"}}
     with pytest.raises(InputError, match=r"row 2: an increment would be applied again .* ends at 0\.2 s"):
-        run(folder, ADDER, [stimulus])
+        run(foreign, ADDER, [stimulus])
     # A mean rate over an interval holds over each step in it.
-    (folder / "rows.csv").write_text((folder / "rows.csv").read_text().replace("d_rad", "d"), encoding="utf-8")
-    table = run(folder, SUM, [{**stimulus, "columns": {"s.increment": "d"}}]).table
+    (foreign / "rows.csv").write_text((foreign / "rows.csv").read_text().replace("d_rad", "d"), encoding="utf-8")
+    table = run(foreign, {"s": {"fmu": "Accumulator.fmu"}}, [{**stimulus, "columns": {"s.increment": "d"}}]).table
     assert table["s.total"][-1] == 10.0
 
 
-def test_other_wrong_stimuli(folder: Path) -> None:
-    (folder / "rows.csv").write_bytes(b"time_s,u\n0,\xff\n")
+def test_other_wrong_stimuli(foreign: Path) -> None:
+    (foreign / "rows.csv").write_bytes(b"time_s,u\n0,\xff\n")
     cases = [
         ({"to": "g.uu", "constant": 1.0}, "'g' has no variable 'uu'; did you mean 'u'?"),
         ({"to": "g.y", "constant": [1.0, 2.0]}, "'g.y' is not an input (output); did you mean 'u[1]'?"),
@@ -138,7 +122,7 @@ def test_other_wrong_stimuli(folder: Path) -> None:
     ]
     for stimulus, says in cases:
         with pytest.raises(InputError) as refused:
-            run(folder, GAIN, [stimulus])
+            run(foreign, GAINS, [stimulus])
         assert says in str(refused.value)
 
 
@@ -146,12 +130,12 @@ TABLE = {"table": {"component": "TurntableMotion", "parameters": {"earth_rotatio
 POSITIONS = {"alpha_deg": [20.0, 65.0, 65.0, 110.0], "beta_deg": [25.0, 145.0, 145.0, -30.0]}
 
 
-def test_a_programme_gives_each_position_its_move_and_its_dwell(folder: Path) -> None:
+def test_a_programme_gives_each_position_its_move_and_its_dwell(foreign: Path) -> None:
     """The move's time from the textbook: d/v + v/a where the rate limit is reached, else 2 sqrt(d/a)."""
     rate, acceleration, dwell, step = [0.5, 0.3], [0.2, 0.4], 4.0, 0.05
     parameters = {"max_rate": rate, "max_acceleration": acceleration, "initial_angle": [0.1, -0.2]}
     fmus = {"table": {"component": "TurntableMotion", "parameters": parameters}}
-    found = run(folder, fmus, [{"to": "table.command", "table": POSITIONS, "dwell_s": dwell}], stop=None, step=step)
+    found = run(foreign, fmus, [{"to": "table.command", "table": POSITIONS, "dwell_s": dwell}], stop=None, step=step)
     before, tick, ends = [0.1, -0.2], 0, []
     for target in zip(*POSITIONS.values(), strict=True):
         moves = []
@@ -174,17 +158,17 @@ def test_a_programme_gives_each_position_its_move_and_its_dwell(folder: Path) ->
             assert alpha[end + 1] != alpha[end]
 
 
-def test_each_row_may_have_its_own_dwell(folder: Path) -> None:
+def test_each_row_may_have_its_own_dwell(foreign: Path) -> None:
     dwell = [1.0, 2.0, 30.0, 4.0]
-    base = run(folder, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 1.0}], stop=None)
-    own = run(folder, TABLE, [{"to": "table.command", "table": {**POSITIONS, "dwell_s": dwell}}], stop=None)
+    base = run(foreign, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 1.0}], stop=None)
+    own = run(foreign, TABLE, [{"to": "table.command", "table": {**POSITIONS, "dwell_s": dwell}}], stop=None)
     assert own.provenance["steps"] - base.provenance["steps"] == round((sum(dwell) - 4.0) / 0.1)
 
 
-def test_a_programme_from_a_file_is_that_from_memory(folder: Path) -> None:
-    pl.DataFrame(POSITIONS).write_csv(folder / "positions.csv")
-    one = run(folder, TABLE, [{"to": "table.command", "programme": "positions.csv", "dwell_s": 3.0}], stop=None)
-    other = run(folder, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 3.0}], stop=None)
+def test_a_programme_from_a_file_is_that_from_memory(foreign: Path) -> None:
+    pl.DataFrame(POSITIONS).write_csv(foreign / "positions.csv")
+    one = run(foreign, TABLE, [{"to": "table.command", "programme": "positions.csv", "dwell_s": 3.0}], stop=None)
+    other = run(foreign, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 3.0}], stop=None)
     assert one.table.equals(other.table)
     assert list(one.provenance["files"]) == ["positions.csv"]
 
@@ -200,83 +184,44 @@ def test_a_programme_from_a_file_is_that_from_memory(folder: Path) -> None:
         ({"alpha_deg": [5.0, 5.0], "beta_deg": [5.0, 5.0]}, {"dwell_s": 1e-12}, "of a step; take a shorter run.step_s"),
     ],
 )
-def test_a_wrong_programme(folder: Path, table: dict, more: dict, says: str) -> None:
+def test_a_wrong_programme(foreign: Path, table: dict, more: dict, says: str) -> None:
     with pytest.raises(InputError) as refused:
-        run(folder, TABLE, [{"to": "table.command", "table": table, **more}], stop=None)
+        run(foreign, TABLE, [{"to": "table.command", "table": table, **more}], stop=None)
     assert says in str(refused.value)
 
 
-def test_an_effect_reaches_the_fmu(folder: Path) -> None:
+def test_an_effect_reaches_the_fmu(tmp_path: Path) -> None:
     """An effect changes the run as its definition says, and only where it is."""
-    base = {
-        "table": {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}},
-        "block": {"component": "AccelerometerBlock"},
-    }
-    wires = [{"from": "table.specific_force", "to": "block.specific_force"}]
-    data = {"run": {"stop_s": 1.0, "step_s": 0.5}, "connections": wires, "base_folder": folder}
-    plain = simulate(Scenario.model_validate({**data, "fmus": base})).table
+    table = {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}}
     effect = {"effect": "quadratic", "where": "accelerometer-3", "coefficient": 1e-3}
-    fmus = {**base, "block": {"component": "AccelerometerBlock", "effects": [effect]}}
-    extended = simulate(Scenario.model_validate({**data, "fmus": fmus})).table
+    plain, extended = (
+        run_scenario(
+            tmp_path,
+            {"table": table, "block": {"component": "AccelerometerBlock", "effects": effects}},
+            connections=[{"from": "table.specific_force", "to": "block.specific_force"}],
+        ).table
+        for effects in ([], [effect])
+    )
     assert extended["block.reading[1]_mps2"].to_list() == plain["block.reading[1]_mps2"].to_list()
     n3 = plain["table.specific_force[3]_mps2"].to_numpy() / 9.80665
     gain = (extended["block.reading[3]_mps2"] - plain["block.reading[3]_mps2"]).to_numpy() / 9.80665
     np.testing.assert_allclose(gain, 1e-3 * n3 * n3, rtol=1e-9)
-    for name, component, entry, says in (
-        ("block", "AccelerometerBlock", {**effect, "effect": "quadratik"}, r"^fmus\.block\.effects\[1\]: effect"),
-        ("table", "TurntableMotion", effect, r"^fmus\.table\.effects: "),
-    ):
-        wrong = Scenario.model_validate({**data, "fmus": {**base, name: {"component": component, "effects": [entry]}}})
-        with pytest.raises(InputError, match=says):
-            simulate(wrong)
 
 
-@pytest.fixture
-def calibration(tmp_path: Path) -> dict:
-    """A consistent calibration with small values of all targets."""
-    from trihedron.models.bench import TARGETS
-
-    symbols = [target if isinstance(target, str) else target.symbol for target in TARGETS]
-    return {
-        "schema": "trihedron.calibration/1",
-        "verdict": "consistent",
-        "gravity_mps2": 9.80665,
-        "convention": "A1",
-        "baseline": "asymmetric",
-        "mountings": {"identity": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
-        "parameters": [{"symbol": s, "estimate": 1e-4 * (i + 1)} for i, s in enumerate(symbols)],
-    }
-
-
-def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path, calibration: dict) -> None:
-    (tmp_path / "c.json").write_text(json.dumps(calibration), encoding="utf-8")
-    estimate = {p["symbol"]: p["estimate"] for p in calibration["parameters"]}
-    table = {"component": "TurntableMotion", "parameters_from": "c.json", "parameters": {"epsilon": 0.25}}
-    block = {"component": "AccelerometerBlock", "parameters_from": "c.json"}
-    columns = {"kappa_rad": "table.kappa", "epsilon_rad": "table.epsilon", "bias_g": "block.bias[2]"}
-    data = {"run": {"stop_s": 1.0, "step_s": 0.5}, "record": {"columns": columns}, "base_folder": tmp_path}
-    found = simulate(Scenario.model_validate({**data, "fmus": {"table": table, "block": block}}))
-    row = found.table.row(0, named=True)
-    assert (row["kappa_rad"], row["epsilon_rad"], row["bias_g"]) == (estimate["X1"], 0.25, estimate["X17"])
-    assert list(found.provenance["files"]) == ["c.json"]
-    computer = {"c": {"component": "AttitudeComputer", "parameters_from": "c.json"}}
-    for content, says in (
-        (calibration, r"c\.json: says nothing about AttitudeComputer; known: "),
-        ({**calibration, "verdict": "falsified"}, r"c\.json: the calibration's verdict is 'falsified'"),
-        ({**calibration, "gravity_mps2": -9.8}, r"c\.json: .* 4\.9 to 14\.7 is possible"),
-        ([], r"c\.json: is not a calibration result"),
-        ("9" * 5000, r"c\.json: is not JSON"),
-    ):
-        text = content if isinstance(content, str) else json.dumps(content)
-        (tmp_path / "c.json").write_text(text, encoding="utf-8")
-        with pytest.raises(InputError, match=r"^fmus\.c\.parameters_from: " + says):
-            simulate(Scenario.model_validate({**data, "record": {}, "fmus": computer}))
-
-
-def test_a_file_that_is_read_is_hashed(tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text(json.dumps({}), encoding="utf-8")
-    sources = Sources(tmp_path)
-    assert sources.read("a.json") == b"{}"
-    assert sources.hashes["a.json"].startswith("44136fa355b3678a")
-    with pytest.raises(InputError, match=r"b\.json: cannot be read"):
-        sources.read("b.json")
+@pytest.mark.parametrize(
+    ("run_", "says"),
+    [
+        ({"step_s": 0.1}, "run.stop_s is missing"),
+        (
+            {"stop_s": 1.0, "step_s": 0.3},
+            "does not divide the run of 1.0 s (3.33333333 steps); 0.25 or 0.333333333 would",
+        ),
+        ({"stop_s": 1.0, "step_s": 2.0}, "run.step_s = 2.0 does not divide"),
+        ({"stop_s": 1.0, "step_s": 0.1 + 1e-9}, "does not divide"),
+        ({"stop_s": 1.0, "step_s": 2.0**-40}, "at most 1000000000"),
+    ],
+)
+def test_steps_that_cannot_be_counted(foreign: Path, run_: dict, says: str) -> None:
+    said = refusal(foreign, GAINS, run=run_)
+    assert said.startswith("run.st")
+    assert says in said

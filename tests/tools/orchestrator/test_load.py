@@ -1,0 +1,257 @@
+"""FMUs of a scenario: archives that are not unpacked, parameters that are not taken, components built and kept."""
+
+import json
+import stat
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from foreign_fmus import declaring, rewritten
+from foreign_fmus.foreign_failing import WAYS
+from scenario_runs import FAILING, GAIN, refusal, run
+from trihedron.fmus.native.compiler import BuildError, host_compiler
+from trihedron.models.bench import TARGETS
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import load, loops
+
+
+@pytest.fixture(autouse=True)
+def nothing_stays(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch):
+    """Every run must leave its folder of temporary files empty."""
+    temporary = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    yield
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of its own."""
+    monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        ({"gian": 1.0}, "'gain' has no variable 'gian'; did you mean 'gain'?"),
+        ({"y[1]": 1.0}, "y[1] of 'gain' is output, not a parameter or an input; did you mean 'u[1]'?"),
+        ({"gain": "big"}, "gain = 'big' must be a number: it is Real"),
+        ({"gain": True}, "gain = true must be a number: it is Real"),
+        ({"times": 1.0}, "times = 1.0 must be a whole number: it is Integer"),
+        ({"times": 2**31}, "does not fit 32 bits"),
+        ({"inverted": 1}, "inverted = 1 must be true or false: it is Boolean"),
+        ({"label": 1}, "label = 1 must be a text: it is String"),
+        ({"u": 1.0}, "u has 2 elements; one value is given"),
+        ({"u": [1.0, 2.0, 3.0]}, "u has 2 elements; 3 are given"),
+        ({"gain": [1.0, 2.0]}, "gain is a scalar; 2 values are given"),
+        ({"u": [1.0, 2.0], "u[1]": 1.0}, "u[1] is given twice, by 'u' and 'u[1]'"),
+    ],
+)
+def test_a_wrong_parameter(foreign: Path, parameters: dict, says: str) -> None:
+    said = refusal(foreign, {"gain": {**GAIN, "parameters": parameters}})
+    assert said.startswith("fmus.gain.parameters: ")
+    assert says in said
+
+
+def test_a_value_outside_its_declared_limits(foreign: Path, tmp_path: Path) -> None:
+    declaring(foreign / "Gain.fmu", tmp_path / "Gain.fmu", {"gain": 'min="0" max="2"'})
+    said = refusal(tmp_path, {"gain": {**GAIN, "parameters": {"gain": 2.5}}})
+    assert "gain = 2.5 is outside its limits [0.0, 2.0]" in said
+
+
+def _link() -> zipfile.ZipInfo:
+    member = zipfile.ZipInfo("resources/link")
+    member.create_system = 3
+    member.external_attr = (stat.S_IFLNK | 0o777) << 16
+    return member
+
+
+def _description(root: str = 'fmiVersion="2.0"', inside: str = "", before: str = "") -> tuple[str, bytes]:
+    head = f'<?xml version="1.0"?>{before}<fmiModelDescription {root} modelName="m" guid="g">'
+    text = f"{head}{inside}<ModelVariables/><ModelStructure/></fmiModelDescription>"
+    return "modelDescription.xml", text.encode()
+
+
+GOOD = _description(inside='<CoSimulation modelIdentifier="m"/>')
+UTF16 = '<?xml version="1.0" encoding="UTF-16"?><!DOCTYPE a><a/>'.encode("utf-16")
+BAD_ARCHIVES = {
+    "a name with ..": ([("../evil", b"")], "member '../evil' would leave"),
+    "a name with .. inside": ([("resources/../../evil", b"")], "would leave"),
+    "an absolute name": ([("/etc/evil", b"")], "member '/etc/evil' would leave"),
+    "a drive": ([("C:/evil", b"")], "would leave"),
+    "a backslash": ([("..\\evil", b"")], "would leave"),
+    "a link": ([GOOD, (_link(), b"/etc/passwd")], "'resources/link' is a link"),
+    "no description": ([("readme", b"")], "has no modelDescription.xml"),
+    "broken XML": ([("modelDescription.xml", b"<fmiModelDescription>")], "not well-formed XML"),
+    "other XML": ([("modelDescription.xml", b"<html/>")], "root is <html>"),
+    "a DOCTYPE": ([_description(before='<!DOCTYPE a [<!ENTITY b "c">]>')], "declares a DOCTYPE"),
+    "a DOCTYPE in UTF-16": ([("modelDescription.xml", UTF16)], "declares a DOCTYPE"),
+    "FMI 4": ([_description('fmiVersion="4.0"')], "is FMI 4.0; export as FMI 2.0 or 3.0"),
+    "FMI 1": ([_description('fmiVersion="1.0"')], "is FMI 1.0; export as FMI 2.0 or 3.0"),
+    "no version": ([_description("")], "of no stated version"),
+    "model exchange": ([_description(inside='<ModelExchange modelIdentifier="m"/>')], "model exchange only"),
+    "no binary": ([GOOD], "has no binary for this platform"),
+    "another's binary": ([GOOD, ("binaries/vax/m.so", b"")], "has no binary for this platform"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_ARCHIVES)
+def test_a_bad_archive_is_not_unpacked(tmp_path: Path, case: str) -> None:
+    members, says = BAD_ARCHIVES[case]
+    with zipfile.ZipFile(tmp_path / "Bad.fmu", "w") as archive:
+        for name, content in members:
+            archive.writestr(name, content)
+    said = refusal(tmp_path, {"bad": {"fmu": "Bad.fmu"}})
+    assert said.startswith("Bad.fmu: ")
+    assert says in said
+    assert [p.name for p in tmp_path.iterdir()] == ["Bad.fmu"]
+
+
+def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "folder").mkdir()
+    assert "there is no such file" in refusal(tmp_path, {"x": {"fmu": "Missing.fmu"}})
+    assert "is a folder" in refusal(tmp_path, {"x": {"fmu": "folder"}})
+    whole = (foreign / "Clock.fmu").read_bytes()
+    for content in (b"", b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
+        (tmp_path / "Half.fmu").write_bytes(content)
+        assert "is not a readable FMU archive" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
+    monkeypatch.setattr(load, "MOST_BYTES", 1 << 20)
+    with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
+        bomb.writestr("resources/zeros", bytes(2 << 20))
+    assert "unpacks to more than" in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
+
+
+@pytest.mark.parametrize(
+    ("member", "content", "says"),
+    [
+        ("binaries/", b"no library", "its library cannot be loaded"),
+        ("resources/foreign_clock.py", b"raise OSError('no licence')", "fmi2Instantiate failed"),
+    ],
+)
+def test_an_fmu_that_cannot_be_loaded(foreign: Path, tmp_path: Path, member: str, content: bytes, says: str) -> None:
+    rewritten(foreign / "Clock.fmu", tmp_path / "Bad.fmu", lambda n, c: (n, content if n.startswith(member) else c))
+    assert refusal(tmp_path, {"x": {"fmu": "Bad.fmu"}}).startswith(f"FMU 'x' (Bad.fmu): {says}")
+
+
+def test_a_run_leaves_python_as_it_was(foreign: Path) -> None:
+    path, modules = list(sys.path), set(sys.modules)
+    refusal(foreign, {"pump": {**FAILING, "parameters": {"way": WAYS["raises"]}}})
+    run(foreign, {"gain": GAIN})
+    assert sys.path == path
+    assert not [name for name in set(sys.modules) - modules if name.startswith("foreign_")]
+
+
+def compensated(flavour: str | None = None):
+    """A component that runs in a flavour."""
+    fmus = {"c": {"component": "AccelerometerCompensation", "flavour": flavour}}
+    return run(Path(), fmus, stimuli=[{"to": "c.reading", "constant": [0.1, 0.2, 9.7]}])
+
+
+def test_both_flavours_give_the_same_bits(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if host_compiler() is None:
+        pytest.skip("needs a C compiler")
+    python, native, usual = compensated("python"), compensated("native"), compensated()
+    assert python.table.equals(native.table)
+    hashes = [r.provenance["fmus"]["c"]["sha256"] for r in (python, native, usual)]
+    assert hashes[0] != hashes[1] == hashes[2]
+    monkeypatch.setattr(load, "usual_flavour", lambda: "python")
+    assert compensated().provenance["fmus"]["c"]["sha256"] == hashes[0]
+
+
+def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = compensated("python")
+    (kept,) = cache.glob("fmus/*/*.fmu")
+    content = kept.read_bytes()
+    kept.write_bytes(content[:-100] + bytes(100))
+    assert compensated("python").table.equals(first.table)
+    assert kept.read_bytes() == content
+
+    def fails(*_: object, **__: object) -> None:
+        raise BuildError("there is no C compiler here")
+
+    monkeypatch.setattr(load, "build", fails)
+    assert compensated("python").table.equals(first.table)
+    with pytest.raises(InputError, match=r"^fmus\.c\.flavour: there is no C compiler here$"):
+        compensated("native")
+
+
+def test_damaged_machine_code_is_made_again(cache: Path) -> None:
+    loops.compiled_march.cache_clear()
+    loops.compiled_march()
+    (kept,) = cache.glob("loops/*.o")
+    content = kept.read_bytes()
+    kept.write_bytes(content[:-8] + bytes(8))
+    loops.compiled_march.cache_clear()
+    loops.compiled_march()
+    assert kept.read_bytes() == content
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "taken").write_text("a file")
+    monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "taken"))
+    assert compensated("python").table.height == 11
+
+
+def test_an_unknown_component(tmp_path: Path) -> None:
+    said = refusal(tmp_path, {"t": {"component": "TurntableMotions"}})
+    assert said == "fmus.t.component: there is no component 'TurntableMotions'; did you mean 'TurntableMotion'?"
+
+
+@pytest.mark.parametrize(
+    ("component", "effect", "says"),
+    [
+        ("AccelerometerBlock", "quadratik", "fmus.c.effects[1]: effect 'quadratik' is not one that extends"),
+        ("TurntableMotion", "quadratic", "fmus.c.effects: "),
+    ],
+)
+def test_a_wrong_effect(tmp_path: Path, component: str, effect: str, says: str) -> None:
+    effects = [{"effect": effect, "where": "accelerometer-3", "coefficient": 1e-3}]
+    assert refusal(tmp_path, {"c": {"component": component, "effects": effects}}).startswith(says)
+
+
+def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) -> None:
+    symbols = [target if isinstance(target, str) else target.symbol for target in TARGETS]
+    estimate = {symbol: 1e-4 * (i + 1) for i, symbol in enumerate(symbols)}
+    calibration = {
+        "schema": "trihedron.calibration/1",
+        "verdict": "consistent",
+        "gravity_mps2": 9.80665,
+        "convention": "A1",
+        "baseline": "asymmetric",
+        "mountings": {"identity": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+        "parameters": [{"symbol": symbol, "estimate": value} for symbol, value in estimate.items()],
+    }
+    (tmp_path / "c.json").write_text(json.dumps(calibration), encoding="utf-8")
+    table = {"component": "TurntableMotion", "parameters_from": "c.json", "parameters": {"epsilon": 0.25}}
+    block = {"component": "AccelerometerBlock", "parameters_from": "c.json"}
+    columns = {"kappa_rad": "table.kappa", "epsilon_rad": "table.epsilon", "bias_g": "block.bias[2]"}
+    found = run(tmp_path, {"table": table, "block": block}, record={"columns": columns})
+    row = found.table.row(0, named=True)
+    assert (row["kappa_rad"], row["epsilon_rad"], row["bias_g"]) == (estimate["X1"], 0.25, estimate["X17"])
+    assert list(found.provenance["files"]) == ["c.json"]
+    computer = {"c": {"component": "AttitudeComputer", "parameters_from": "c.json"}}
+    for content, says in (
+        (calibration, "says nothing about AttitudeComputer; known: "),
+        ({**calibration, "verdict": "falsified"}, "the calibration's verdict is 'falsified'"),
+        ({**calibration, "gravity_mps2": -9.8}, " 4.9 to 14.7 is possible"),
+        ([], "is not a calibration result"),
+        ("9" * 5000, "is not JSON"),
+    ):
+        text = content if isinstance(content, str) else json.dumps(content)
+        (tmp_path / "c.json").write_text(text, encoding="utf-8")
+        said = refusal(tmp_path, computer)
+        assert said.startswith("fmus.c.parameters_from: c.json: ")
+        assert says in said
+
+
+def test_a_file_that_is_read_is_hashed(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text("{}", encoding="utf-8")
+    sources = load.Sources(tmp_path)
+    assert sources.read("a.json") == b"{}"
+    assert sources.hashes["a.json"].startswith("44136fa355b3678a")
+    with pytest.raises(InputError, match=r"b\.json: cannot be read"):
+        sources.read("b.json")
