@@ -19,7 +19,6 @@ from ..orchestrator.wiring import (
     Wire,
     check_single_sources,
     check_states,
-    coupling_of,
     resolve_connections,
     stepping_groups,
 )
@@ -116,7 +115,7 @@ def _check_system(scenario: Scenario, written: System, findings: Findings, folde
     absent = written.left_out | set(scenario.fmus) - set(loaded)
     wires = _wires(scenario, written.numbers["connections"], interfaces, absent, findings)
     if not absent:
-        coupling = coupling_of(scenario)
+        coupling = scenario.run.coupling
         with findings.of(("connections",)):
             groups = stepping_groups(list(interfaces), wires, coupling)
             with findings.of():

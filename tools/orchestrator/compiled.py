@@ -1,11 +1,9 @@
-"""The loop over the steps as machine code: numba's, made once; it calls the FMUs' C functions by their addresses.
+"""The loop over the steps as machine code: made once by numba; it calls the FMUs' C functions by their addresses.
 
 Everything is an address or a number that is known only when it runs, so one compilation serves all FMUs and wirings.
-`trihedron.tools.orchestrator.loops` has the same loop in plain Python, and loads what is compiled here from the cache:
-nothing of this module, nor numba, is needed once it is there.
+`trihedron.tools.orchestrator.loops` loads it from the cache; nothing of this module, nor numba, is needed then.
 """
 
-import math
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -14,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from . import program as op
+from .program import loop_of
 
 # Its calls have other arguments than its definition: the first one is numba's own.
 _intrinsic: Any = intrinsic
@@ -114,8 +112,7 @@ def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
     return types.void(types.int64, types.int64, types.int64), code
 
 
-_load_f64, _load_u8, _load_i64 = _loader("float64"), _loader("uint8"), _loader("int64")
-_store_f64, _store_i64 = _storer("float64"), _storer("int64")
+_load_i64, _store_i64 = _loader("int64"), _storer("int64")
 
 
 def _compiled(function: Any) -> Any:
@@ -164,124 +161,17 @@ _real = _reader(types.float64, range(len(_KINDS) - 2))
 _convert = _converter()
 
 
-@_compiled
-def _step3(operations, at, time, length):
-    """fmi3DoStep and what it returns beside its status."""
-    place = operations[at + 4]
-    status = call_step3(
-        operations[at + 1], operations[at + 2], time, length, operations[at + 3], place, place + 1, place + 2, place + 8
-    )
-    if status <= op.WARNING:
-        if _load_u8(place + 1) != 0:
-            return op.ENDED
-        if _load_u8(place + 2) != 0:
-            return op.EARLY
-    return status
+class _Machine:
+    """The primitives of the loop as machine code."""
 
-
-def march(operations, numbers, records, state, clock):
-    """Make the steps from state[STEP] to state[LAST_STEP], or to the first call that fails.
-
-    Parameters
-    ----------
-    operations : pointer to int64
-        the rows of a step
-    numbers : pointer to float64
-        their real numbers
-    records : pointer to int64
-        what is recorded: (target of row 0, source, bytes) each
-    state : pointer to int64
-    clock : pointer to float64
-        as `trihedron.tools.orchestrator.program` lays them out
-
-    Returns
-    -------
-    int
-        the status of the call that failed, 0 where none has
-    """
-    rows, length, every = state[op.ROWS], clock[op.LENGTH], state[op.EVERY]
-    step = state[op.STEP]
-    row = state[op.ROW]
-    while step < state[op.LAST_STEP]:
-        time = clock[op.START] + step * length
-        pc = 0
-        while pc < rows:
-            at = pc * op.WIDTH
-            code, a, b, c = operations[at], operations[at + 1], operations[at + 2], operations[at + 3]
-            d, e = operations[at + 4], operations[at + 5]
-            status = 0
-            if code == op.MOVE8:
-                _store_i64(a, _load_i64(b))
-            elif code == op.CALL4:
-                status = call4(a, b, c, d, e)
-            elif code == op.CALL5:
-                status = call5(a, b, c, d, e, operations[at + 6])
-            elif code == op.STEP2:
-                status = call_step2(a, b, time, length, c)
-            elif code == op.STEP3:
-                status = _step3(operations, at, time, length)
-            elif code == op.FINITE:
-                total = 0.0
-                for i in range(b):
-                    # 0 * inf and 0 * NaN are NaN.
-                    total += 0.0 * _load_f64(a + 8 * i)
-                if total != 0.0:
-                    status = op.NOT_FINITE
-            elif code == op.MOVE:
-                copy_bytes(a, b, c)
-            elif code == op.FEED:
-                place = op.CURSORS + operations[at + 6]
-                cursor = state[place]
-                while cursor + 1 < b and _load_i64(a + 8 * (cursor + 1)) <= step:
-                    cursor += 1
-                if cursor != state[place]:
-                    state[place] = cursor
-                    copy_bytes(e, c + cursor * d, d)
-            elif code == op.CONVERT:
-                _convert(c, a, b, d, numbers[2 * pc], numbers[2 * pc + 1])
-            elif code == op.STATE:
-                status = call2(a, b, c)
-            elif code == op.BEGIN:
-                state[op.ITERATION] = 0
-                clock[op.CHANGE] = 0.0
-            elif code == op.RESTORE:
-                clock[op.CHANGE] = 0.0
-                if state[op.ITERATION] > 0:
-                    status = call2(a, b, _load_i64(c))
-            elif code == op.COMPARE:
-                value = _real(c, a)
-                before = _load_f64(b)
-                _store_f64(b, value)
-                change = math.fabs(value - before) / (numbers[2 * pc] * (1.0 + math.fabs(value)))
-                if not change <= clock[op.CHANGE]:
-                    clock[op.CHANGE] = change
-                    state[op.CHANGING] = pc
-            elif code == op.REPEAT and not clock[op.CHANGE] <= 1.0:
-                state[op.ITERATION] += 1
-                if state[op.ITERATION] >= b:
-                    status = op.NOT_SETTLED
-                else:
-                    pc = a - 1
-            if status > op.WARNING:
-                state[op.STEP] = step
-                state[op.ROW] = row
-                state[op.STATUS] = status
-                state[op.AT] = pc
-                return status
-            pc += 1
-        step += 1
-        if step % every == 0:
-            for i in range(state[op.RECORDS]):
-                width = records[3 * i + 2]
-                copy_bytes(records[3 * i] + row * width, records[3 * i + 1], width)
-            row += 1
-    state[op.STEP] = step
-    state[op.ROW] = row
-    return 0
+    copy, convert, real_of = copy_bytes, _convert, _real
+    load_word, load_byte, load_real = _load_i64, _loader("uint8"), _loader("float64")
+    store_word, store_real = _store_i64, _storer("float64")
+    call2, call4, call5, step2, step3 = call2, call4, call5, call_step2, call_step3
 
 
 def object_code(machine: Any, name: str) -> bytes:
-    """`march` as an object file in which it has this name; everything that belongs to Python is taken out of it.
+    """The loop as an object file in which it has this name; everything that belongs to Python is taken out of it.
 
     Raises
     ------
@@ -289,7 +179,7 @@ def object_code(machine: Any, name: str) -> bytes:
         something of Python remains
     """
     pointers = [types.CPointer(kind) for kind in (types.int64, types.float64, types.int64, types.int64, types.float64)]
-    made: Any = numba.cfunc(types.int64(*pointers), nopython=True, error_model="numpy")(march)
+    made: Any = numba.cfunc(types.int64(*pointers), nopython=True, error_model="numpy")(loop_of(_Machine))
     module = llvm.parse_assembly(made.inspect_llvm())
     inner = made.native_name.removeprefix("cfunc.")
     for function in module.functions:

@@ -9,7 +9,7 @@ import ctypes
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,9 +30,8 @@ WHOLE_BYTES = 256 << 20
 """A record of at most so many bytes is written in one go."""
 ROW_GROUP = 1 << 18
 BLOCK_BYTES = 16 << 20
-Values = Mapping[tuple[str, str], Any]
-Keep = Callable[[range, Values], None]
-"""(ticks of the rows, (FMU, variable) -> its values): called for each block."""
+Keep = Callable[[pl.DataFrame, int], None]
+"""(rows, communication point of the last one): called for each block."""
 
 
 @dataclass(frozen=True)
@@ -93,22 +92,6 @@ def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
     return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
 
 
-def block_table(columns: Iterable[Column], values: Values, ticks: range, grid: Grid) -> pl.DataFrame:
-    """Rows of the record as a table, time first.
-
-    Parameters
-    ----------
-    columns : iterable of Column
-    values : mapping
-        (FMU, variable) -> its recorded values, in the variable's own unit
-    ticks : range
-        communication points of the rows
-    grid : Grid
-    """
-    time_s = pl.Series("time_s", grid.start + np.arange(ticks.start, ticks.stop, ticks.step) * grid.step)
-    return pl.DataFrame([time_s, *(column.series(values[column.fmu, column.variable.name]) for column in columns)])
-
-
 class Blocks:
     """Rows of recorded values, handed on when a block is full.
 
@@ -118,23 +101,30 @@ class Blocks:
         target of row 0, source, bytes: what the loops copy for each row
     rows, row : int
         of a block, and the next one to be recorded
+    every : int
+        which communication points are recorded
     """
 
-    def __init__(self, ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep) -> None:
-        self._keep, self._every = keep, every
+    def __init__(
+        self, columns: Sequence[Column], ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep
+    ) -> None:
+        self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
         self._tick = self.row = 0
         recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
         numbers = [(name, port, count) for name, port, count in recorded if port.access != "String"]
         width = sum(count * port.values.itemsize for _, port, count in numbers)
         self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
-        self._tables = [(n, port, np.zeros((self.rows, c), dtype=port.values.dtype)) for n, port, c in numbers]
+        self._values: dict[tuple[str, str], np.ndarray] = {}
         self._texts: dict[tuple[str, str], list[str]] = {}
-        self._addresses = []
+        self._addresses, copies = [], []
+        for name, port, count in numbers:
+            table = np.zeros((self.rows, count), dtype=port.values.dtype)
+            copies.append((table.ctypes.data, port.address, count * table.itemsize))
+            self._values |= {(name, v.name): table[:, at] for at, v in enumerate(port.variables[:count])}
         for name, port, count in recorded:
             for at, variable in enumerate(port.variables[:count] if port.access == "String" else ()):
                 texts = self._texts[name, variable.name] = []
                 self._addresses.append((texts, port.values, at))
-        copies = [(t.ctypes.data, port.address, t.shape[1] * t.itemsize) for _, port, t in self._tables]
         self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
 
     @property
@@ -165,12 +155,13 @@ class Blocks:
         """Hand on what is recorded."""
         if not self.row:
             return
-        values: dict[tuple[str, str], Any] = dict(self._texts)
-        for name, port, table in self._tables:
-            for index, variable in enumerate(port.variables[: table.shape[1]]):
-                values[name, variable.name] = table[: self.row, index]
-        end = self._tick + self.row * self._every
-        self._keep(range(self._tick, end, self._every), values)
+        end = self._tick + self.row * self.every
+        ticks = np.arange(self._tick, end, self.every)
+        series = [pl.Series("time_s", self._grid.start + ticks * self._grid.step)]
+        for column in self._columns:
+            at = (column.fmu, column.variable.name)
+            series.append(column.series(self._texts[at] if at in self._texts else self._values[at][: self.row]))
+        self._keep(pl.DataFrame(series), end - self.every)
         self._tick, self.row = end, 0
         for texts in self._texts.values():
             texts.clear()

@@ -317,14 +317,12 @@ def usual_flavour() -> Literal["native", "python"]:
 @cache
 def _sources() -> str:
     """Hash of everything that components are made from."""
-    digest = hashlib.sha256(f"{platform.python_version()} {host_name()}".encode())
-    for package in ("trihedron", "fmpy", "pythonfmu"):
-        digest.update(f"\0{package} {metadata.version(package)}".encode())
-    for package in (models, fmus):
-        folder = Path(str(package.__file__)).parent
+    said = [platform.python_version(), host_name(), *map(metadata.version, ("trihedron", "fmpy", "pythonfmu"))]
+    digest = hashlib.sha256(repr(said).encode())
+    for folder in (Path(str(package.__file__)).parent for package in (models, fmus)):
         for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix not in (".pyc", ".fmu")):
-            content = path.read_bytes()
-            digest.update(f"\0{path.relative_to(folder).as_posix()} {len(content)}\0".encode() + content)
+            digest.update(hashlib.sha256(path.relative_to(folder).as_posix().encode()).digest())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 

@@ -1,5 +1,6 @@
-"""What a step consists of: one flat table of operations on addresses, which two loops can run, and the memory for it.
+"""What a step consists of: one flat table of operations on addresses, the memory for it, and the loop that runs it.
 
+The loop stands here once: on memory and functions by their addresses it runs as machine code and as plain Python.
 A row is an operation's code and seven whole numbers, with two real numbers beside it. The rows of a step are run from
 the first to the last, for every step; what is recorded has a table of its own.
 
@@ -21,6 +22,7 @@ the first to the last, for every step; what is recorded has a table of its own.
 """
 
 import ctypes
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -28,9 +30,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .interface import VALUE_TYPES, Interface, Value, Variable
+from .scenario import RunSetting
 from .slave import Slave
 from .stimuli import Drive
-from .wiring import Coupling, Group, Wire
+from .wiring import Group, Wire
 
 WIDTH = 8
 FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
@@ -337,7 +340,7 @@ class Program:
         self._add_call(name, code, f"{prefix}DoStep", int(final), place)
         self.add_gets(name)
 
-    def add_iteration(self, group: Group, sources: Collection[str], coupling: Coupling) -> None:
+    def add_iteration(self, group: Group, sources: Collection[str], run: RunSetting) -> None:
         """Make the step of a cycle again from the same state until the values that go around no longer change."""
         states = {name: self._reserve(1) for name in group.members}
         for name, state in states.items():
@@ -348,24 +351,24 @@ class Program:
             self._add_call(name, RESTORE, self._slaves[name].set_state, state)
         for name in group.members:
             self.add_member(name, sources, final=False)
-        self.add_comparisons(group, coupling)
-        self._add(Place(group.members[0], group=group), REPEAT, again, coupling.iterations)
+        self.add_comparisons(group, run)
+        self._add(Place(group.members[0], group=group), REPEAT, again, run.most_iterations)
         nothing = self._reserve(1)
         for name, state in states.items():
             self._add_call(name, STATE, self._slaves[name].free_state, state)
             # FMI wants it to be NULL then; PythonFMU leaves it.
             self._add(Place(name), MOVE8, state, nothing)
 
-    def add_comparisons(self, group: Group, coupling: Coupling) -> None:
+    def add_comparisons(self, group: Group, run: RunSetting) -> None:
         """Compare each value that goes around with what it was before."""
         for fmu, variable in group.around:
             address = self._ports[fmu].outputs[variable.access].address_of(variable)
             row = (COMPARE, address, self._reserve(1), variable.value_type.code)
-            self._add(Place(fmu, variable=variable), *row, numbers=(coupling.tolerance, 0.0))
+            self._add(Place(fmu, variable=variable), *row, numbers=(run.allowed_change, 0.0))
 
 
 def step_program(
-    groups: Sequence[Group], coupling: Coupling, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
+    groups: Sequence[Group], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
     """The operations of one step of all FMUs.
 
@@ -373,7 +376,7 @@ def step_program(
     ----------
     groups : sequence of Group
         the FMUs in their order, those that form a cycle together
-    coupling : Coupling
+    run : RunSetting
         how cycles are taken
     slaves, ports : mapping
         by the FMU's name
@@ -381,14 +384,123 @@ def step_program(
     program = Program(slaves, ports)
     everybody = [name for group in groups for name in group.members]
     for group in groups:
-        if group.cyclic and coupling.kind == "jacobi":
+        if group.cyclic and run.coupling == "jacobi":
             for name in group.members:
                 program.add_transfers(name, group.members)
             sources = [name for name in everybody if name not in group.members]
             for name in group.members:
                 program.add_member(name, sources, final=True)
         elif group.cyclic:
-            program.add_iteration(group, everybody, coupling)
+            program.add_iteration(group, everybody, run)
         else:
             program.add_member(group.members[0], everybody, final=True)
     return program
+
+
+def loop_of(on: Any) -> Callable[..., int]:
+    """The loop over the steps, in restricted Python: numba compiles it.
+
+    Parameters
+    ----------
+    on : class
+        what the loop needs of memory and of C functions, all by their addresses: copy(target, source, bytes),
+        load_byte, load_word, load_real(address), store_word, store_real(address, value), real_of(type, address),
+        convert(type, target, source, its type, factor, offset), and calls of functions: call2, call4, call5 with so
+        many words, step2 and step3 as FMI has doStep
+
+    Returns
+    -------
+    callable
+        takes the rows of a step, their real numbers, what is recorded ((target of row 0, source, bytes) each), and the
+        whole and real numbers that are kept, laid out as above; makes the steps from state[STEP] to state[LAST_STEP],
+        or to the first call that fails, and returns its status, else 0
+    """
+    copy, load_word, load_byte, load_real = on.copy, on.load_word, on.load_byte, on.load_real
+    store_real, store_word, real_of, convert = on.store_real, on.store_word, on.real_of, on.convert
+    call2, call4, call5, step2, step3 = on.call2, on.call4, on.call5, on.step2, on.step3
+
+    def march(operations, numbers, records, state, clock):
+        rows, length, every = state[ROWS], clock[LENGTH], state[EVERY]
+        step = state[STEP]
+        row = state[ROW]
+        while step < state[LAST_STEP]:
+            time = clock[START] + step * length
+            pc = 0
+            while pc < rows:
+                at = pc * WIDTH
+                code, a, b, c = operations[at], operations[at + 1], operations[at + 2], operations[at + 3]
+                d, e = operations[at + 4], operations[at + 5]
+                status = 0
+                if code == MOVE8:
+                    store_word(a, load_word(b))
+                elif code == CALL4:
+                    status = call4(a, b, c, d, e)
+                elif code == CALL5:
+                    status = call5(a, b, c, d, e, operations[at + 6])
+                elif code == STEP2:
+                    status = step2(a, b, time, length, c)
+                elif code == STEP3:
+                    status = step3(a, b, time, length, c, d, d + 1, d + 2, d + 8)
+                    if status <= WARNING and load_byte(d + 1) != 0:
+                        status = ENDED
+                    elif status <= WARNING and load_byte(d + 2) != 0:
+                        status = EARLY
+                elif code == FINITE:
+                    total = 0.0
+                    for i in range(b):
+                        # 0 * inf and 0 * NaN are NaN.
+                        total += 0.0 * load_real(a + 8 * i)
+                    if total != 0.0:
+                        status = NOT_FINITE
+                elif code == MOVE:
+                    copy(a, b, c)
+                elif code == FEED:
+                    place = CURSORS + operations[at + 6]
+                    cursor = state[place]
+                    while cursor + 1 < b and load_word(a + 8 * (cursor + 1)) <= step:
+                        cursor += 1
+                    if cursor != state[place]:
+                        state[place] = cursor
+                        copy(e, c + cursor * d, d)
+                elif code == CONVERT:
+                    convert(c, a, b, d, numbers[2 * pc], numbers[2 * pc + 1])
+                elif code == STATE:
+                    status = call2(a, b, c)
+                elif code == BEGIN:
+                    state[ITERATION] = 0
+                    clock[CHANGE] = 0.0
+                elif code == RESTORE:
+                    clock[CHANGE] = 0.0
+                    if state[ITERATION] > 0:
+                        status = call2(a, b, load_word(c))
+                elif code == COMPARE:
+                    value = real_of(c, a)
+                    change = math.fabs(value - load_real(b)) / (numbers[2 * pc] * (1.0 + math.fabs(value)))
+                    store_real(b, value)
+                    if not change <= clock[CHANGE]:
+                        clock[CHANGE] = change
+                        state[CHANGING] = pc
+                elif code == REPEAT and not clock[CHANGE] <= 1.0:
+                    state[ITERATION] += 1
+                    if state[ITERATION] >= b:
+                        status = NOT_SETTLED
+                    else:
+                        pc = a - 1
+                if status > WARNING:
+                    state[STEP] = step
+                    state[ROW] = row
+                    state[STATUS] = status
+                    state[AT] = pc
+                    return status
+                pc += 1
+            step += 1
+            if step % every == 0:
+                for i in range(state[RECORDS]):
+                    width = records[3 * i + 2]
+                    copy(records[3 * i] + row * width, records[3 * i + 1], width)
+                row += 1
+        state[STEP] = step
+        state[ROW] = row
+        return 0
+
+    return march

@@ -4,7 +4,7 @@ import ctypes
 import platform
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,16 +17,17 @@ import polars as pl
 from pydantic import Field
 
 from ..errors import InputError, one_line
+from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.rests import position_record_of
 from ..result import Result
-from .journal import Column, Journal, Values, block_table, recorded_variables, resolve_columns
+from .journal import Column, Journal, recorded_variables, resolve_columns
 from .load import Loaded, Sources, check_steps, interfaces_of, load, resolve_parameters
 from .loops import Assembly, run_fmus
 from .program import Ports
 from .scenario import Scenario
 from .stimuli import resolve_stimuli
-from .wiring import check_single_sources, check_states, coupling_of, resolve_connections, stepping_groups
+from .wiring import check_single_sources, check_states, resolve_connections, stepping_groups
 
 SCHEMA = "trihedron.run/1"
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
@@ -175,9 +176,8 @@ class PreparedScenario:
             self.loaded = load(scenario, self.sources, folder)
             self.interfaces = interfaces_of(self.loaded)
             self._wires = resolve_connections(scenario.connections, self.interfaces)
-            self._coupling = coupling_of(scenario)
-            self._groups = stepping_groups(list(self.interfaces), self._wires, self._coupling)
-            check_states(self._groups, self.loaded, self._coupling)
+            self._groups = stepping_groups(list(self.interfaces), self._wires, scenario.run.coupling)
+            check_states(self._groups, self.loaded, scenario.run.coupling)
             check_steps(self.loaded, scenario.run.step_s)
         except BaseException:
             self.close()
@@ -208,7 +208,7 @@ class PreparedScenario:
             ports[name] = Ports(entry.interface, self._wires, own, recorded, entry.start_value)
         for name in loaded:
             ports[name].connect([wire for wire in self._wires if wire.target == name], ports)
-        return Assembly(self._groups, self._coupling, loaded, ports, grid)
+        return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid)
 
     def run(self, parameters: Mapping[str, Mapping[str, Any]]) -> pl.DataFrame:
         """Run the scenario with some parameters in place of its own.
@@ -229,11 +229,7 @@ class PreparedScenario:
                 self._held = [ctypes.CDLL(str(entry.fmu.library)) for entry in self.loaded.values()]
         assembly = self.assemble(parameters)
         tables: list[pl.DataFrame] = []
-
-        def keep(ticks: range, found: Values) -> None:
-            tables.append(block_table(self.columns, found, ticks, assembly.grid))
-
-        run_fmus(assembly, self.scenario.record.every, keep)
+        run_fmus(assembly, lambda rows, _: tables.append(rows))
         return pl.concat(tables)
 
 
@@ -301,14 +297,14 @@ def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, c
     journal = Journal(out, provenance)
     reached, last = 0, grid.steps // every * every
 
-    def keep(ticks: range, values: Values) -> None:
+    def keep(rows: pl.DataFrame, tick: int) -> None:
         nonlocal reached
-        reached = ticks[-1]
-        journal.add(block_table(prepared.columns, values, ticks, grid), more=reached < last)
+        reached = tick
+        journal.add(rows, more=reached < last)
 
     try:
-        with _bar(grid.steps, show=progress) as shown:
-            run_fmus(assembly, every, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
+        with progress_bar("simulating", grid.steps, show=progress) as shown:
+            run_fmus(assembly, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
     except KeyboardInterrupt:
         if journal.empty:
             journal.drop()
@@ -322,20 +318,6 @@ def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, c
         raise
     table, files = journal.finish(form, {})
     return Run(table, scenario, provenance, files)
-
-
-@contextmanager
-def _bar(steps: int, *, show: bool) -> Iterator[Callable[[int], None]]:
-    """What is told how many steps are made: a progress bar, or nobody."""
-    if not show or not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task("simulating", total=steps)
-        yield lambda made: bars.update(task, completed=made)
 
 
 def _provenance(prepared: PreparedScenario, assembly: Assembly) -> dict[str, Any]:

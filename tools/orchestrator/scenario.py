@@ -73,7 +73,12 @@ class _Section(BaseModel):
 
 
 class RunSetting(_Section):
-    """Time of the run [s], ended by the position programme without `stop_s`; how cycles of connections are taken."""
+    """Time of the run [s], ended by the position programme without `stop_s`; how cycles of connections are taken.
+
+    `coupling` is None where they are refused; "jacobi": within a cycle every input is what the output was at the
+    beginning of the step; "iterate": the step is made again from the same state until the values that go around no
+    longer change.
+    """
 
     start_s: Finite = 0.0
     stop_s: Finite | None = None
@@ -81,6 +86,16 @@ class RunSetting(_Section):
     coupling: Literal["jacobi", "iterate"] | None = None
     tolerance: Positive | None = None
     iterations: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
+
+    @property
+    def allowed_change(self) -> float:
+        """A value x that changes by less than allowed_change * (1 + |x|) in an iteration counts as settled."""
+        return self.tolerance or 1e-12
+
+    @property
+    def most_iterations(self) -> int:
+        """So many iterations of a cycle at most."""
+        return self.iterations or 50
 
     @model_validator(mode="after")
     def _of_iteration(self) -> "RunSetting":

@@ -7,7 +7,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,17 +47,6 @@ class Drive:
     variables: tuple[Variable, ...]
     values: list[list[Value]] | np.ndarray
     begins: np.ndarray | None
-
-
-@dataclass(frozen=True)
-class Programme:
-    """A position programme in whole steps: the command of row i holds from tick `begins[i]` on."""
-
-    fmu: str
-    variables: tuple[Variable, ...]
-    command: np.ndarray
-    begins: np.ndarray
-    end: int
 
 
 @dataclass(frozen=True)
@@ -362,7 +351,9 @@ def _check_column(table: NumberTable, column: str, variable: Variable, values: n
             checked(value, variable)
 
 
-def resolve_programme(stimulus: Stimulus, table: NumberTable, step: float, loaded: Mapping[str, Loaded]) -> Programme:
+def resolve_programme(
+    stimulus: Stimulus, table: NumberTable, step: float, loaded: Mapping[str, Loaded]
+) -> tuple[Drive, int]:
     """Lay a position programme out in whole steps.
 
     Each position's slot is the move from the position before (the slower axis, limited rate and acceleration)
@@ -420,7 +411,7 @@ def resolve_programme(stimulus: Stimulus, table: NumberTable, step: float, loade
             raise InputError(f"{table.row(row)}: takes {slot:.3g} of a step; take a shorter run.step_s")
         tick += math.ceil(slot - TICK_TOLERANCE)
         before = target
-    return Programme(interface.name, variables, command, np.array(begins), tick)
+    return Drive(interface.name, variables, command, np.array(begins)), tick
 
 
 def _limits(table: Loaded) -> list[list[float]]:
@@ -455,20 +446,21 @@ def resolve_stimuli(
 
     interfaces = interfaces_of(loaded)
     named = {f"stimuli[{number}]": stimulus for number, stimulus in enumerate(scenario.stimuli, start=1)}
-    programmes: dict[str, Programme] = {}
+    programmes: dict[str, tuple[Drive, int]] = {}
     for name, stimulus in named.items():
         if stimulus.kind == "programme":
             with said_of(name):
                 positions = table(stimulus, name, None)
                 programmes[name] = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
-    grid = make_grid(scenario.run, [programme.end for programme in programmes.values()])
+    grid = make_grid(scenario.run, [end for _, end in programmes.values()])
     drives: list[tuple[str, Drive]] = []
     for name, stimulus in named.items():
         with said_of(name):
             if stimulus.kind == "programme":
-                found, within = programmes[name], programmes[name].begins < grid.steps
+                whole, _ = programmes[name]
+                within = whole.begins < grid.steps
                 # The last command holds to the end.
-                given = [Drive(found.fmu, found.variables, found.command[within], found.begins[within])]
+                given = [replace(whole, values=whole.values[within], begins=whole.begins[within])]
             elif stimulus.kind == "constant":
                 given = [resolve_constant(stimulus, interfaces)]
             else:

@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from typing import Literal
 
 from ..errors import InputError, said_of
 from .interface import Interface, Variable, between, refer_to
 from .load import Loaded
-from .scenario import Connection, Scenario
+from .scenario import Connection
 from .stimuli import Drive
 
 
@@ -25,26 +24,6 @@ class Wire:
 
 
 @dataclass(frozen=True)
-class Coupling:
-    """How a cycle of connections is taken.
-
-    Attributes
-    ----------
-    kind : str or None
-        None: not at all; "jacobi": within a cycle every input is what the output was at the beginning of the step;
-        "iterate": the step is made again from the same state until the values that go around no longer change
-    tolerance : float
-        a value x that changes by less than tolerance * (1 + |x|) counts as settled
-    iterations : int
-        so many at most
-    """
-
-    kind: Literal["jacobi", "iterate"] | None = None
-    tolerance: float = 1e-12
-    iterations: int = 50
-
-
-@dataclass(frozen=True)
 class Group:
     """FMUs that step together: one by itself, or those of a cycle, with the outputs that go around in it."""
 
@@ -54,12 +33,6 @@ class Group:
 
     def __str__(self) -> str:
         return " -> ".join([*self.members, self.members[0]])
-
-
-def coupling_of(scenario: Scenario) -> Coupling:
-    """How the scenario takes cycles of connections."""
-    run, usual = scenario.run, Coupling()
-    return Coupling(run.coupling, run.tolerance or usual.tolerance, run.iterations or usual.iterations)
 
 
 def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
@@ -115,7 +88,7 @@ def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Driv
             raise InputError(f"'{fmu}.{variable.name}' has two sources, {before} and {source}; one is possible")
 
 
-def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: Coupling) -> list[Group]:
+def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
     """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
 
     Raises
@@ -123,7 +96,7 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: Coupl
     InputError
         a cycle, which is named, where the scenario does not say how to take it
     """
-    if coupling.kind is None:
+    if coupling is None:
         _refuse_cycle(names, wires)
     following: dict[str, set[str]] = {name: set() for name in names}
     for wire in wires:
@@ -150,9 +123,9 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: Coupl
     return groups
 
 
-def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: Coupling) -> None:
+def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
     """Refuse to iterate over an FMU whose state cannot be set back."""
-    for name in (name for group in groups if group.cyclic and coupling.kind == "iterate" for name in group.members):
+    for name in (name for group in groups if group.cyclic and coupling == "iterate" for name in group.members):
         fmu = loaded[name].fmu
         if not fmu.says("canGetAndSetFMUstate", "canGetAndSetFMUState"):
             raise InputError(

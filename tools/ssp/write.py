@@ -25,9 +25,9 @@ from ..orchestrator.interface import Interface, Scale, Value, Variable, spread
 from ..orchestrator.load import Loaded, Sources, calibrated_parameters, interfaces_of, load
 from ..orchestrator.scenario import Scenario, Stimulus
 from ..orchestrator.stimuli import (
+    Drive,
     Grid,
     NumberTable,
-    Programme,
     make_grid,
     read_table,
     resolve_constant,
@@ -141,10 +141,10 @@ def self_contained(scenario: Scenario) -> Scenario:
                 _set(fmus, interfaces[drive.fmu], given)
                 continue
             positions = _positions(scenario, stimulus, count)
-            programme = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
-            ends.append(programme.end)
+            drive, end = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
+            ends.append(end)
             name = _free("programme", [*fmus, *first])
-            parameters = _parameters(programme, positions, stimulus, loaded[programme.fmu], scenario.run.step_s)
+            parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], scenario.run.step_s)
             first[name] = {"component": PROGRAMME, "parameters": parameters}
             connections.append({"from": f"{name}.command", "to": stimulus.to})
     run = dict(written["run"])
@@ -179,17 +179,17 @@ def _positions(scenario: Scenario, stimulus: Stimulus, count: int) -> NumberTabl
 
 
 def _parameters(
-    programme: Programme, positions: NumberTable, stimulus: Stimulus, table: Loaded, step: float
+    commands: Drive, positions: NumberTable, stimulus: Stimulus, table: Loaded, step: float
 ) -> dict[str, Any]:
     """The parameters of the component that commands what the programme does."""
-    count = len(programme.command)
+    count = len(commands.values)
     if count > POSITIONS:
         raise InputError(f"{positions.label}: has {count} positions; the component {PROGRAMME} takes {POSITIONS}")
     dwell = positions.columns.get("dwell_s", np.full(count, stimulus.dwell_s))
     values: dict[str, Any] = {"positions": count, "period": step}
     for name in ("max_rate", "max_acceleration", "initial_angle"):
         values[name] = [table.start_value(v) for v in table.interface.find(name)]
-    for name, numbers in zip(("alpha", "beta", "dwell_time"), (*programme.command.T, dwell), strict=True):
+    for name, numbers in zip(("alpha", "beta", "dwell_time"), (*np.transpose(commands.values), dwell), strict=True):
         values |= {f"{name}[{i + 1}]": float(value) for i, value in enumerate(numbers)}
     return values
 

@@ -1,4 +1,4 @@
-"""The compiled loop against the plain one and against FMPy, FMUs of both versions of FMI mixed at will: the same bits."""
+"""The compiled loop against the plain one and against FMPy, both versions of FMI mixed at will: the same bits."""
 
 import re
 import shutil

@@ -15,7 +15,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.interface import Variable, between, scale_of
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
-from trihedron.tools.orchestrator.wiring import Coupling, Wire, stepping_groups
+from trihedron.tools.orchestrator.wiring import Wire, stepping_groups
 
 PAIR = {"clock": CLOCK, "gain": GAIN}
 EARTH_RATE = 7.292115e-5
@@ -110,7 +110,7 @@ def order_of(names: list[str], edges: list[tuple[int, int]]) -> list[str]:
     """The order in which FMUs step that feed each other."""
     port = Variable("x", "Real", "Real", 0, "output", "continuous")
     laid = [Wire(f"f{source}", port, f"f{target}", port) for source, target in edges]
-    return [name for group in stepping_groups(names, laid, Coupling()) for name in group.members]
+    return [name for group in stepping_groups(names, laid, None) for name in group.members]
 
 
 @given(st.integers(1, 7), st.data())
