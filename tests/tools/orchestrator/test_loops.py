@@ -17,7 +17,7 @@ import foreign_fmus
 from foreign_fmus import rewritten
 from scenario_runs import ACCUMULATOR, GAIN, refusal, run, scenario, wires
 from trihedron.fmus import build
-from trihedron.fmus.native.compiler import host_compiler
+from trihedron.fmus.native.compile import host_compiler
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import loops, simulate
 from trihedron.tools.orchestrator.scenario import Scenario

@@ -20,7 +20,7 @@ import pytest
 from foreign_fmus import declaring, rewritten
 from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, refusal, run, scenario, wires
-from trihedron.fmus import python_flavour
+from trihedron.fmus import source
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import journal, loops, simulate
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
@@ -330,9 +330,9 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
     """The signal comes while the component's Python runs: it must not strike there as an exception."""
     struck = "import os, signal\n            os.kill(os.getpid(), signal.SIGINT)\n            "
     monkeypatch.setattr(
-        python_flavour,
+        source,
         "SCRIPT",
-        python_flavour.SCRIPT.replace(
+        source.SCRIPT.replace(
             "        return self.report(self.model.do_step(current_time, step_size))",
             f"        if 0.45 < current_time < 0.55:\n            {struck}\n"
             "        return self.report(self.model.do_step(current_time, step_size))",
