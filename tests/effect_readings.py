@@ -12,8 +12,7 @@ from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
-from trihedron.tools.diagnosis.circumstances import Circumstances
-from trihedron.tools.diagnosis.disturbance import rows_at
+from trihedron.tools.evidence.bench_effects import Circumstances, Visits
 
 G = 9.80665
 ROWS = 7
@@ -102,4 +101,4 @@ def true_bench() -> tuple[Linearisation, Rows]:
     point = np.array([values[symbol] for symbol in p.symbols])
     here = linearise(p, at, np.zeros((ROWS, 3)), point, np.full(3 * ROWS, 1e-5))
     circumstances = Circumstances(HOURS, TEMPERATURE, SENSES[:, 0], SENSES[:, 1], True)
-    return here, rows_at(here, point, at, circumstances)
+    return here, Visits.of(here, circumstances).rows(point)

@@ -10,9 +10,7 @@ from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, t
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import Positions, parametrise, predicted_reading
-from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.tools.diagnosis.disturbance import rows_at
-from trihedron.tools.diagnosis.senses import input_senses
+from trihedron.tools.evidence.bench_effects import Circumstances, Visits, circumstances_of
 from trihedron.tools.records import PositionRecord
 
 WOBBLES = {
@@ -219,7 +217,7 @@ def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
         beta=BETA,
         specific_force=np.full((ROWS, 3), 5.0),
     )
-    rows = rows_at(here, here.point, here.positions, circumstances_of(record))
+    rows = Visits.of(here, circumstances_of(record)).rows(here.point)
     assert rows.input_sense[0].tolist() == np.sign(rows.n[0]).tolist()
     assert rows.input_sense[1:].tolist() == np.sign(np.diff(rows.n, axis=0)).tolist()
     turns = np.remainder(np.diff(ALPHA) + np.pi, 2.0 * np.pi) - np.pi
@@ -228,7 +226,9 @@ def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
     kept = np.array([2, 5])
     some = circumstances_of(record).selected(kept)
     at = Positions(ALPHA[kept], BETA[kept], np.zeros(2, dtype=int))
-    assert rows_at(here, here.point, at, some).input_sense.tolist() == rows.input_sense[kept].tolist()
+    assert (
+        Visits(here.parametrisation, at, some).rows(here.point).input_sense.tolist() == rows.input_sense[kept].tolist()
+    )
 
 
 def test_the_sense_of_an_input_is_told_where_it_does_not_matter_which_axis_came_last():
@@ -240,7 +240,8 @@ def test_the_sense_of_an_input_is_told_where_it_does_not_matter_which_axis_came_
     before = angles - 0.3 * senses
     before[3, 1] = angles[3, 1]
     here = Circumstances(np.zeros(4), None, senses[:, 0], senses[:, 1], True, before)
-    sense, told = input_senses(p, np.zeros(len(p.symbols)), at, here)
+    rows = Visits(p, at, here).rows(np.zeros(len(p.symbols)))
+    sense, told = rows.input_sense, rows.sense_told
     assert sense[:, 0].tolist() == [1.0, 0.0, -1.0, 1.0]
     assert told[:, 0].tolist() == [True, False, True, True]
     assert sense[:, 1].tolist() == [0.0, 1.0, 0.0, 1.0]

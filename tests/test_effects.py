@@ -15,9 +15,8 @@ from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, R
 from trihedron.models.effects.definition import turned
 from trihedron.models.effects.outlier import place_of
 from trihedron.tools.calibration.model import Positions, linearise, parametrise
-from trihedron.tools.diagnosis.circumstances import Circumstances
-from trihedron.tools.diagnosis.disturbance import added_bound, rows_at, signature_columns
-from trihedron.tools.diagnosis.intervals import effect_intervals
+from trihedron.tools.evidence.bench_effects import Circumstances, Visits, added_bound, signature_columns
+from trihedron.tools.evidence.evidence import linear_intervals
 
 CONTRACT = {
     "scale-asymmetry": ["coefficient"],
@@ -119,7 +118,7 @@ def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     point = np.zeros(len(p.symbols))
     here = linearise(p, at, np.zeros((60, 3)), point, np.full(180, 1e-5))
     nothing = np.zeros(60)
-    rows = rows_at(here, point, at, Circumstances(nothing, np.full(60, 20.0), nothing, nothing, False))
+    rows = Visits(p, at, Circumstances(nothing, np.full(60, 20.0), nothing, nothing, False)).rows(point)
     basis, _ = np.linalg.qr(here.jacobian)
 
     def left(columns: np.ndarray) -> np.ndarray:
@@ -226,7 +225,7 @@ def test_wrong_entries_are_refused_in_one_line(entry, said):
 
 
 def test_what_a_record_leaves_of_a_width_is_no_negative_width():
-    width = CATALOGUE["hysteresis"].parameters
-    assert effect_intervals(width, lambda direction: 2e-4) == ((0.0, 2e-4),)
-    bias = CATALOGUE["bias-asymmetry"].parameters
-    assert effect_intervals(bias, lambda direction: 2e-4) == ((-2e-4, 2e-4),)
+    width = CATALOGUE["hysteresis"].places[0]
+    assert linear_intervals(width, lambda direction: 2e-4) == ((0.0, 2e-4),)
+    bias = CATALOGUE["bias-asymmetry"].places[0]
+    assert linear_intervals(bias, lambda direction: 2e-4) == ((-2e-4, 2e-4),)

@@ -14,8 +14,8 @@ from bench_cases import draw_case, measure
 from trihedron.models.effects import POSITION_EFFECTS, EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.circumstances import circumstances_of
-from trihedron.tools.diagnosis.likeness import likeness
+from trihedron.tools.diagnosis.search import likeness
+from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.planning.plan import plan_targets
 from trihedron.tools.report.bars import Bar, bars
 from trihedron.tools.report.calibration_page import calibration_page
@@ -251,14 +251,14 @@ def test_pages_of_several_mountings_whatever_they_are_called(clean):
 
 
 def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers(clean):
-    result = calibrate(clean, noise_bound=NOISE_BOUND)
+    evidence = bench_evidence(clean, noise_bound=NOISE_BOUND)
     places = [
         EffectPlace("sag", "outer-axis"),
         EffectPlace("encoder-harmonic", "outer-axis", 1),
         EffectPlace("bias-drift", "accelerometer-1"),
         EffectPlace("quadratic", "accelerometer-3"),
     ]
-    alike = likeness(result.linearised, circumstances_of(clean), places)
+    alike = likeness(evidence, places)
     assert np.allclose(alike, alike.T)
     assert np.allclose(np.diag(alike), 1.0)
     assert alike[0, 1] > 1.0 - 1e-4

@@ -10,7 +10,7 @@ import pytest
 
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.models.effects import STRAPDOWN_EFFECTS
-from trihedron.tools.diagnosis.likeness import cosines
+from trihedron.tools.bounded.spaces import cosine, spaces_beyond
 from trihedron.tools.diagnosis.result import Cause
 from trihedron.tools.report.rounding import to_bound
 from trihedron.tools.report.strapdown_excluded import in_words
@@ -150,7 +150,7 @@ def test_every_effect_on_gyros_and_attitude_computer_that_is_searched_has_a_form
         place = effect.places[0]
         own = effect.at(place).parameters
         values = tuple(k + 0.25 for k, _ in enumerate(own, start=1))
-        (line,) = effect_lines([Cause(place, (), values, tuple((v - 0.01, v + 0.01) for v in values))])
+        (line,) = effect_lines([Cause.found(place, (), values, [(v - 0.01, v + 0.01) for v in values])])
         said = "".join(ElementTree.fromstring(line.replace("&nbsp;", " ")).itertext())
         for value in values:
             assert f"{value:.3f}" in said, effect.name
@@ -185,7 +185,8 @@ def test_excluded_parameters_have_a_column_for_each_gyro(parameter, words):
 def test_likeness_is_the_cosine_between_spaces_less_what_is_imitated():
     e = np.eye(4)
     first, second = e[:, [0]] + e[:, [3]], e[:, [0]] + e[:, [1]] + 7.0 * e[:, [3]]
-    alike = cosines(e[:, [3]], [first, second, e[:, [3]]])
+    spaces = spaces_beyond(e[:, [3]], [first, second, e[:, [3]]])
+    alike = np.array([[cosine(a, b) for b in spaces] for a in spaces])
     assert alike == pytest.approx(np.array([[1.0, np.sqrt(0.5), 0.0], [np.sqrt(0.5), 1.0, 0.0], [0.0, 0.0, 0.0]]))
 
 

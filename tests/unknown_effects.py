@@ -11,8 +11,7 @@ from trihedron.models.effects import Rows
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.calibration.procedure import fit_record
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.circumstances import circumstances_of
-from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
+from trihedron.tools.evidence.bench_effects import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials.bench import NOISE_BOUND, classes_with
 from trihedron.tools.trials.draw import BenchOptions, draw_bench_case
@@ -115,7 +114,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
         p = int(rng.integers(3))
         bench = case.bench
         here = fit_record(clean, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
-        rows = rows_at(here, here.point, here.positions, circumstances_of(clean))
+        rows = Visits.of(here, circumstances_of(clean)).rows(here.point)
         change = effect(p, rows)
         far = nearest_triple(case, clean, change)
         if far < 1e-3:
@@ -146,7 +145,7 @@ def nearest_triple(case: BenchCase, record: PositionRecord, change: NDArray | No
     """
     bench = case.bench
     here = fit_record(record, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
-    rows = rows_at(here, here.point, here.positions, circumstances_of(record))
+    rows = Visits.of(here, circumstances_of(record)).rows(here.point)
     residual = here.residual if change is None else change.ravel()
     effects = [signature_columns([p], rows) for p in classes_with(bench.mountings, symmetric=bench.symmetric).places]
     columns = effects + [np.eye(len(residual), 1, -k) for k in range(len(residual))]

@@ -183,7 +183,7 @@ def names_the_hidden_effect(diagnosis: Diagnosis, hidden: dict[str, Any]) -> boo
     wanted = (hidden["effect"], hidden["where"], hidden.get("order"), hidden.get("accelerometer"))
     return any(
         (p.effect, p.where, p.order, p.axes[0] if p.effect == "outlier" else None) == wanted
-        for p in (cause.place, *cause.equivalents)
+        for p in (cause.place, *cause.alike)
     )
 
 

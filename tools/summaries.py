@@ -36,6 +36,8 @@ def text_of(result: Result) -> str:
         return application_summary(result)
     if isinstance(result, Check):
         return "\n".join(check_lines(result))
+    if isinstance(result, Diagnosis):
+        return diagnosis_summary(result)
     return result.json_text()
 
 
@@ -233,12 +235,15 @@ def judgement_lines(result: Diagnosis) -> list[str]:
                     f"{said['rms_after']:.2e} g, max {said['max_before']:.2e} -> {said['max_after']:.2e} g"
                 )
         if result.judgement.shuffles:
-            lines.append(f"as good when shuffled: {result.judgement.as_good} of {result.judgement.shuffles}")
+            shuffles = result.judgement.shuffles
+            shuffles = result.judgement.shuffles
+            lines.append(f"as good when shuffled: {shuffles.as_good} of {shuffles.tried}")
         lines += [f"warning: {warning}" for warning in result.judgement.warnings]
-    if result.mounting is not None:
+    if result.second_mounting is not None:
+        other = result.second_mounting
         lines.append(
-            f"a second mounting ({result.mounting.mounting}) tells apart {' and '.join(result.mounting.separates)}: "
-            f"correlation {result.mounting.correlation_before:.2f} -> {result.mounting.correlation_after:.2f}"
+            f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
+            f"correlation {other.correlation_before:.2f} -> {other.correlation_after:.2f}"
         )
     return lines
 
@@ -251,12 +256,12 @@ def cause_lines(cause: Cause) -> list[str]:
     ):
         text = f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {unit_of(parameter.unit)}"
         lines.append(text.rstrip())
-    return lines + [f"  cannot be told from {other.title}" for other in cause.equivalents]
+    return lines + [f"  cannot be told from {other.title}" for other in cause.alike]
 
 
 def diagnosis_summary(result: Diagnosis) -> str:
     """Verdict, evidence, cause and gain."""
-    nominal = result.baseline
+    nominal = result.evidence.calibration
     lines = [
         VERDICTS[result.verdict],
         f"{nominal.positions} positions, {nominal.measurements} readings, σ = {nominal.noise_bound:.3g} g "
@@ -269,12 +274,12 @@ def diagnosis_summary(result: Diagnosis) -> str:
         lines.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {finding.fit.radius:.3f}")
     if len(result.findings) > MOST_SETS:
         lines.append(f"  ... and {len(result.findings) - MOST_SETS} sets more")
-    for places in result.equivalent_sets:
+    for places in result.equal_sets:
         lines.append(f"  cannot be told from {' and '.join(place.title for place in places)}")
     if result.gain is not None:
-        g = result.gain.summary()
+        g = result.gain.to_json()
         lines.append(
-            f"held-out positions, simulated again ({int(result.gain.scored.sum())} readings): "
+            f"held-out positions, simulated again ({int(np.isfinite(result.gain.before).sum())} readings): "
             f"rms {g['held_out_rms_before']:.2e} -> {g['held_out_rms_after']:.2e} g, "
             f"max {g['held_out_max_before']:.2e} -> {g['held_out_max_after']:.2e} g"
         )
@@ -283,13 +288,13 @@ def diagnosis_summary(result: Diagnosis) -> str:
     if result.gain is not None and not result.gain.improves:
         lines.append("warning: the extension does not improve the positions that were held out")
     lines += judgement_lines(result)
-    if not result.complete:
+    if result.complete is False:
         lines.append("warning: the search was cut off: more sets of effects would make the model consistent")
-    for entry in result.residual_structure[:5]:
+    for entry in (result.residual_structure or ())[:5]:
         lines.append(
             f"residual of accelerometer {entry['accelerometer']}: {100 * entry['explained']:.0f} % of it is predicted "
             f"by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
         )
-    lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
+    lines += [f"measure next: {position_text(position)}" for position in result.next_positions or ()]
     lines += [f"warning: {warning}" for warning in nominal.warnings]
     return "\n".join(lines)

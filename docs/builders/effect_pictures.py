@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from trihedron.models.effects import POSITION_EFFECTS, Effect, EffectPlace
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
-from trihedron.tools.diagnosis.circumstances import Circumstances
-from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
-from trihedron.tools.diagnosis.predictions import acted_on
+from trihedron.tools.evidence.bench_effects import Circumstances, Visits, acted_on, signature_columns
 from trihedron.tools.report.svg import drawing, svg_text
 from trihedron.tools.report.theme import AXES, DASHES, WIDTH
 
@@ -82,7 +80,7 @@ def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
 def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
     """Changes (N, 3) of the readings, over the size of a linear effect [g per unit], or at a level [g]."""
     here = perfect_bench(sweep.at)
-    rows = rows_at(here, here.point, sweep.at, sweep.circumstances)
+    rows = Visits(here.parametrisation, sweep.at, sweep.circumstances).rows(here.point)
     if effect.variants is not None:
         clean = rows.prediction
         return acted_on([(place, (SHOWN_LEVELS[effect.name],))], rows, clean) - clean

@@ -139,7 +139,7 @@ def test_held_out_errors_fall_to_the_noise(capsys):
         result = diagnosed(case, measure_bench(case), rerun=True)
         if result.gain is None:
             continue
-        gain = result.gain.summary()
+        gain = result.gain.to_json()
         ratios.append(gain["held_out_rms_after"] / NOISE_BOUND)
         worse += gain["held_out_rms_after"] > gain["held_out_rms_before"]
     say(capsys, f"held-out rms after, in σ: {np.round(np.sort(ratios), 2).tolist()}")

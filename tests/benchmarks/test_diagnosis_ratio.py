@@ -10,12 +10,8 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.centre import centre_of, problem_at, slack_at
-from trihedron.tools.diagnosis.circumstances import circumstances_of
-from trihedron.tools.diagnosis.classes import classes_of
-from trihedron.tools.diagnosis.disturbance import is_linear
-from trihedron.tools.diagnosis.search import catalogue_places
 from trihedron.tools.diagnosis.sizes import SureSizes
+from trihedron.tools.evidence.bench_candidates import centre_of
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
 from trihedron.tools.trials.outcome import diagnosed
@@ -40,16 +36,14 @@ def test_proof_against_a_programme_for_each_set(capsys):
     record = measure_bench(case)
     result = diagnosed(case, record)
     assert {cause.place for cause in result.causes} == set(EFFECTS)
-    here = result.baseline.linearised
-    circumstances = circumstances_of(record)
-    places = [place for place in catalogue_places(case.bench.baseline, circumstances) if is_linear(place)]
-    classes = classes_of(here, places)
-    centre = centre_of(here, circumstances, ())
-    problem = problem_at(here, circumstances, centre, classes.places)
-    effects, readings = len(classes.places), len(here.residual)
+    evidence = result.evidence
+    places = evidence.classes.places
+    centre = centre_of(evidence.readings, (), evidence.here.point)
+    problem = centre.problem(places)
+    effects, readings = len(places), len(evidence.residual)
     count = math.comb(effects, 3) + math.comb(effects, 2) * readings + effects * math.comb(readings, 2)
     begun = time.perf_counter()
-    found = list(sets_of_size(problem, 3, slack_at(centre, here)))
+    found = list(sets_of_size(problem, 3, centre.slack))
     searched = time.perf_counter() - begun
     some = list(combinations(range(effects), 3))[:: max(1, math.comb(effects, 3) // 20)]
     begun = time.perf_counter()

@@ -11,6 +11,7 @@ large) makes the bound sharp.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,13 @@ class Problem:
     nominal: NDArray
     columns: NDArray
     blocks: tuple[slice, ...]
+
+    @staticmethod
+    def of(residual: NDArray, nominal: NDArray, columns: Sequence[NDArray]) -> "Problem":
+        """The problem with the columns (M, k) of each candidate."""
+        ends = np.cumsum([0, *(block.shape[1] for block in columns)]).tolist()
+        blocks = tuple(slice(start, stop) for start, stop in pairwise(ends))
+        return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), blocks)
 
     def columns_of(self, chosen: Sequence[int]) -> NDArray:
         """Numbers of the columns of some candidates."""
@@ -163,7 +171,7 @@ class EffectSet:
         return len(self.effects) + len(self.outliers)
 
 
-def sets_of_size(problem: Problem, size: int, slack: float) -> Iterator[EffectSet]:
+def sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int = MOST_OUTLIERS) -> Iterator[EffectSet]:
     """All sets of a size that keep every residual of the linear model within its bound, to the slack.
 
     A set is refused when some weights prove that its radius is above one and the slack; the weights that refuse one set
@@ -174,9 +182,11 @@ def sets_of_size(problem: Problem, size: int, slack: float) -> Iterator[EffectSe
     problem : Problem
         the nominal model and the candidates, linear at its fit
     size : int
-        effects and outliers together, 0 to 3; at most two outliers
+        effects and outliers together, 0 to 3
     slack : float
         what the linearisation may be wrong by, in units of the bounds
+    most_outliers : int
+        0 to 2: enough outliers explain anything
 
     Yields
     ------
@@ -190,7 +200,7 @@ def sets_of_size(problem: Problem, size: int, slack: float) -> Iterator[EffectSe
         weights = sharp_weights(problem, weights, rounds)
         projections.append(project(problem, weights))
     starts, sizes = problem.starts, problem.sizes
-    for outliers in range(min(size, MOST_OUTLIERS) + 1):
+    for outliers in range(min(size, most_outliers) + 1):
         if size - outliers > len(problem.blocks):
             continue
         sets = surviving_sets(size - outliers, outliers, limit, *parts(projections[0]), starts, sizes)

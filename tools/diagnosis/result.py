@@ -1,97 +1,145 @@
-"""The result of a diagnosis, as an object and as JSON."""
+"""The result of a diagnosis, whatever the record: what is published, and what the program keeps beside it."""
 
-import json
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
+import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_serializer
+from typing_extensions import TypedDict
 
 from ...models.effects import CATALOGUE, EffectPlace
-from ..calibration.result import Calibration
-from ..shown import Shown
-from .extended_fit import ExtendedFit
-from .gain import Gain
-from .judgement import Judgement
-from .second_mounting import SecondMounting
+from ..calibration.result import OpenTarget, Reading
+from ..evidence.evidence import Fit, Gain, Trial
+from ..result import Result
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-SCHEMA = "trihedron.diagnosis/1"
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+CHANCE = 0.05
+"""More than this part of the shuffles being as good as an effect speaks against it."""
 
 
-@dataclass(frozen=True)
-class Cause:
+class Told(Result):
+    """A part of which only what was told is written: keys that hold nothing and were not given are left out."""
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        names = {field.alias or name: name for name, field in type(self).model_fields.items()}
+        return {k: v for k, v in handler(self).items() if v is not None or names[k] in self.model_fields_set}
+
+
+class NamedEffect(Told):
+    """An effect at its place."""
+
+    effect: str
+    where: str
+    order: int | None = None
+    accelerometer: int | None = None
+    axes: tuple[int, ...] | None = None
+
+    @staticmethod
+    def keys(place: EffectPlace) -> dict[str, Any]:
+        """The effect at a place as the contract writes it."""
+        entry: dict[str, Any] = {"effect": place.effect, "where": place.where}
+        if place.order is not None:
+            entry["order"] = place.order
+        if place.effect == "outlier":
+            entry["accelerometer"] = place.axes[0]
+        elif place.axes:
+            entry["axes"] = place.axes
+        return entry
+
+    @staticmethod
+    def of(place: EffectPlace) -> "NamedEffect":
+        """The effect at a place."""
+        return NamedEffect(**NamedEffect.keys(place))
+
+    @property
+    def place(self) -> EffectPlace:
+        """The effect and its place."""
+        axes = self.axes or () if self.accelerometer is None else (self.accelerometer,)
+        return EffectPlace(self.effect, self.where, self.order, axes)
+
+
+class SizedParameter(Result):
+    """A parameter with what is stated of it and what the record leaves possible; None where nothing bounds it."""
+
+    name: str
+    unit: str
+    estimate: Number
+    low: Number | None
+    high: Number | None
+
+
+class Cause(NamedEffect):
     """An effect that explains the record, alone or with others.
 
     Attributes
     ----------
-    place : EffectPlace
-        with the record's own position number for an outlier
-    equivalents : tuple of EffectPlace
-        what no measurement on this bench could tell from it
-    values : tuple of float
-        its parameters
-    intervals : tuple of (low, high)
-        what the measurements leave possible
+    equivalents : tuple of NamedEffect
+        what no measurement of this kind could tell from it
+    parameters : tuple of SizedParameter
     """
 
-    place: EffectPlace
-    equivalents: tuple[EffectPlace, ...]
-    values: tuple[float, ...]
-    intervals: tuple[tuple[float, float], ...]
+    equivalents: tuple[NamedEffect, ...] = ()
+    parameters: tuple[SizedParameter, ...] = ()
+
+    @staticmethod
+    def found(
+        place: EffectPlace,
+        equivalents: Sequence[EffectPlace],
+        values: Sequence[float],
+        ends: Sequence[tuple[float, float]],
+    ) -> "Cause":
+        """The effect at a place with what is stated of its parameters, and ends of what is possible or infinity."""
+        named = zip(CATALOGUE[place.effect].at(place).parameters, values, ends, strict=True)
+        parameters = tuple(
+            SizedParameter(name=p.name, unit=p.unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
+            for p, value, (low, high) in named
+        )
+        same = tuple(NamedEffect.of(other) for other in equivalents)
+        return Cause(**NamedEffect.keys(place), equivalents=same, parameters=parameters)
+
+    @property
+    def alike(self) -> tuple[EffectPlace, ...]:
+        """What no measurement of this kind could tell from it."""
+        return tuple(other.place for other in self.equivalents)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """What is stated of the parameters."""
+        return tuple(parameter.estimate for parameter in self.parameters)
+
+    @property
+    def intervals(self) -> tuple[tuple[float, float], ...]:
+        """What the record leaves possible of the parameters."""
+        return tuple(
+            (-math.inf if p.low is None else p.low, math.inf if p.high is None else p.high) for p in self.parameters
+        )
 
     @property
     def sentence(self) -> str:
         """What an engineer is told."""
-        effect = CATALOGUE[self.place.effect].at(self.place)
-        named = {p.name: value for p, value in zip(effect.parameters, self.values, strict=True)}
-        return effect.sentence(self.place, named)
-
-    def to_json(self) -> dict[str, Any]:
-        """The entry of `causes`."""
-        parameters = [
-            {
-                "name": parameter.name,
-                "unit": parameter.unit,
-                "estimate": value,
-                "low": low if math.isfinite(low) else None,
-                "high": high if math.isfinite(high) else None,
-            }
-            for parameter, value, (low, high) in zip(
-                CATALOGUE[self.place.effect].at(self.place).parameters, self.values, self.intervals, strict=True
-            )
-        ]
-        entry = place_json(self.place)
-        return {**entry, "equivalents": [place_json(e) for e in self.equivalents], "parameters": parameters}
+        effect = CATALOGUE[self.effect].at(self.place)
+        return effect.sentence(self.place, {parameter.name: parameter.estimate for parameter in self.parameters})
 
 
-def place_json(place: EffectPlace) -> dict[str, Any]:
-    """An effect at its place as the contract writes it."""
-    entry: dict[str, Any] = {"effect": place.effect, "where": place.where}
-    if place.order is not None:
-        entry["order"] = place.order
-    if place.effect == "outlier":
-        entry["accelerometer"] = place.axes[0]
-    elif place.axes:
-        entry["axes"] = list(place.axes)
-    return entry
+def finite_or_none(value: float) -> float | None:
+    """None in place of infinity, as JSON has it."""
+    return float(value) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A smallest set of effects that makes the record consistent.
-
-    Attributes
-    ----------
-    causes : tuple of Cause
-    fit : ExtendedFit
-        the model with them
-    """
+    """A smallest set of effects that makes the record consistent, and the model with them."""
 
     causes: tuple[Cause, ...]
-    fit: ExtendedFit
+    fit: Fit
 
     @property
     def title(self) -> str:
@@ -104,125 +152,317 @@ class Finding:
         return tuple(cause.place for cause in self.causes)
 
 
-@dataclass(frozen=True, repr=False)
-class Diagnosis(Shown):
-    """What a record says of the simulation's model.
+class Score(Result):
+    """Errors of what was left out, without and with effects, in the unit of the evidence."""
+
+    scored: int
+    rms_before: Number
+    rms_after: Number
+    max_before: Number
+    max_after: Number
+
+    @staticmethod
+    def of(before: NDArray, after: NDArray) -> "Score":
+        """Root mean squares and maxima of errors (R,)."""
+        figures = {"rms_before": _rms(before), "rms_after": _rms(after)}
+        largest = {"max_before": float(np.abs(before).max()), "max_after": float(np.abs(after).max())}
+        return Score(scored=len(before), **figures, **largest)
+
+    @property
+    def improves(self) -> bool:
+        """Whether what was left out is predicted better with the effects, on the whole."""
+        return self.rms_after < self.rms_before
+
+
+class Shuffles(Result):
+    """Shuffles of effects, and how many of them predicted what was left out as well."""
+
+    tried: int
+    as_good: int
+
+    @property
+    def objects(self) -> bool:
+        """Whether that speaks against the effects."""
+        return self.as_good > CHANCE * self.tried
+
+
+class Witness(Result):
+    """What was left out says of effects of a set. None of it is evidence for them.
+
+    Almost any effect improves some readings that were left out; but one that improves none, or no more than its own
+    signature does where it does not belong, deserves a warning.
+    """
+
+    folds: Score | None
+    blocks: Score | None
+    shuffles: Shuffles | None
+    warnings: tuple[str, ...]
+
+    @staticmethod
+    def of(trial: Trial) -> "Witness":
+        """The witness of a trial on a bench."""
+        folds, blocks = (None if errors is None else Score.of(*errors) for errors in (trial.folds, trial.blocks))
+        tried = [] if folds is None else [_rms(errors) <= folds.rms_after for errors in trial.shuffled]
+        shuffles = Shuffles(tried=len(tried), as_good=sum(tried)) if tried else None
+        said = []
+        if folds is None:
+            said.append(
+                "whether the effects improve positions that were left out could not be judged: too few positions"
+            )
+        elif not folds.improves:
+            said.append("the effects do not improve positions that were left out")
+        if blocks is not None and not blocks.improves:
+            said.append("the effects do not improve parts of the record, in time, that were left out")
+        if shuffles is not None and shuffles.objects:
+            said.append(
+                f"{shuffles.as_good} of {shuffles.tried} shuffles of the effects predict what was left out as well"
+            )
+        return Witness(folds=folds, blocks=blocks, shuffles=shuffles, warnings=tuple(said))
+
+
+class EffectWitness(Result):
+    """What was left out says of one effect of a set: errors over their bounds with the others, and with it."""
+
+    effect: str
+    where: str
+    rms_without: Number
+    rms_with: Number
+    shuffles: Shuffles
+    place: EffectPlace | None = Field(default=None, exclude=True)
+
+    @staticmethod
+    def of(trial: Trial) -> "EffectWitness":
+        """The witness of a trial of one effect."""
+        (place,), errors = trial.places, trial.folds
+        assert errors is not None
+        reached = _rms(errors[1])
+        tried = [_rms(after) <= reached for after in trial.shuffled]
+        return EffectWitness(
+            effect=place.effect,
+            where=place.where,
+            rms_without=_rms(errors[0]),
+            rms_with=reached,
+            shuffles=Shuffles(tried=len(tried), as_good=sum(tried)),
+            place=place,
+        )
+
+    @property
+    def objection(self) -> str | None:
+        """Why the effect may not be named; None where it may."""
+        title = "" if self.place is None else self.place.title
+        if not self.rms_with < self.rms_without:
+            return f"{title} does not improve the parts of the record that were left out"
+        if not self.shuffles.objects:
+            return None
+        return (
+            f"{self.shuffles.as_good} of {self.shuffles.tried} shuffles of {title} over the record predict what was "
+            "left out as well"
+        )
+
+
+def _rms(values: NDArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+class BaselineParameter(Result):
+    """A parameter of the baseline with its estimate and what the record leaves possible of it.
+
+    `low` and `high` are None where the record falsifies the baseline, or does not bound the parameter.
+    """
+
+    name: str
+    unit: str
+    estimate: Number
+    low: Number | None
+    high: Number | None
+
+
+class Baseline(Told):
+    """The simulation without effects: least largest error over its bound, and what proves it false."""
+
+    radius: Number | None
+    falsified: bool | None
+    witness: tuple[Reading, ...] | None = None
+    parameters: tuple[BaselineParameter, ...] | None = None
+
+
+class Extended(Result):
+    """The simulation with the effects that are named, or with the best set that remains."""
+
+    radius: Number
+
+
+class NextPosition(TypedDict):
+    """A table position to measure, what it separates, and by how much the predictions differ there at least [g]."""
+
+    alpha_deg: Number
+    beta_deg: Number
+    mounting: NotRequired[str]
+    approach_alpha: NotRequired[int]
+    approach_beta: NotRequired[int]
+    separates: NotRequired[tuple[str, ...]]
+    apart_g: NotRequired[Number]
+
+
+class SecondMounting(Result):
+    """A mounting to measure in besides: the causes it tells apart, and their largest correlation now and with both."""
+
+    mounting: str
+    separates: tuple[str, ...]
+    correlation_before: Number
+    correlation_after: Number
+
+
+class Target(TypedDict):
+    """A target of the calibration without and with the effects, and its interval with them; None where it is open."""
+
+    symbol: str
+    before: Number
+    after: Number
+    low: Number | None
+    high: Number | None
+
+
+class Excluded(TypedDict):
+    """Sizes above `above` of an effect that was not found contradict the record."""
+
+    effect: str
+    where: str
+    order: NotRequired[int]
+    axes: NotRequired[list[int]]
+    parameter: str
+    unit: str
+    above: Number
+
+
+class Dependence(TypedDict):
+    """Part of a component's sum of squares that a smooth function of `on` predicts, and what is more than noise."""
+
+    accelerometer: NotRequired[int]
+    axis: NotRequired[int]
+    on: str
+    explained: Number
+    explainable: Number
+
+
+class RecordUsed(Result):
+    """The record: its rows, and the SHA-256 of its file."""
+
+    rows: int
+    sha256: str
+
+
+class BiasAtRest(Result):
+    """The gyros' mean at rest that was taken out, and the errors were it left in."""
+
+    radps: tuple[Number, ...]
+    rms_if_left_in_arcmin: Number | None
+
+
+class OrderedEffect(NamedEffect):
+    """An effect in the order in which effects help, with the error that is left."""
+
+    held_out_rms_arcmin: Number = 0.0
+
+
+class OrderOfEffects(Result):
+    """In which order effects help most with what was left out, from the error of the baseline on."""
+
+    held_out_rms_arcmin: Number
+    steps: tuple[OrderedEffect, ...]
+
+
+class Length(Result):
+    """What the moves or windows of one length say by themselves."""
+
+    over: str
+    pieces: int
+    noise_bound_arcmin: Number
+    rms_arcmin: Number
+    max_arcmin: Number
+    radius: Number
+    smallest_sets: tuple[tuple[NamedEffect, ...], ...]
+    order: OrderOfEffects | None
+    order_as_measured: OrderOfEffects | None
+
+
+class Diagnosis(Told):
+    """What a record says of the simulation.
+
+    A position record gives readings in g, and keys from the calibration of the bench; a strapdown record errors of the
+    attitude in arcminutes, and keys of the lengths over which it was carried.
 
     Attributes
     ----------
     verdict : str
         "consistent", "explained", "ambiguous", "unexplained" or "insufficient"
-    baseline : Calibration
-        of the nominal model
-    position_numbers : (N,) array of int
-        the record's own numbers of its rows
+    causes, alternatives : tuple of Cause, tuple of such
+        what is named, or the best of several sets, and the other sets that remain
+    complete : bool
+        whether these are all sets of that size that explain the record
+    equivalent_sets : tuple of tuple of NamedEffect
+        other sets that no measurement of this kind could tell from the first
+    not_named : tuple of str
+        why a set that would do is not named
+    evidence : Evidence
+        of the record
     findings : tuple of Finding
-        the set that was named, or the sets that remain, the best first
-    equivalent_sets : tuple of tuple of EffectPlace
-        other sets that no measurement on this bench could tell from the first
+        the set that was named, or the sets that remain, the best first, with their models
     tried : tuple of (str, float)
         single effects and the radius that each leaves, the least first
-    gain : Gain or None
-        None where nothing is named or too few positions remain
-    next_positions : tuple of dict
-        what to measure next
-    residual_structure : tuple of dict
-        of an unexplained residual
-    excluded : tuple of dict
-        upper bounds of effects that were not found
-    targets : tuple of dict
-        the calibration's targets before and after the extension
-    complete : bool
-        whether `findings` are all sets of that size that explain the record
-    judgement : Judgement or None
-        what readings that were left out say of the first finding
-    mounting : SecondMounting or None
-        a mounting that would tell apart what the record's mountings cannot
     """
 
-    verdict: str
-    baseline: Calibration
-    position_numbers: NDArray
-    findings: tuple[Finding, ...] = ()
-    equivalent_sets: tuple[tuple[EffectPlace, ...], ...] = ()
-    tried: tuple[tuple[str, float], ...] = ()
+    schema_: Literal["trihedron.diagnosis/1"] = Field(default="trihedron.diagnosis/1", alias="schema")
+    verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
+    noise_bound: Number | None = None
+    noise_bound_basis: str | None = None
+    unit: Literal["arcmin"] | None = None
+    record: RecordUsed | None = None
+    reference: Literal["gravity", "true attitude"] | None = None
+    noise_bound_arcmin: Number | None = None
+    noise_bound_from: str | None = None
+    baseline_model: str
+    baseline: Baseline
+    causes: tuple[Cause, ...] = ()
+    extended: Extended | None = None
     gain: Gain | None = None
-    next_positions: tuple[dict[str, Any], ...] = ()
-    residual_structure: tuple[dict[str, Any], ...] = ()
-    excluded: tuple[dict[str, Any], ...] = ()
-    targets: tuple[dict[str, Any], ...] = ()
-    complete: bool = True
-    judgement: Judgement | None = None
-    mounting: SecondMounting | None = None
+    lengths: tuple[Length, ...] | None = None
+    order_stable: bool | None = None
+    bias_at_rest: BiasAtRest | None = None
+    next_positions: tuple[NextPosition, ...] | None = None
+    alternatives: tuple[tuple[Cause, ...], ...] | None = None
+    complete: bool | None = None
+    next: tuple[str, ...] | None = None
+    equivalent_sets: tuple[tuple[NamedEffect, ...], ...] | None = None
+    judgement: Witness | tuple[EffectWitness, ...] | None = None
+    not_named: tuple[str, ...] | None = None
+    second_mounting: SecondMounting | None = None
+    targets: tuple[Target, ...] | None = None
+    excluded: tuple[Excluded, ...] | None = None
+    cannot_be_seen: tuple[NamedEffect, ...] | None = None
+    residual_structure: tuple[Dependence, ...] | None = None
+    missing: tuple[OpenTarget | str, ...] | None = None
+    warnings: tuple[str, ...] = ()
+
+    evidence: Any = Field(default=None, exclude=True)
+    findings: tuple[Any, ...] = Field(default=(), exclude=True)
+    tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)
 
     @property
-    def causes(self) -> tuple[Cause, ...]:
-        """The effects that were named, or the best of several sets."""
-        return self.findings[0].causes if self.findings else ()
-
-    @property
-    def alternatives(self) -> tuple[tuple[Cause, ...], ...]:
-        """The other sets that remain."""
-        return tuple(finding.causes for finding in self.findings[1:])
-
-    def to_json(self) -> dict[str, Any]:
-        """The object of schema trihedron.diagnosis/1."""
-        content: dict[str, Any] = {
-            "schema": SCHEMA,
-            "verdict": self.verdict,
-            "noise_bound": self.baseline.noise_bound,
-            "noise_bound_basis": self.baseline.noise_bound_basis,
-            "baseline_model": self.baseline.baseline,
-            "baseline": {
-                "radius": self.baseline.radius,
-                "falsified": self.baseline.verdict == "falsified",
-                "witness": [reading.to_json() for reading in self.baseline.witness],
-            },
-            "causes": [cause.to_json() for cause in self.causes],
-            "extended": {"radius": self.findings[0].fit.radius} if self.findings else None,
-            "gain": self.gain.summary() if self.gain is not None else None,
-            "next_positions": list(self.next_positions),
-        }
-        if self.verdict == "ambiguous":
-            content["alternatives"] = [[cause.to_json() for cause in causes] for causes in self.alternatives]
-            content["complete"] = self.complete
-        if self.equivalent_sets:
-            content["equivalent_sets"] = [[place_json(place) for place in places] for places in self.equivalent_sets]
-        if self.judgement is not None:
-            content["judgement"] = self.judgement.to_json()
-        if self.mounting is not None:
-            content["second_mounting"] = self.mounting.to_json()
-        if self.targets:
-            content["targets"] = list(self.targets)
-        if self.excluded:
-            content["excluded"] = list(self.excluded)
-        if self.verdict == "unexplained":
-            content["residual_structure"] = list(self.residual_structure)
-        if self.verdict == "insufficient":
-            content["missing"] = [gap.to_json() for gap in self.baseline.missing]
-        content["warnings"] = list(self.baseline.warnings)
-        return content
-
-    def json_text(self) -> str:
-        """`to_json` as text."""
-        return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-    def lines(self) -> list[str]:
-        """Verdict, evidence, cause and gain."""
-        from ..summaries import diagnosis_summary
-
-        shown: Any = self
-        return diagnosis_summary(shown).split("\n")
+    def equal_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
+        """`equivalent_sets` as places."""
+        return tuple(tuple(named.place for named in places) for places in self.equivalent_sets or ())
 
     def to_polars(self) -> "DataFrame":
         """A row for each parameter of each cause; `set` counts the sets of effects that remain, the best first."""
         import polars as pl
 
+        sets = (self.causes, *(self.alternatives or ())) if self.causes else ()
         rows = [
-            {"set": number, "effect": cause.place.title, **parameter}
-            for number, finding in enumerate(self.findings, start=1)
-            for cause in finding.causes
-            for parameter in cause.to_json()["parameters"]
+            {"set": number, "effect": cause.place.title, **parameter.to_json()}
+            for number, causes in enumerate(sets, start=1)
+            for cause in causes
+            for parameter in cause.parameters
         ]
         numbers = dict.fromkeys(("estimate", "low", "high"), pl.Float64)
         schema = {"set": pl.Int64, "effect": pl.String, "name": pl.String, "unit": pl.String, **numbers}

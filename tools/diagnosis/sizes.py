@@ -19,9 +19,9 @@ from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.outlier import place_of
 from ...models.restricted import CONTEXT_SIZE, INPUT
 from ..bounded.programmes import chebyshev_radius
+from ..bounded.spaces import spread_directions
 from ..calibration.model import Linearisation
-from .circumstances import Circumstances
-from .disturbance import added_bound, rows_at, signature_columns
+from ..evidence.bench_effects import Circumstances, Visits, added_bound, signature_columns
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
@@ -82,7 +82,7 @@ def sure_sizes(
     -------
     SureSizes
     """
-    rows = rows_at(here, here.point, here.positions, circumstances)
+    rows = Visits.of(here, circumstances).rows(here.point)
     columns = signature_columns([place], rows)
     # Readings on which the effect acts in a way that the record does not tell prove nothing.
     nominal = np.hstack(
@@ -90,7 +90,7 @@ def sure_sizes(
     )
     others = [(rival.title, freed_columns(rival, rows)) for rival in rivals]
     own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
-    directions = spread_directions(columns.shape[1]) if direction is None else [direction]
+    directions = spread_directions(columns.shape[1], DIRECTIONS) if direction is None else [direction]
     found = [sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
     worst = max(found, key=lambda sizes: sizes.excluded)
     return SureSizes(max(sizes.detected for sizes in found), worst.excluded, worst.rival)
@@ -207,17 +207,6 @@ def is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) 
     return False
 
 
-def spread_directions(count: int) -> list[NDArray]:
-    """Unit vectors (count,) spread over all directions; of opposite ones one is enough."""
-    if count == 1:
-        return [np.ones(1)]
-    if count == 2:
-        angles = math.pi * np.arange(DIRECTIONS) / DIRECTIONS
-        return [np.array([math.cos(angle), math.sin(angle)]) for angle in angles]
-    vectors = np.random.default_rng(0).normal(size=(4 * DIRECTIONS, count))
-    return list(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
-
-
 def level_change(place: EffectPlace, level: float, rows: Rows, offset: NDArray | float = 0.0) -> NDArray:
     """What an effect that is not linear changes in the readings (N, 3) [g] at a level, by its own kernel.
 
@@ -257,7 +246,7 @@ def level_margins(
     The change grows in jumps with the level, so levels are scanned: at one whose factor is 1 or less the effect is
     surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
     """
-    rows = rows_at(here, here.point, here.positions, circumstances)
+    rows = Visits.of(here, circumstances).rows(here.point)
     others = [(rival.title, freed_columns(rival, rows)) for rival in rivals]
     changes = [level_change(place, level, rows).ravel() for level in levels]
     return [sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]

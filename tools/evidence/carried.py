@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ..bounded.spaces import least_squares
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
@@ -19,7 +20,7 @@ from ..motion.inspect import LEAST_TURN, Inspection, meaning
 from ..motion.norm import LARGEST, NAMES, inputs_of
 from ..motion.sampling import rates_of
 from .carried_bounds import force_deviation, gyro_noise
-from .evidence import Evidence, coefficient_count, least_squares
+from .evidence import DETERMINED, Evidence, coefficient_count
 from .references import (
     FEWEST_WINDOWS,
     LENGTHS,
@@ -267,7 +268,7 @@ def carried_evidence(found: Inspection, baseline: str, rates: str = "instantaneo
         if not last:
             # Of true attitude the bounds may not be known yet.
             weighed = made if gravity else made.unweighted()
-            step = least_squares(weighed.nominal, weighed.residual)
+            step = least_squares(weighed.nominal, weighed.residual, DETERMINED)
             x, model = x + step[: len(x)], with_parameters(model, own, step[len(x) :])
             # Where a fit wants what no instrument has, it is wrong.
             model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))

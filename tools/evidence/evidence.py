@@ -4,23 +4,32 @@ error = nominal · x + columns · c + noise within the bounds, about one fit or 
 several parts: pieces of one kind, with errors in one unit. What works on evidence knows no record.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_serializer
 
 from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects.rows import Variant
+from ..bounded.possible import Interval, Possible, Reach, polar_intervals
 from ..bounded.programmes import chebyshev_radius
-from ..bounded.sets import Problem
+from ..bounded.sets import Problem, sets_of_size
+from ..bounded.spaces import column_space, least_squares, same_space, spaces_beyond
+from ..result import Result
 
 FOLDS = 8
 """Blocks in time that are left out in turn."""
 RANK = 1e-12
 """Directions of so small a part of the sum of squares are not determined."""
+DETERMINED = 1e-10
+"""The same of the singular values of least squares."""
+SEEN = 1e-3
+"""An effect of its largest possible size that moves no error by so much of its bound cannot be seen."""
 FIRST_ROWS, MORE_ROWS = 300, 100
 """Rows that a linear programme begins with, and takes in at a time."""
 TOLERANCE = 1e-9
@@ -99,20 +108,309 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model with a set of effects, fitted to evidence.
+    """A model with a set of effects, fitted to evidence, and linear where it was fitted.
 
     Attributes
     ----------
     places : tuple of EffectPlace
+        the effects
+    blocks : tuple of slice
+        the coefficients of each
+    at : (P + K,) array
+        parameters of the model and coefficients of the effects about which it is linear
+    step : (P + K,) array
+        from there to where the radius is attained, a Chebyshev centre
+    residual, bound : (M,) array
+        there, and how large it may be
+    jacobian : (M, P + K) array
+        derivatives by parameters and coefficients
     radius : float
         least possible largest error over its bound, with coefficients of possible size
-    solution : (P + k,) array
-        steps of the model's parameters and coefficients of the effects, a Chebyshev centre
+    estimate : (P + K,) array
+        parameters and coefficients of least squares
+    stated : (K,) array
+        the coefficients that are said to be found
+    variants : tuple of (Variant or None)
+        the way in which each effect acts that is not linear
     """
 
     places: tuple[EffectPlace, ...]
+    blocks: tuple[slice, ...]
+    at: NDArray[np.float64]
+    step: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
     radius: float
-    solution: NDArray[np.float64]
+    estimate: NDArray[np.float64]
+    stated: NDArray[np.float64]
+    variants: tuple[Variant | None, ...] = ()
+
+    @property
+    def point(self) -> NDArray[np.float64]:
+        """Parameters (P,) of the model about which it is linear."""
+        return self.at[: len(self.at) - len(self.stated)]
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """Coefficients (K,) of the effects about which it is linear."""
+        return self.at[len(self.point) :]
+
+    @property
+    def central(self) -> NDArray[np.float64]:
+        """Parameters and coefficients (P + K,) where the radius is attained."""
+        return self.at + self.step
+
+    @property
+    def solution(self) -> NDArray[np.float64]:
+        """Steps of the model's parameters and coefficients (P + K,) of a fit that begins at none."""
+        return self.step
+
+    @cached_property
+    def left(self) -> NDArray[np.float64]:
+        """Errors (M,) where the radius is attained."""
+        return self.residual - self.jacobian @ self.step
+
+    @property
+    def ways(self) -> tuple[tuple[EffectPlace, slice, Variant | None], ...]:
+        """Each effect with its coefficients and the way in which it acts."""
+        return tuple(zip(self.places, self.blocks, self.variants or (None,) * len(self.places), strict=True))
+
+    @property
+    def linear(self) -> bool:
+        """Whether every effect is linear in its coefficients."""
+        return all(variant is None for _, _, variant in self.ways)
+
+    @property
+    def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
+        """Each effect with the coefficients about which the fit is linear."""
+        return [(place, self.coefficients[block]) for place, block, _ in self.ways]
+
+    @property
+    def title(self) -> str:
+        """The effects in words."""
+        return " and ".join(place.title for place in self.places)
+
+    def values(self, coefficients: NDArray | None = None) -> tuple[tuple[float, ...], ...]:
+        """Parameters of each effect, by default those that are said to be found."""
+        given = self.stated if coefficients is None else coefficients
+        return tuple(
+            CATALOGUE[place.effect].at(place).from_coefficients(given[block])
+            if variant is None
+            else variant.values(given[block])
+            for place, block, variant in self.ways
+        )
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the sizes that are stated are possible."""
+        return all(
+            parameter.possible(value)
+            for place, values in zip(self.places, self.values(), strict=True)
+            for parameter, value in zip(CATALOGUE[place.effect].at(place).parameters, values, strict=True)
+        )
+
+    def possible(self, room: float = 0.0, further: NDArray | None = None, most_rows: int | None = None) -> Possible:
+        """The steps from the Chebyshev centre that keep every error within its bound.
+
+        Parameters
+        ----------
+        room : float
+            what is added to every bound
+        further : (M, C) array, optional
+            columns of more effects, at zero in the fit
+        most_rows : int, optional
+            as for `Possible`
+        """
+        jacobian = self.jacobian if further is None else np.hstack((self.jacobian, further))
+        return Possible(jacobian, self.left, self.bound + room, most_rows)
+
+    def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
+        """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.
+
+        Arguments as for `possible`.
+        """
+        possible, count = self.possible(room, None, most_rows), len(self.point)
+        found = []
+        for place, block, variant in self.ways:
+            columns = count + np.arange(block.start, block.stop)
+            middle, step = self.central[columns], possible.among(columns)
+
+            def reach(direction: NDArray, middle: NDArray = middle, step: Reach = step) -> float:
+                return float(direction @ middle + step(direction))
+
+            found.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
+        return tuple(found)
+
+
+def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
+    """Intervals of an effect's parameters: amplitudes and phases in pairs, others one by one."""
+    parameters = CATALOGUE[place.effect].at(place).parameters
+    found: list[Interval] = []
+    for k, unit in enumerate(np.eye(len(parameters))):
+        if parameters[k].name.endswith("phase"):
+            continue
+        if parameters[k].name.endswith("amplitude"):
+            pair = np.eye(len(parameters))[k : k + 2]
+
+            def in_plane(direction: NDArray, pair: NDArray = pair) -> float:
+                return reach(direction @ pair)
+
+            found += polar_intervals(in_plane)
+        else:
+            least = parameters[k].smallest
+            low = -reach(-unit)
+            found.append((low if least is None else max(least, low), reach(unit)))
+    return tuple(found)
+
+
+def _variant_intervals(variant: Variant, reach: Reach) -> tuple[Interval, ...]:
+    """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
+    if variant.columns.shape[2] == 0:
+        return variant.limits
+    low, high = variant.limits[0]
+    unit = np.ones(1)
+    return ((max(low, -reach(-unit)), min(high, reach(unit))),)
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """Effects that can be told apart at all, and what each stands for.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+        one of each class, in the order of the catalogue; effects that lie wholly in the model are left out
+    members : tuple of tuple of EffectPlace
+        the others of each class
+    spaces : tuple of array
+        what each adds to the model, as orthonormal columns
+    """
+
+    places: tuple[EffectPlace, ...]
+    members: tuple[tuple[EffectPlace, ...], ...]
+    spaces: tuple[NDArray[np.float64], ...]
+
+    @staticmethod
+    def of(places: Sequence[EffectPlace], spaces: Sequence[NDArray]) -> "Classes":
+        """Effects sorted by the spaces that they add to the model."""
+        firsts: list[EffectPlace] = []
+        kept: list[NDArray] = []
+        members: list[list[EffectPlace]] = []
+        for place, space in zip(places, spaces, strict=True):
+            if space.shape[1] == 0:
+                continue
+            same = next((k for k, other in enumerate(kept) if same_space(space, other)), None)
+            if same is None:
+                firsts.append(place)
+                kept.append(space)
+                members.append([])
+            else:
+                members[same].append(place)
+        return Classes(tuple(firsts), tuple(tuple(m) for m in members), tuple(kept))
+
+    def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
+        """What cannot be told from the effect at `place`."""
+        return tuple(other for other in self.whole_class(place) if other != place)
+
+    def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
+        """The class of an effect; it alone where it is in none."""
+        every = ((first, *members) for first, members in zip(self.places, self.members, strict=True))
+        return next((members for members in every if place in members), (place,))
+
+    def joint_space(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """What a set of effects adds to the model together."""
+        spaces = [self.spaces[self.places.index(self.whole_class(place)[0])] for place in places]
+        return column_space(np.hstack(spaces)) if spaces else np.zeros((1, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Errors of one component, and what they may depend on.
+
+    Attributes
+    ----------
+    label : mapping
+        which component: ``{"axis": 1}``
+    error, bound : (S,) array
+    quantities : mapping
+        name -> coordinates (S, k): of one variable each
+    joint : mapping
+        the same of several variables together
+    angles : mapping
+        name -> angle (S,) [rad]: of each, and of all together
+    """
+
+    label: Mapping[str, int]
+    error: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    quantities: Mapping[str, NDArray[np.float64]]
+    joint: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    angles: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+
+Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What readings that were left out say of some effects of a fit.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+        the effects that are judged
+    folds, blocks : (before, after) or None
+        errors (R,) of what was left out, without and with the effects: parts of the evidence in turn, and blocks in
+        time; None where that is not possible
+    shuffled : iterable of (R,) array
+        the errors of the folds with the effects' signatures moved to where they do not belong
+    """
+
+    places: tuple[EffectPlace, ...]
+    folds: Errors | None
+    blocks: Errors | None
+    shuffled: Iterable[NDArray[np.float64]] = ()
+
+
+class Gain(Result):
+    """Errors of what was not used to estimate anything, without and with the effects.
+
+    Attributes
+    ----------
+    over : str or None
+        the kind of moves or windows, in words
+    pieces : int or None
+        how many
+    held_out_rms_before, held_out_rms_after, held_out_max_before, held_out_max_after : float
+        over the sizes of the errors: fractions of g, or arcminutes of turns
+    others : list of Gain or None
+        the same of every other kind
+    before, after : (S, d) array
+        the errors themselves, in g or rad; NaN where they do not count
+    rows : (S,) array of int or None
+        rows of the record that they are of
+    """
+
+    over: str | None = None
+    pieces: int | None = None
+    held_out_rms_before: float
+    held_out_rms_after: float
+    held_out_max_before: float
+    held_out_max_after: float
+    others: list["Gain"] | None = None
+    before: Any = Field(default=None, exclude=True)
+    after: Any = Field(default=None, exclude=True)
+    rows: Any = Field(default=None, exclude=True)
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_not_said(self, handler: Any) -> dict[str, Any]:
+        return {key: value for key, value in handler(self).items() if value is not None}
+
+    @property
+    def improves(self) -> bool:
+        """Whether what was held out is predicted better with the effects, on the whole."""
+        return self.held_out_rms_after < self.held_out_rms_before
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,33 +547,151 @@ class Evidence:
 
     def estimate(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Steps and coefficients (P + k,) of least squares."""
-        return least_squares(self.matrix(places), self.residual)
+        return least_squares(self.matrix(places), self.residual, DETERMINED)
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The Chebyshev fit of the model and some effects of possible sizes."""
-        matrix = self.matrix(places)
-        free = np.full(len(self.names), np.inf)
+        matrix, count = self.matrix(places), len(self.names)
+        free = np.full(count, np.inf)
         ends = self.limits_of(places)
         low, high = np.concatenate([-free, ends[0]]), np.concatenate([free, ends[1]])
-        if not matrix.shape[1]:
-            return Fit((), float(np.abs(self.residual).max(initial=0.0)), np.zeros(0))
+        at = np.concatenate([self.point, np.zeros(matrix.shape[1] - count)])
+        squares = least_squares(matrix, self.residual, DETERMINED)
         # Of many rows few matter: those that least squares fit worst, and what a fit to them violates.
-        left = np.abs(self.residual - matrix @ least_squares(matrix, self.residual))
-        taken = np.argsort(-left, kind="stable")[:FIRST_ROWS]
-        while True:
-            bound = np.ones(len(taken))
-            radius, x, _ = chebyshev_radius(matrix[taken], self.residual[taken], bound, low=low, high=high)
-            excess = np.abs(self.residual - matrix @ x) - radius
+        taken = np.argsort(-np.abs(self.residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
+        step, radius = at, float(np.abs(self.residual).max(initial=0.0))
+        while matrix.shape[1]:
+            radius, step, _ = chebyshev_radius(
+                matrix[taken], self.residual[taken], self.bound[taken], low=low, high=high
+            )
+            excess = np.abs(self.residual - matrix @ step) - radius
             excess[taken] = 0.0
             more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
             more = more[excess[more] > TOLERANCE * max(1.0, radius)]
             if not len(more):
-                return Fit(tuple(places), radius, x)
+                break
             taken = np.concatenate([taken, more])
+        blocks = blocks_of(places)
+        estimate = at + squares
+        return Fit(
+            tuple(places), blocks, at, step, self.residual, self.bound, matrix, radius, estimate, estimate[count:]
+        )
+
+    # What the engine asks of every kind of record. A linear record answers as it stands here.
+
+    limit: ClassVar[float] = 1.0 + 1e-7
+    """Radius up to which a model stands: one, and what the programmes may be wrong by."""
+    decisive: ClassVar[bool] = True
+    """Whether an effect that what was left out objects to is not named; else the objection is a warning."""
+    most_rows: ClassVar[int | None] = 2500
+    """So many rows bound what is possible; None: all."""
+
+    @cached_property
+    def bound(self) -> NDArray[np.float64]:
+        """Bounds (M,) of the errors in the units of `residual`."""
+        return np.ones(len(self.residual))
+
+    @cached_property
+    def baseline(self) -> Fit:
+        """The model without effects."""
+        return self.refit(())
+
+    @property
+    def falsified(self) -> bool:
+        """Whether the model without effects cannot be true of the record."""
+        return self.baseline.radius > self.limit
+
+    @cached_property
+    def classes(self) -> Classes:
+        """The effects that can be seen and told apart."""
+        spaces = spaces_beyond(self.nominal, [self.columns_of([place]) for place in self.seen])
+        return Classes.of(self.seen, spaces)
+
+    @cached_property
+    def seen(self) -> tuple[EffectPlace, ...]:
+        """Effects that some size which is called possible makes visible beside the model."""
+        base = column_space(self.nominal)
+        found = []
+        for place in self.places:
+            columns = self.columns_of([place])
+            left = (columns - base @ (base.T @ columns)) * np.abs(self.limits_of([place])).max(axis=0)
+            if np.abs(left).max(initial=0.0) > SEEN:
+                found.append(place)
+        return tuple(found)
+
+    def candidates(self, size: int) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of so many effects, one of each class, that no bound refuses; about the most promising first."""
+        places = self.classes.places
+        problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
+        for chosen in sets_of_size(problem, size, self.limit - 1.0, most_outliers=0):
+            yield tuple(places[i] for i in chosen.effects)
+
+    def mended(self, places: Sequence[EffectPlace]) -> Fit | None:
+        """The fit of a set of effects with possible sizes; None where the model does not stand with them."""
+        fit = self.refit(places)
+        return fit if fit.radius <= self.limit else None
+
+    def alone(self, place: EffectPlace) -> float:
+        """Radius that one effect leaves."""
+        return self.refit([place]).radius
+
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+        """Effects that a fit has not, with their columns (M, k) there."""
+        for place in self.seen:
+            if place not in fit.places:
+                yield place, self.columns_of([place])
+
+    def room(self, fit: Fit) -> float:
+        """What a record that is written in digits adds to the bounds of a fit."""
+        return 0.0
+
+    def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
+        """Intervals of an effect's parameters, widened by what the rows cannot tell."""
+        return tuple(ends)
+
+    def named(self, place: EffectPlace) -> EffectPlace:
+        """An effect as the record names it."""
+        return place
+
+    def missing(self) -> Mapping[str, Any]:
+        """Keys of the result where nothing can be fitted: what is missing; empty where all is there."""
+        return {}
+
+    def objections(self) -> tuple[str, ...]:
+        """Why the record cannot be what it says."""
+        return ()
+
+    def head(self) -> Mapping[str, Any]:
+        """The first keys of the result: what was assumed, and the baseline."""
+        raise NotImplementedError
+
+    def of_misfit(self) -> Mapping[str, Any]:
+        """Keys of the result for a record that falsifies the baseline."""
+        return {}
+
+    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+        """Keys of the result for a model that stands; `missing` where it is too little to falsify anything."""
+        return {}
+
+    def channels(self) -> Sequence[Channel]:
+        """The errors of the baseline, component by component, with what they may depend on."""
+        raise NotImplementedError
+
+    def trials(self, fit: Fit) -> Iterator[Trial]:
+        """The second witness: what was left out says of the effects of a fit."""
+        raise NotImplementedError
+
+    def gain(self, fit: Fit) -> Gain | None:
+        """What the extended components predict of what was not used; None where that is not possible."""
+        raise NotImplementedError
+
+    def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
+        """Keys of the result that say what to measure so that sets can be told apart."""
+        raise NotImplementedError
 
     def left_by(self, fit: Fit) -> NDArray[np.float64]:
         """Errors over their bounds (M,) that a fit leaves."""
-        return self.residual - self.matrix(fit.places) @ fit.solution
+        return fit.left
 
     def folds(self, count: int = FOLDS) -> Folds:
         """Blocks in time, each with as many pieces of the shortest scored kind as the others."""
@@ -304,16 +720,15 @@ class Evidence:
         return left
 
 
+def blocks_of(places: Sequence[EffectPlace]) -> tuple[slice, ...]:
+    """The columns of each effect, one after the other."""
+    ends = np.cumsum([0, *(coefficient_count(place) for place in places)]).tolist()
+    return tuple(slice(start, stop) for start, stop in pairwise(ends))
+
+
 def coefficient_count(place: EffectPlace) -> int:
     """How many coefficients an effect has."""
     return len(CATALOGUE[place.effect].at(place).parameters)
-
-
-def least_squares(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
-    """Least squares of rows in units of their bounds; directions that nothing determines stay where they are."""
-    scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0.0] = 1.0
-    return np.linalg.lstsq(matrix / scale, residual, rcond=1e-10)[0] / scale
 
 
 def rms_size(error: NDArray) -> float:

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_serializer
 
 from ...fmus import build
 from ...models.effects import CATALOGUE, EffectPlace
+from ..bounded.spaces import least_squares
 from ..motion.carry import carried_attitude, reads
 from ..motion.norm import NAMES
 from ..orchestrator.load import usual_flavour
-from ..result import Result
 from .carried import LONG, Carried, is_of_gyros
-from .evidence import least_squares
+from .evidence import DETERMINED, Gain
 from .references import Gravity, all_rows, turned
 
 FOLDS, FOLDS_OF_LONG = 4, 2
@@ -26,43 +25,6 @@ NAMED_FOR = {"GyroCompensation": "GyroBlock"}
 """The component whose effects another one takes out."""
 ARCMIN = np.pi / 180.0 / 60.0
 """[rad]"""
-
-
-class Gain(Result):
-    """Errors of what was not used to estimate anything, without and with the effects.
-
-    Attributes
-    ----------
-    over : str or None
-        the kind of moves or windows, in words
-    pieces : int or None
-        how many
-    held_out_rms_before, held_out_rms_after, held_out_max_before, held_out_max_after : float
-        over the sizes of the errors: fractions of g, or arcminutes of turns
-    others : list of Gain or None
-        the same of every other kind
-    before, after : (S, d) array
-        the errors themselves, in g or rad
-    """
-
-    over: str | None = None
-    pieces: int | None = None
-    held_out_rms_before: float
-    held_out_rms_after: float
-    held_out_max_before: float
-    held_out_max_after: float
-    others: list["Gain"] | None = None
-    before: Any = Field(default=None, exclude=True)
-    after: Any = Field(default=None, exclude=True)
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_not_said(self, handler: Any) -> dict[str, Any]:
-        return {key: value for key, value in handler(self).items() if value is not None}
-
-    @property
-    def improves(self) -> bool:
-        """Whether what was held out is predicted better with the effects, on the whole."""
-        return self.held_out_rms_after < self.held_out_rms_before
 
 
 def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> Gain:
@@ -116,7 +78,7 @@ def carried_gain(made: Carried, places: Sequence[EffectPlace]) -> Gain:
             matrix = made.matrix(chosen)
             for fold in range(folds.count):
                 used = folds.of_row != fold
-                solution = least_squares(matrix[used], made.residual[used])
+                solution = least_squares(matrix[used], made.residual[used], DETERMINED)
                 held = [np.flatnonzero(folds.of_piece[k] == fold) for k in made.scored]
                 # What counts the hours must count them from the record's beginning.
                 whole = not long or reads(chosen, "HOURS")

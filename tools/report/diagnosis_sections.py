@@ -43,8 +43,8 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord) -> str:
     if result.judgement is not None and result.judgement.shuffles:
         seeds["seed of the shuffles"] = len(record)
     sections = [
-        measured_section(record, result.baseline),
-        model_section(result.baseline, extended_values(result), named),
+        measured_section(record, result.evidence.calibration),
+        model_section(result.evidence.calibration, extended_values(result), named),
         *diagnosis_sections(result, record),
     ]
     return render_page(
@@ -52,9 +52,9 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord) -> str:
         verdict_sentence(result),
         sections,
         tone=TONES.get(result.verdict, "attention"),
-        key=key_figures(result.baseline)
+        key=key_figures(result.evidence.calibration)
         | ({f"with {first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"} if result.findings else {}),
-        provenance=provenance(result.baseline, seeds),
+        provenance=provenance(result.evidence.calibration, seeds),
         sources=diagnosis_sources(result, compared=any(s.title == CONFUSION for s in sections)),
     )
 
@@ -68,7 +68,7 @@ def first_words(result: Diagnosis) -> str:
 
 def verdict_sentence(result: Diagnosis) -> str:
     """The verdict, with the cause when one is named."""
-    nominal = result.baseline
+    nominal = result.evidence.calibration
     if result.verdict == "explained":
         return f"The simulation lacked this: {'; '.join(cause.sentence for cause in result.causes)}."
     if result.verdict == "ambiguous":
@@ -87,14 +87,15 @@ def verdict_sentence(result: Diagnosis) -> str:
 
 def rivals(result: Diagnosis) -> str:
     """The sets of effects that remain, few by their names, and what further positions would do."""
-    if result.complete and len(result.findings) <= FEW_RIVALS:
+    if result.complete is not False and len(result.findings) <= FEW_RIVALS:
         said = f"{' or '.join(finding.title for finding in result.findings)} would explain it."
     else:
-        said = f"{len(result.findings)}{'' if result.complete else ' or more'} sets of effects would explain it."
-    proposed = len(result.next_positions)
+        more = " or more" if result.complete is False else ""
+        said = f"{len(result.findings)}{more} sets of effects would explain it."
+    proposed = len(result.next_positions or ())
     if not proposed:
         return said
-    sure = len(deciding(result.baseline.linearised, result.next_positions))
+    sure = len(deciding(result.evidence.calibration.linearised, result.next_positions or ()))
     if sure == proposed:
         return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
     return f"{said} Of {proposed} further positions that are proposed {tells(sure)} two of them apart."
@@ -115,9 +116,9 @@ def diagnosis_sections(result: Diagnosis, record: PositionRecord, files: list[Pa
     sections = [*residual_sections(result)]
     if result.causes:
         sections.append(cause_section(result, files or []))
-    sections += target_sections(result) or [target_section(result.baseline)]
-    sections += [*witness_section(result.baseline, result.position_numbers), *ranking_section(result)]
-    sections += confusion_section(result, record)
+    sections += target_sections(result) or [target_section(result.evidence.calibration)]
+    sections += [*witness_section(result.evidence.calibration, result.evidence.numbers), *ranking_section(result)]
+    sections += confusion_section(result)
     if result.gain is not None:
         sections.append(gain_section(result))
     return [
@@ -125,18 +126,18 @@ def diagnosis_sections(result: Diagnosis, record: PositionRecord, files: list[Pa
         *judgement_sections(result),
         *structure_sections(result),
         *excluded_sections(result),
-        *next_sections(result.baseline.linearised, result.next_positions),
+        *next_sections(result.evidence.calibration.linearised, result.next_positions or ()),
     ]
 
 
 def residual_sections(result: Diagnosis) -> list[Section]:
     """Residuals without and with the effects, over the angles and over the inputs."""
-    here = result.baseline.linearised
+    here = result.evidence.calibration.linearised
     fit = result.findings[0].fit if result.findings else None
-    proof = proved(result.baseline, result.position_numbers)
+    proof = proved(result.evidence.calibration, result.evidence.numbers)
     before = centred(here.residual, here.bound, None)
     after = centred(fit.residual, fit.bound, fit) if fit is not None else None
-    least = f"{result.baseline.radius:.2f} σ"
+    least = f"{result.evidence.calibration.radius:.2f} σ"
     said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least}."
     if fit is not None:
         said += f" With {first_words(result)}{named_words(result)} it leaves {fit.radius:.2f} σ."
@@ -169,8 +170,8 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
                 left = Written(f"{finding.fit.radius:.2f}")
                 row: list[Cell] = [cause.place.title, parameter.name, to_bound(value, half), *ends]
                 rows.append([*([] if named else [number]), *row, unit_text(parameter.unit), left])
-    same = [e.title for cause in result.causes for e in cause.equivalents]
-    same += [" with ".join(place.title for place in places) for places in result.equivalent_sets]
+    same = [e.title for cause in result.causes for e in cause.alike]
+    same += [" with ".join(place.title for place in places) for places in result.equal_sets]
     shown = result.findings[:MOST_SETS]
     told = [
         f"{'' if named else f'Set {number}: '}{'; '.join(cause.sentence for cause in finding.causes)}."
@@ -181,13 +182,13 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
         told.append(f"{len(result.findings) - len(shown)} sets more are in the table; the first leave least.")
     if same and named:
         told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
-    if result.mounting is not None:
+    if result.second_mounting is not None:
+        other = result.second_mounting
         told.append(
-            f"A second mounting, {result.mounting.mounting}, tells apart {' and '.join(result.mounting.separates)}: "
-            f"their correlation falls from {result.mounting.correlation_before:.2f} to "
-            f"{result.mounting.correlation_after:.2f}."
+            f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
+            f"their correlation falls from {other.correlation_before:.2f} to {other.correlation_after:.2f}."
         )
-    if not result.complete:
+    if result.complete is False:
         told.append("The search was cut off: more sets of effects would make the model consistent.")
     return Section(
         "The cause" if named else "Causes that remain",
@@ -203,18 +204,17 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section:
 def gain_section(result: Diagnosis) -> Section:
     """What the extended simulation gains on positions that were not used."""
     assert result.gain is not None
-    gain, sigma = result.gain, result.baseline.noise_bound
-    summary = gain.summary()
-    before = np.where(gain.scored, gain.before, np.nan) / sigma
-    after = np.where(gain.scored, gain.after, np.nan) / sigma
+    gain, sigma = result.gain, result.evidence.calibration.noise_bound
+    summary = gain.to_json()
+    before, after = gain.before / sigma, gain.after / sigma
     return Section(
         "The gain on positions that were not used",
         [
-            f"{len(gain.positions)} positions were left out of the fit and simulated by the FMUs, without the effect "
+            f"{len(gain.rows)} positions were left out of the fit and simulated by the FMUs, without the effect "
             f"and with it. Root mean square {summary['held_out_rms_before']:.1e} g before, "
             f"{summary['held_out_rms_after']:.1e} g after; maximum {summary['held_out_max_before']:.1e} g before, "
             f"{summary['held_out_max_after']:.1e} g after."
         ],
-        held_out(before, after, [int(result.position_numbers[i]) for i in gain.positions]),
+        held_out(before, after, [int(result.evidence.numbers[i]) for i in gain.rows]),
         "Measurement less simulation at the positions that were held out.",
     )

@@ -9,12 +9,9 @@ from ...models.effects import EffectPlace
 from ..calibration import Calibration
 from ..calibration.estimates import chebyshev_centre
 from ..diagnosis import Diagnosis
-from ..diagnosis.circumstances import circumstances_of
-from ..diagnosis.disturbance import is_linear
-from ..diagnosis.extended_fit import ExtendedFit
-from ..diagnosis.likeness import likeness
-from ..diagnosis.search import catalogue_places, title_of
-from ..records import PositionRecord
+from ..diagnosis.search import compared_places, likeness
+from ..evidence.bench_effects import is_linear
+from ..evidence.evidence import Fit
 from .cells import Cell
 from .diagnosis_pictures import candidates
 from .likeness_picture import likeness_picture
@@ -22,7 +19,6 @@ from .page import Section, Table
 from .rounding import Written, minus
 
 MOST_RANKED = 16
-MOST_COMPARED = 10
 CONFUSION = "Evidence: what could be taken for what"
 ALIKE = (
     "How alike effects look {}: 1 means that the one can be sized to look just like the other, 0 that it cannot at "
@@ -30,9 +26,9 @@ ALIKE = (
 )
 
 
-def centred(residual: NDArray, bound: NDArray, fit: ExtendedFit | None) -> NDArray:
+def centred(residual: NDArray, bound: NDArray, fit: Fit | None) -> NDArray:
     """Residuals (N, 3) over their bounds; of an extended fit, at its Chebyshev centre."""
-    left = residual if fit is None else residual - fit.jacobian @ fit.centre
+    left = residual if fit is None else fit.left
     return (left / bound).reshape(-1, 3)
 
 
@@ -115,7 +111,7 @@ def refused_words(result: Diagnosis) -> list[str]:
         for finding in result.findings
         if len(finding.causes) == 1
         for cause in finding.causes
-        for place in (cause.place, *cause.equivalents)
+        for place in (cause.place, *cause.alike)
     }
     refused = sum(radius <= 1.0 and title not in remaining for title, radius in result.tried)
     if not refused or not remaining:
@@ -126,20 +122,21 @@ def refused_words(result: Diagnosis) -> list[str]:
     ]
 
 
-def confusion_section(result: Diagnosis, record: PositionRecord) -> list[Section]:
+def confusion_section(result: Diagnosis) -> list[Section]:
     """What could be taken for what at these positions, and the classes; a section, or none."""
-    places = compared(result, record)
+    places = compared(result)
     if len(places) < 2:
         return []
-    here = result.baseline.linearised
-    alike = likeness(here, circumstances_of(record), places)
+    alike = likeness(result.evidence, places)
     rows: list[Sequence[Cell]] = [
-        [cause.place.title, ", ".join(e.title for e in cause.equivalents)]
+        [cause.place.title, ", ".join(e.title for e in cause.alike)]
         for finding in result.findings
         for cause in finding.causes
         if cause.equivalents
     ]
-    rows += [["the set that was named", title_of(members)] for members in result.equivalent_sets]
+    rows += [
+        ["the set that was named", " and ".join(place.title for place in members)] for members in result.equal_sets
+    ]
     said = [ALIKE.format("at the positions of this record, beyond what the model's parameters imitate")]
     if result.findings and not rows:
         said.append("What was found is alone in its class: some measurement on this bench tells it from every other.")
@@ -159,10 +156,8 @@ def unrepeated(rows: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
     return [row for k, row in enumerate(rows) if row not in rows[:k]]
 
 
-def compared(result: Diagnosis, record: PositionRecord) -> list[EffectPlace]:
+def compared(result: Diagnosis) -> tuple[EffectPlace, ...]:
     """The effects that were found, then the best ranked ones; those with a signature."""
-    places = catalogue_places(result.baseline.baseline, circumstances_of(record))
-    named = {place.title: place for place in places if is_linear(place) and place.effect != "outlier"}
-    found = [place.title for finding in result.findings for place in finding.places]
-    titles = dict.fromkeys([*found, *(title for title, _ in result.tried)])
-    return [named[title] for title in titles if title in named][:MOST_COMPARED]
+    places = [place for place in result.evidence.places if is_linear(place) and place.effect != "outlier"]
+    titles = [title for title, _ in result.tried]
+    return compared_places(places, [finding.places for finding in result.findings], titles)

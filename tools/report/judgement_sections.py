@@ -37,8 +37,8 @@ def judgement_sections(result: Diagnosis) -> list[Section]:
     ]
     if judgement.shuffles:
         said.append(
-            f"Shuffled over the positions, the effects predicted what was left out as well in {judgement.as_good} of "
-            f"{judgement.shuffles} trials."
+            "Shuffled over the positions, the effects predicted what was left out as well in "
+            f"{judgement.shuffles.as_good} of {judgement.shuffles.tried} trials."
         )
     said += [f"Warning: {warning}." for warning in judgement.warnings]
     header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
@@ -49,8 +49,8 @@ def target_sections(result: Diagnosis) -> list[Section]:
     """What the effects do to the calibration; a section, or none."""
     if not result.targets:
         return []
-    known = {row.symbol: row for row in result.baseline.parameters}
-    sigma = result.baseline.noise_bound
+    known = {row.symbol: row for row in result.evidence.calibration.parameters}
+    sigma = result.evidence.calibration.noise_bound
     halves = [None if None in (t["low"], t["high"]) else 0.5 * (t["high"] - t["low"]) for t in result.targets]
     drawn, reach = bars(
         [

@@ -62,8 +62,8 @@ def calibrated_values(result: Calibration) -> dict[str, Value]:
 
 def extended_values(result: Diagnosis) -> dict[str, Value]:
     """The targets with the effects that were found, else those of the nominal model."""
-    values = calibrated_values(result.baseline)
-    for target in result.targets:
+    values = calibrated_values(result.evidence.calibration)
+    for target in result.targets or ():
         if target["symbol"] in values:
             ends = target["low"], target["high"]
             half = None if None in ends else 0.5 * (ends[1] - ends[0])

@@ -92,7 +92,7 @@ def diagnosis_sources(result: Diagnosis, *, compared: bool) -> list[str]:
         used.append("fmi")
     if compared:
         used.append("angles")
-    return [*calibration_sources(result.baseline), *(SOURCES[name] for name in used)]
+    return [*calibration_sources(result.evidence.calibration), *(SOURCES[name] for name in used)]
 
 
 def strapdown_sources(result: "StrapdownDiagnosis") -> list[str]:

@@ -134,7 +134,7 @@ def confusion_sections(result: StrapdownDiagnosis) -> list[Section]:
     if result.alike is None or len(result.compared) < 2:
         return []
     rows: list[list[Cell]] = [
-        [cause.place.title, ", ".join(place.title for place in cause.equivalents)]
+        [cause.place.title, ", ".join(place.title for place in cause.alike)]
         for causes in result.candidates
         for cause in causes
         if cause.equivalents

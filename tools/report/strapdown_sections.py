@@ -79,7 +79,7 @@ def cause_section(result: StrapdownDiagnosis) -> Section:
     for number, causes in enumerate(result.candidates, start=1):
         sentence = "; ".join(sentence_of(cause, period) for cause in causes)
         told.append(f"{sentence[0].upper()}{sentence[1:]}." if named else f"Set {number}: {sentence}.")
-    same = [place.title for cause in result.causes for place in cause.equivalents]
+    same = [place.title for cause in result.causes for place in cause.alike]
     if same and named:
         told.append(f"Nothing in this record could tell it from: {', '.join(same)}.")
     if not result.complete:

@@ -10,6 +10,7 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
 from ..diagnosis.result import Cause
+from ..diagnosis.search import compared_places, likeness
 from ..errors import InputError
 from ..evidence.carried import (
     BIAS,
@@ -32,7 +33,6 @@ from ..records import StrapdownRecord
 from .intervals import excluded_sizes
 from .judging import witnesses
 from .lengths import by_length, length_of, only_at_one_length
-from .likeness import compared_places, likeness
 from .result import BaselineParameter, StrapdownDiagnosis
 from .search import classes_of, seen_places, smallest_sets
 from .separation import what_separates

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..diagnosis.result import SCHEMA, Cause, place_json
+from ..diagnosis.result import Cause, NamedEffect
 from ..evidence.evidence import Part
 from ..evidence.gain import ARCMIN, Gain
 from ..motion.inspect import Inspection
@@ -80,7 +80,7 @@ class Length:
             "rms_arcmin": self.rms / ARCMIN,
             "max_arcmin": self.largest / ARCMIN,
             "radius": self.radius,
-            "smallest_sets": [[place_json(place) for place in places] for places in self.sets],
+            "smallest_sets": [[NamedEffect.keys(place) for place in places] for places in self.sets],
             "order": order_json(self.order),
             "order_as_measured": order_json(self.as_measured),
         }
@@ -90,7 +90,7 @@ def order_json(order: Order | None) -> dict[str, Any] | None:
     """An order of effects, with the errors that are left [arcmin]."""
     if order is None:
         return None
-    steps = [{**place_json(place), "held_out_rms_arcmin": left / ARCMIN} for place, left in order.steps]
+    steps = [{**NamedEffect.keys(place), "held_out_rms_arcmin": left / ARCMIN} for place, left in order.steps]
     return {"held_out_rms_arcmin": order.start / ARCMIN, "steps": steps}
 
 
@@ -202,7 +202,7 @@ class StrapdownDiagnosis(Shown):
         bound = None if self.noise_bound is None else self.noise_bound / ARCMIN
         record = self.inspection.record
         content: dict[str, Any] = {
-            "schema": SCHEMA,
+            "schema": "trihedron.diagnosis/1",
             "verdict": self.verdict,
             "unit": "arcmin",
             "record": {"rows": len(record), "sha256": record.sha256},
@@ -238,7 +238,7 @@ class StrapdownDiagnosis(Shown):
         if self.excluded:
             content["excluded"] = list(self.excluded)
         if self.not_seen:
-            content["cannot_be_seen"] = [place_json(place) for place in self.not_seen]
+            content["cannot_be_seen"] = [NamedEffect.keys(place) for place in self.not_seen]
         if self.verdict == "unexplained":
             content["residual_structure"] = list(self.residual_structure)
         if self.verdict == "insufficient":

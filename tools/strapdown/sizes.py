@@ -35,7 +35,7 @@ def causes_of(system: Evidence, fit: Fit, classes: Mapping[EffectPlace, tuple[Ef
     for place in fit.places:
         count = len(CATALOGUE[place.effect].at(place).parameters)
         own = tuple((float(low), float(high)) for low, high in ends[at : at + count])
-        found.append(Cause(place, classes.get(place, ()), tuple(float(v) for v in values[place]), own))
+        found.append(Cause.found(place, classes.get(place, ()), [float(v) for v in values[place]], own))
         at += count
     return tuple(found)
 

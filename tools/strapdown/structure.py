@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagnosis.residual_structure import MOST_ROWS, predicted_share, spread
+from ..diagnosis.judge import MOST_ROWS, predicted_share, spread
 from ..evidence.carried import Carried
 
 

@@ -15,8 +15,9 @@ from ...models.effects import POSITION_EFFECTS
 from ..calibration.model import Linearisation, Positions, linearise, parametrise
 from ..calibration.mountings import PRESETS
 from ..calibration.procedure import fit_record
-from ..diagnosis.circumstances import Circumstances, circumstances_of
-from ..diagnosis.classes import Classes, classes_of
+from ..evidence.bench_effects import Circumstances, circumstances_of
+from ..evidence.bench_probe import dense_spaces
+from ..evidence.evidence import Classes
 from ..records import PositionRecord
 
 NOISE_BOUND = 1e-5
@@ -230,8 +231,8 @@ def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDAr
 @lru_cache(maxsize=64)
 def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
     """Effects that are linear, sorted into what these mountings can tell apart."""
-    matrices = {name: PRESETS[name] for name in mountings}
-    here = faultless_model(matrices, np.zeros(1), np.zeros(1), symmetric=symmetric)
+    p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
     baseline = "symmetric" if symmetric else "asymmetric"
     linear = [e for e in POSITION_EFFECTS.values() if e.within != baseline and e.variants is None]
-    return classes_of(here, [place for effect in linear for place in effect.places])
+    places = [place for effect in linear for place in effect.places]
+    return Classes.of(places, dense_spaces(p, places))

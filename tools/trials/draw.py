@@ -12,13 +12,11 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Ef
 from ...models.effects.outlier import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
-from ..diagnosis.circumstances import Circumstances, senses_of
-from ..diagnosis.classes import Classes
-from ..diagnosis.disturbance import coefficient_count, rows_at, signature_columns
 from ..diagnosis.sizes import SureSizes, level_margins, sure_sizes
 from ..errors import InputError, nearest
+from ..evidence.bench_effects import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried import carried_evidence
-from ..evidence.evidence import Evidence
+from ..evidence.evidence import Classes, Evidence, coefficient_count
 from ..motion.inspect import inspect_record
 from ..records import StrapdownRecord
 from .bench import (
@@ -346,7 +344,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
     # About as the bench will run.
     circumstances = Circumstances(hours, temperature_at(hours), senses_of(alpha), senses_of(beta), True)
-    rows = rows_at(here, here.point, here.positions, circumstances)
+    rows = Visits.of(here, circumstances).rows(here.point)
     basis, _ = np.linalg.qr(here.jacobian)
     visible = []
     for effect in POSITION_EFFECTS.values():

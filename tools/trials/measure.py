@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, EffectPlace
 from ..calibration.mountings import PRESETS
-from ..diagnosis.result import place_json
+from ..diagnosis.result import NamedEffect
 from ..diagnosis.sizes import SureSizes
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
@@ -83,7 +83,7 @@ class Hidden:
 
     def entry(self) -> dict[str, Any]:
         """The effect as a scenario file writes it."""
-        return {**place_json(self.place), **self.parameters}
+        return {**NamedEffect.keys(self.place), **self.parameters}
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class BenchCase:
 
     def answer(self) -> dict[str, Any]:
         """The secret of a single record, for whoever wants to compare."""
-        told = [{**place_json(hidden.place), "parameters": hidden.parameters} for hidden in self.hidden]
+        told = [{**NamedEffect.keys(hidden.place), "parameters": hidden.parameters} for hidden in self.hidden]
         return {"hidden": told[0] if told else {"effect": None}, "seed": self.seed, "truth": self.bench.truth}
 
 

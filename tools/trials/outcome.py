@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
-from ..diagnosis.result import place_json
+from ..diagnosis.result import NamedEffect
 from ..records import PositionRecord, StrapdownRecord
 from ..result import Result
 from ..strapdown.diagnosis import diagnose_strapdown
@@ -255,7 +255,7 @@ def judged(case: Case, result: Diagnosis | StrapdownDiagnosis) -> BenchOutcome |
     if isinstance(case, BenchCase):
         assert isinstance(result, Diagnosis)
         sets = [finding.causes for finding in result.findings]
-        kind = kind_of(case.places, result.verdict, sets, result.equivalent_sets)
+        kind = kind_of(case.places, result.verdict, sets, result.equal_sets)
         inside, errors = _held_against(case.hidden, kind, sets, case.bench.truth["TurntableMotion"])
         return BenchOutcome(
             seed=case.seed,
@@ -266,7 +266,7 @@ def judged(case: Case, result: Diagnosis | StrapdownDiagnosis) -> BenchOutcome |
             noise=case.noise,
             redrawn=case.redrawn,
             hidden=tuple(_secret(hidden) for hidden in case.hidden),
-            radius=result.baseline.radius,
+            radius=result.evidence.calibration.radius,
             verdict=result.verdict,
             outcome=kind,
             named=_named(sets),
@@ -296,7 +296,7 @@ def _secret(hidden: Hidden) -> Secret:
         return value if math.isfinite(value) else None
 
     return Secret(
-        **place_json(hidden.place),
+        **NamedEffect.keys(hidden.place),
         parameters=hidden.parameters,
         size=hidden.size,
         surely_detected=finite(hidden.sizes.detected),
@@ -306,7 +306,7 @@ def _secret(hidden: Hidden) -> Secret:
 
 
 def _named(sets: Sequence[Sequence[Cause]]) -> tuple[Placed, ...]:
-    return tuple(Placed(**place_json(cause.place)) for cause in sets[0]) if sets else ()
+    return tuple(Placed(**NamedEffect.keys(cause.place)) for cause in sets[0]) if sets else ()
 
 
 def kind_of(
@@ -342,7 +342,7 @@ def kind_of(
 
 def _alike(cause: Cause) -> set[EffectPlace]:
     """A cause and what no measurement on the bench could tell from it."""
-    return {cause.place, *cause.equivalents}
+    return {cause.place, *cause.alike}
 
 
 def _is_same(causes: Sequence[Cause], places: Sequence[EffectPlace]) -> bool:

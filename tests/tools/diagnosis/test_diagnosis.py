@@ -9,12 +9,11 @@ import pytest
 
 from bench_cases import HiddenCase, draw_case, measure
 from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.tools.bounded.spaces import same_space
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.circumstances import circumstances_of
-from trihedron.tools.diagnosis.classes import classes_of, residual_spaces, same_space
-from trihedron.tools.diagnosis.disturbance import is_linear
-from trihedron.tools.diagnosis.search import catalogue_places
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.bench_probe import dense_spaces
 from trihedron.tools.evidence.gain import export_extended
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.trials.bench import NOISE_BOUND, bench_positions, draw_truth
@@ -52,7 +51,7 @@ def test_nothing_is_named_on_a_clean_record(seed):
     result = diagnose(record, noise_bound=NOISE_BOUND, baseline="symmetric" if seed % 5 == 0 else "asymmetric")
     assert result.verdict == "consistent"
     assert result.causes == ()
-    assert result.baseline.radius <= 1.0
+    assert result.evidence.calibration.radius <= 1.0
 
 
 def test_noise_at_its_very_bound_is_still_clean():
@@ -77,7 +76,7 @@ def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
     assert result.verdict in ("explained", "ambiguous")
     named = {finding.causes[0].place: finding.causes[0] for finding in result.findings if len(finding.causes) == 1}
     # What no measurement on this bench could tell from it may stand for it, with parameters of its own.
-    answers = [cause for place, cause in named.items() if case.place in (place, *cause.equivalents)]
+    answers = [cause for place, cause in named.items() if case.place in (place, *cause.alike)]
     assert len(answers) == 1
     ends = answers[0].intervals if answers[0].place == case.place else ()
     for value, (low, high) in zip(case.values, ends, strict=bool(ends)):
@@ -108,7 +107,7 @@ def test_the_loop_is_closed_for_each_effect(place, values, symmetric, tmp_path):
     assert result.verdict == "explained"
     assert result.causes[0].place == place
     assert result.gain is not None
-    gain = result.gain.summary()
+    gain = result.gain.to_json()
     assert gain["held_out_max_after"] < 2.0 * NOISE_BOUND < gain["held_out_max_before"]
     assert gain["held_out_rms_after"] < NOISE_BOUND < gain["held_out_rms_before"]
     said = json.loads(result.json_text())
@@ -186,13 +185,12 @@ def test_too_few_positions_are_insufficient():
 
 def test_every_effect_is_in_one_class_and_the_judge_of_classes_can_see_one():
     record = measure(hidden_case(9, None, ()), 9)
-    here = calibrate(record, noise_bound=NOISE_BOUND).linearised
-    places = [p for p in catalogue_places("symmetric", circumstances_of(record)) if is_linear(p)]
-    classes = classes_of(here, places)
+    bench = bench_evidence(record, noise_bound=NOISE_BOUND, baseline="symmetric")
+    places, classes = bench.linear_places, bench.classes
     sorted_into = [*classes.places, *(place for members in classes.members for place in members)]
     assert len(sorted_into) == len(set(sorted_into))
     assert set(sorted_into) <= set(places)
-    spaces = residual_spaces(here, [places[0], places[0], places[1]])
+    spaces = dense_spaces(bench.here.parametrisation, [places[0], places[0], places[1]])
     assert same_space(spaces[0], spaces[1])
     assert not same_space(spaces[0], spaces[2])
 
@@ -232,4 +230,4 @@ def test_a_record_that_went_through_a_file_gives_the_same_diagnosis(tmp_path):
     read = diagnose(read_record(tmp_path / "record.csv", PositionRecord), noise_bound=NOISE_BOUND, rerun=False)
     assert read.verdict == kept.verdict
     assert [c.place for c in read.causes] == [c.place for c in kept.causes]
-    assert read.baseline.radius == pytest.approx(kept.baseline.radius, abs=1e-4)
+    assert read.evidence.calibration.radius == pytest.approx(kept.evidence.calibration.radius, abs=1e-4)

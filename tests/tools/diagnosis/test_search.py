@@ -12,14 +12,11 @@ from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.outlier import place_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.centre import anchors, centre_of, slack_at
-from trihedron.tools.diagnosis.circumstances import circumstances_of
-from trihedron.tools.diagnosis.disturbance import is_linear
-from trihedron.tools.diagnosis.extended_fit import fit_extended
-from trihedron.tools.diagnosis.possible import is_possible, within_possible
-from trihedron.tools.diagnosis.search import catalogue_places
 from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
+from trihedron.tools.evidence.bench_candidates import Candidates
+from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.trials.bench import NOISE_BOUND, Bench, bench_positions, draw_bench, draw_truth
 from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
 from trihedron.tools.trials.outcome import diagnosed
@@ -46,7 +43,7 @@ def test_swapped_accelerometers_are_named_nothing(swapped):
     result = diagnose(position_record(reading), noise_bound=NOISE_BOUND)
     assert result.verdict == "unexplained"
     assert result.findings == ()
-    assert any("far from an aligned bench" in warning for warning in result.baseline.warnings)
+    assert any("far from an aligned bench" in warning for warning in result.warnings)
 
 
 def test_readings_of_other_positions_are_named_nothing():
@@ -160,15 +157,13 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     effects: Effects = {EffectPlace("encoder-harmonic", "outer-axis", 3): (5e-3, 0.3), CUBIC_1: (8e-4,)}
     case = case_with(effects, 7)
     record = measure_bench(case)
-    nominal = calibrate(
+    evidence = bench_evidence(
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
-    ).linearised
-    places = [p for p in catalogue_places(case.bench.baseline, circumstances_of(record)) if is_linear(p)]
-    circumstances = circumstances_of(record)
-    begun = centre_of(nominal, circumstances, ())
-    found = anchors(nominal, circumstances, begun, places)
+    )
+    candidates = Candidates(evidence.readings, evidence.here.point, evidence.classes.places, ())
+    found = candidates.anchors(candidates.centre, evidence.linear_places)
     assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.fixed[-1] for centre in found}
-    assert slack_at(found[0], nominal) < 0.1 * slack_at(begun, nominal)
+    assert found[0].slack < 0.1 * candidates.centre.slack
     result = diagnosed(case, record)
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
@@ -200,12 +195,12 @@ def test_impossible_sizes_are_no_cause():
     far = record.specific_force.copy()
     here = calibrate(record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices)
     far[:, 0] += 9.80665 * 0.4 * here.linearised.input[:, 0] ** 3
-    bent = calibrate(
-        type(record)(**{**record.__dict__, "specific_force": far}),
+    bent = bench_evidence(
+        replace(record, specific_force=far),
         noise_bound=NOISE_BOUND,
         baseline=case.bench.baseline,
         mounting=case.bench.matrices,
-    ).linearised
-    fit = fit_extended(bent, circumstances_of(record), [CUBIC_1])
-    assert not is_possible(fit)
-    assert within_possible(fit, 1.0) is None
+    )
+    fit = bent.refit([CUBIC_1])
+    assert not fit.is_possible
+    assert with_possible_sizes(fit, 1.0, LARGEST_OF_BENCH) is None

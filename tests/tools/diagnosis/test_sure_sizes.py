@@ -11,11 +11,11 @@ from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.outlier import place_of
 from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.bounded.spaces import spread_directions
 from trihedron.tools.calibration.model import Linearisation
 from trihedron.tools.calibration.procedure import fit_record
-from trihedron.tools.diagnosis.circumstances import Circumstances, circumstances_of
-from trihedron.tools.diagnosis.disturbance import rows_at, signature_columns
-from trihedron.tools.diagnosis.sizes import level_change, level_margins, spread_directions, sure_sizes
+from trihedron.tools.diagnosis.sizes import DIRECTIONS, level_change, level_margins, sure_sizes
+from trihedron.tools.evidence.bench_effects import Circumstances, Visits, circumstances_of, signature_columns
 
 SIGMA = 1e-5
 RNG = np.random.default_rng(11)
@@ -40,7 +40,7 @@ def known() -> Known:
 
 def change(known: Known, place: EffectPlace, direction=None) -> np.ndarray:
     here, circumstances = known
-    columns = signature_columns([place], rows_at(here, here.point, here.positions, circumstances))
+    columns = signature_columns([place], Visits.of(here, circumstances).rows(here.point))
     return columns @ (np.ones(1) if direction is None else direction)
 
 
@@ -81,7 +81,7 @@ def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(known: Know
 
 def change_columns(known: Known, place: EffectPlace) -> np.ndarray:
     here, circumstances = known
-    return signature_columns([place], rows_at(here, here.point, here.positions, circumstances))
+    return signature_columns([place], Visits.of(here, circumstances).rows(here.point))
 
 
 def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(known: Known):
@@ -105,7 +105,7 @@ def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known
 
 
 def test_over_all_phases_the_worst_is_taken(known: Known):
-    own = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2)]
+    own = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2, DIRECTIONS)]
     worst = sure_sizes(*known, ENCODER, [SAG, ODD])
     assert worst.detected == max(s.detected for s in own)
     assert worst.excluded == max(s.excluded for s in own)
@@ -146,7 +146,7 @@ def test_beside_another_effect_sizes_are_larger(known: Known):
 
 def test_levels_are_scanned_with_the_effects_own_kernel(known: Known):
     here, circumstances = known
-    rows = rows_at(here, here.point, here.positions, circumstances)
+    rows = Visits.of(here, circumstances).rows(here.point)
     place = EffectPlace("saturation", "accelerometer-3")
     top = float(np.abs(rows.prediction[:, 2]).max())
     clipped = level_change(place, 0.9, rows)

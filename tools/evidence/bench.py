@@ -1,0 +1,411 @@
+"""The evidence of rests on a table: the exact model relinearised with each set of effects, outliers, ways of acting."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
+from ...models.effects.outlier import place_of
+from ..bounded.possible import Interval
+from ..bounded.programmes import chebyshev_radius
+from ..bounded.spaces import least_squares
+from ..calibration.model import Linearisation
+from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty, repeats
+from ..calibration.result import Calibration
+from ..records import PositionRecord
+from .bench_candidates import Candidates, with_usual_signs
+from .bench_effects import Circumstances, Visits, added_bound, circumstances_of, is_linear, signature_columns
+from .bench_gain import MAX_LEVERAGE, measure_gain
+from .bench_model import Cast, Readings, fitted, with_possible_sizes
+from .bench_probe import dense_spaces, helpful_mounting, second_mounting, separating_positions
+from .evidence import Channel, Classes, Errors, Evidence, Fit, Gain, Trial
+
+FIT_TOLERANCE = 1e-8
+"""What the fit of an extended model adds to the tolerance of its radius."""
+LARGEST_OF_BENCH = 0.5
+"""No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
+are no bench with an effect."""
+FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
+"""Every fifth position is left out in turn, and every quarter of the time."""
+FEWEST_SCORED = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Bench(Evidence):
+    """What averaged readings at positions of a table say against the exact model of bench and block.
+
+    `residual`, `nominal` and `bound` are fractions of g, at the nominal model's fit; measurements are ordered position
+    by position, accelerometers 1, 2, 3 within each: M = 3 N.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        of the nominal model
+    here : Linearisation
+        the nominal model at its fit
+    circumstances : Circumstances
+        of the rows
+    numbers : (N,) array of int
+        the record's own numbers of its rows
+    bounds : (float, float)
+        u^max and v^0max of (1.7)
+    resolution : float
+        half a last digit of the readings, as a fraction of g
+    """
+
+    calibration: Calibration
+    here: Linearisation
+    circumstances: Circumstances
+    numbers: NDArray[np.int_]
+    bounds: tuple[float, float]
+    resolution: float
+
+    decisive = False
+    most_rows = None
+
+    @cached_property
+    def residual(self) -> NDArray[np.float64]:
+        """Readings less prediction (M,)."""
+        return self.here.residual
+
+    @cached_property
+    def nominal(self) -> NDArray[np.float64]:
+        """Derivatives (M, P) by the bench's parameters."""
+        return self.here.jacobian
+
+    @cached_property
+    def bound(self) -> NDArray[np.float64]:
+        """Bounds (M,) of the readings' errors."""
+        return self.here.bound
+
+    @property
+    def limit(self) -> float:
+        """Radius up to which a model stands."""
+        return radius_limit(self.calibration.noise_bound, self.resolution) + FIT_TOLERANCE
+
+    @property
+    def rounding(self) -> float:
+        """What writing down the readings adds to their bounds."""
+        return reading_uncertainty(self.resolution)
+
+    @cached_property
+    def readings(self) -> Readings:
+        """The readings with where and in which circumstances they were taken."""
+        visits = Visits.of(self.here, self.circumstances, self.resolution)
+        return Readings(visits, self.here.reading, self.here.bound, self.here.sign)
+
+    @cached_property
+    def rows(self) -> Rows:
+        """What signatures see at the nominal fit."""
+        return self.readings.visits.rows(self.here.point)
+
+    @property
+    def linear_places(self) -> list[EffectPlace]:
+        """Effects that are linear in their coefficients."""
+        return [place for place in self.places if is_linear(place)]
+
+    @cached_property
+    def classes(self) -> Classes:
+        """Linear effects by what they add at any positions with the record's mountings."""
+        return Classes.of(self.linear_places, dense_spaces(self.here.parametrisation, self.linear_places))
+
+    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Signatures (M, K) of linear effects at the nominal fit."""
+        return signature_columns(places, self.rows)
+
+    @property
+    def falsified(self) -> bool:
+        """Whether the nominal model cannot be true of the record."""
+        return self.calibration.verdict == "falsified"
+
+    # The search
+
+    @cached_property
+    def _candidates(self) -> Candidates:
+        bent = tuple(place for place in self.places if not is_linear(place))
+        return Candidates(self.readings, self.here.point, self.classes.places, bent)
+
+    def candidates(self, size: int) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
+        if np.abs(self._candidates.centre.point).max() <= LARGEST_OF_BENCH:
+            yield from self._candidates.of_size(size)
+
+    def refit(self, places: Sequence[EffectPlace]) -> Fit:
+        """The exact model with linear effects, relinearised."""
+        fit = fitted(self.readings, Cast(tuple(places)), self.here.point)
+        if fit is None:
+            raise ValueError("the fit runs away")
+        return fit
+
+    def mended(self, places: Sequence[EffectPlace]) -> Fit | None:
+        """Effects fitted in the best of the ways in which they can act; None where they do not mend the record."""
+        relaxed = self._candidates.relaxed
+        bent = {place: relaxed[place].ways for place in places if place in relaxed and relaxed[place].ways}
+        best = None
+        for ways in product(*(range(count) for count in bent.values())):
+            chosen = dict(zip(bent, ways, strict=True))
+            fit = self._standing(places, chosen, {})
+            if fit is not None and (largest := self._largest_untold(fit)):
+                fit = self._standing(places, chosen, largest)
+            if fit is not None and (best is None or fit.radius < best.radius):
+                best = fit
+        return best
+
+    def _standing(
+        self, places: Sequence[EffectPlace], ways: Mapping[EffectPlace, int], largest: Mapping[EffectPlace, float]
+    ) -> Fit | None:
+        """A fit with possible sizes, where it mends the record within what the record tells of its effects."""
+        fit = fitted(self.readings, Cast(tuple(places), ways, largest), self._candidates.centre.point)
+        if fit is None:
+            return None
+        limit = self.limit + self._left_open(fit) / float(fit.bound.min())
+        return with_possible_sizes(fit, limit, LARGEST_OF_BENCH) if fit.radius <= limit else None
+
+    def _largest_untold(self, fit: Fit) -> dict[EffectPlace, float]:
+        """The largest coefficients that a record allows of effects whose circumstances it does not tell everywhere."""
+        untold = [k for k, place in enumerate(fit.places) if CATALOGUE[place.effect].at(place).untold is not None]
+        intervals = fit.intervals() if untold else ()
+        return {fit.places[k]: max(abs(intervals[k][0][0]), abs(intervals[k][0][1])) for k in untold}
+
+    def alone(self, place: EffectPlace) -> float:
+        """Radius that one effect leaves, by the model linearised at the nominal fit."""
+        jacobian = np.hstack((self.nominal, self.columns_of([place])))
+        bound = self.bound + added_bound([place], self.rows)
+        radius, step, _ = chebyshev_radius(jacobian, self.residual, bound)
+        if np.any(bound > self.bound):
+            # Where the record does not tell, the effect is no larger than it is elsewhere.
+            bound = self.bound + added_bound([place], self.rows, {place: abs(float(step[-1]))})
+            radius = chebyshev_radius(jacobian, self.residual, bound)[0]
+        return radius
+
+    # What the readings do not tell
+
+    def _left_open(self, fit: Fit) -> float:
+        """By how much a reading may differ, fractions of g, within what the record tells of the effects' arguments."""
+        found = 0.0
+        for place, block, _ in fit.ways:
+            slack = CATALOGUE[place.effect].at(place).open_argument
+            if slack is not None:
+                rows = self.readings.visits.rows(fit.point)
+                found += float(np.linalg.norm(fit.central[len(fit.point) :][block])) * slack(place, rows)
+        return found
+
+    def room(self, fit: Fit) -> float:
+        """What the readings' rounding, and what they do not tell of the effects' arguments, add to the bounds."""
+        return self.rounding + self._left_open(fit)
+
+    def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
+        """Intervals of an effect's parameters, widened by what the readings do not tell of Δβ and Δg/g.
+
+        Phases of the inner axis are known up to multiples of Δβ, coefficients of inputs up to powers of 1 − Δg/g.
+        """
+        effect = CATALOGUE[place.effect].at(place)
+        turned = self.bounds[0] * (place.order or 1) if place.where == "inner-axis" else 0.0
+        factors = [(1.0 + sign * self.bounds[1]) ** -effect.degree for sign in (-1.0, 1.0)]
+        return tuple(
+            (low - turned, high + turned)
+            if parameter.name.endswith("phase")
+            else (min(low * f for f in factors), max(high * f for f in factors))
+            for parameter, (low, high) in zip(effect.parameters, ends, strict=True)
+        )
+
+    def named(self, place: EffectPlace) -> EffectPlace:
+        """An outlier with the record's own number of its position."""
+        if place.effect != "outlier":
+            return place
+        return place_of(int(self.numbers[int(place.where.removeprefix("position-")) - 1]), place.axes[0])
+
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+        """Linear effects that a fit has not and whose circumstances are told, with their columns (M, k) there."""
+        visits = self.readings.visits
+        rows = visits.rows(fit.point, visits.disturbed(fit.point, fit.sized))
+        for place in self.classes.places if fit.places else self.linear_places:
+            if place not in fit.places and not added_bound([place], rows).any():
+                yield place, signature_columns([place], rows)
+
+    # Keys of the result
+
+    def head(self) -> Mapping[str, Any]:
+        """The noise bound, the baseline and what falsifies it."""
+        nominal = self.calibration
+        return {
+            "noise_bound": nominal.noise_bound,
+            "noise_bound_basis": nominal.noise_bound_basis,
+            "baseline_model": nominal.baseline,
+            "baseline": {
+                "radius": nominal.radius,
+                "falsified": self.falsified,
+                "witness": tuple(nominal.witness),
+            },
+            "next_positions": (),
+            "warnings": nominal.warnings,
+        }
+
+    def missing(self) -> Mapping[str, Any]:
+        """Targets that stay open and positions that mend it; no more readings than parameters prove nothing."""
+        nominal = self.calibration
+        if self.falsified or (nominal.verdict == "consistent" and len(self.residual) > self.here.span.shape[1]):
+            return {}
+        return {
+            "missing": tuple(nominal.missing),
+            "next_positions": nominal.next_positions or tuple(repeats(self.here)),
+        }
+
+    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+        """What an extension does to the calibration's targets, and a mounting that would tell more of its causes."""
+        if not fit.places:
+            return {}
+        possible = fit.possible(self.room(fit))
+        targets = []
+        for k, symbol in enumerate(self.here.symbols):
+            low, high = (float(fit.central[k] + end) for end in possible.ends(k))
+            targets.append(
+                {
+                    "symbol": symbol,
+                    "before": float(self.calibration.linearised.point[k]),
+                    "after": float(fit.estimate[k]),
+                    "low": low if np.isfinite(low) else None,
+                    "high": high if np.isfinite(high) else None,
+                }
+            )
+        pairs = ((place, other) for place in fit.places for other in self.classes.equivalents(place))
+        p = self.here.parametrisation
+        found = (second_mounting(p, [a], [b], (a.title, b.title)) for a, b in pairs)
+        mounting = next((said for said in found if said is not None), None)
+        return {"targets": targets} | ({} if mounting is None else {"second_mounting": mounting})
+
+    def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
+        """Positions, and where these do not do a mounting, that tell sets apart."""
+        positions = separating_positions(self.readings, self.here.point, fits, self.bounds, self.rounding)
+        mounting = helpful_mounting(self.here.parametrisation, fits, positions, 2.0 * float(self.bound.min()))
+        return {"next_positions": positions} | ({} if mounting is None else {"second_mounting": mounting})
+
+    def gain(self, fit: Fit) -> Gain | None:
+        """Held-out positions simulated again; None where that says nothing of other positions: outliers."""
+        if any(CATALOGUE[place.effect].kernel is None for place in fit.places):
+            return None
+        return measure_gain(self.readings, self.here.point, fit, self.calibration.gravity)
+
+    def channels(self) -> Sequence[Channel]:
+        """The residuals of each accelerometer over the angles, its input, time and temperature."""
+        slow = {"time": self.circumstances.hours, "temperature": self.circumstances.temperature}
+        residual, bound, n = self.residual.reshape(-1, 3), self.bound.reshape(-1, 3), self.rows.n
+        return [
+            Channel(
+                {"accelerometer": p + 1},
+                residual[:, p],
+                bound[:, p],
+                {"input": n[:, p : p + 1]} | {name: v[:, None] for name, v in slow.items() if v is not None},
+                {"inputs": n},
+                {"alpha": self.here.positions.alpha, "beta": self.here.positions.beta},
+            )
+            for p in range(3)
+        ]
+
+    def trials(self, fit: Fit) -> Iterator[Trial]:
+        """Positions left out in turn, and blocks in time, with the whole set; its signatures at other positions.
+
+        Every model is the one linearised at the fit to the whole record.
+        """
+        count, bench = len(self.here.reading), len(fit.point)
+        turns = [np.arange(first, count, FOLDS) for first in range(FOLDS)]
+        blocks = [part for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
+        # Readings that no outlier of the set moves, and columns that are no outlier's.
+        lasting = np.concatenate([np.ones(bench, dtype=bool), np.ones(len(fit.stated), dtype=bool)])
+        for place, block, _ in fit.ways:
+            lasting[bench:][block] = place.effect != "outlier"
+        used = np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
+        if lasting.sum() == bench:
+            yield Trial(fit.places, None, None)
+            return
+        jacobian = fit.jacobian[:, lasting]
+        own = jacobian[:, bench:]
+        # With the effects taken out at their sizes, a shuffle begins where the nominal model does.
+        whole = fit.residual + own @ fit.coefficients[lasting[bench:]]
+
+        def shuffles() -> Iterator[NDArray[np.float64]]:
+            rng = np.random.default_rng(count)
+            for _ in range(SHUFFLES):
+                order = rng.permutation(count)
+                moved = own.reshape(count, 3, -1)[order].reshape(3 * count, -1)
+                tried = self._left_out(np.hstack((jacobian[:, :bench], moved)), whole, turns, used)
+                if tried is not None:
+                    yield tried[1]
+
+        folds = self._left_out(jacobian, fit.residual, turns, used)
+        yield Trial(
+            fit.places,
+            folds,
+            self._left_out(jacobian, fit.residual, blocks, used),
+            shuffles() if folds is not None and fit.linear else (),
+        )
+
+    def _left_out(self, jacobian: NDArray, residual: NDArray, parts: Sequence[NDArray], used: NDArray) -> Errors | None:
+        """Errors of each part (rows) left out in turn, by the nominal model and with effects.
+
+        None where the others would not do, or tell too few of them.
+        """
+        errors: list[tuple[NDArray, NDArray]] = []
+        for out in parts:
+            held = np.intersect1d((3 * out[:, None] + np.arange(3)).ravel(), used)
+            kept = np.setdiff1d(used, held)
+            without = _predicted_errors(self.nominal, self.residual, self.bound, kept, held)
+            with_effects = _predicted_errors(jacobian, residual, self.bound, kept, held)
+            if without is None or with_effects is None:
+                return None
+            wanted = without[1] & with_effects[1]
+            errors.append((without[0][wanted], with_effects[0][wanted]))
+        before, after = (np.concatenate([pair[k] for pair in errors]) for k in (0, 1))
+        return (before, after) if len(before) >= FEWEST_SCORED else None
+
+
+def _predicted_errors(
+    jacobian: NDArray, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
+) -> tuple[NDArray, NDArray] | None:
+    """Errors (H,) of readings that were left out, and whether their leverage is bounded; None where rank is lost."""
+    scale = np.abs(jacobian).max(axis=0)
+    unit = jacobian / np.where(scale > 0.0, scale, 1.0)
+    rank = np.linalg.matrix_rank(unit, tol=1e-8 * np.linalg.norm(unit, 2))
+    part = unit[kept]
+    if len(kept) <= rank or np.linalg.matrix_rank(part, tol=1e-8 * np.linalg.norm(part, 2)) < rank:
+        return None
+    leverage = np.linalg.norm(unit[held] @ np.linalg.pinv(part, rcond=1e-8), axis=1)
+    step = least_squares(jacobian[kept] / bound[kept, None], residual[kept] / bound[kept])
+    return residual[held] - jacobian[held] @ step, leverage <= MAX_LEVERAGE
+
+
+def bench_evidence(
+    record: PositionRecord,
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: str = "asymmetric",
+    bounds: tuple[float, float] = STANDARD_BOUNDS,
+    mounting: Mapping[str, ArrayLike] | str = "identity",
+) -> Bench:
+    """The evidence of a position record; arguments and errors as for `trihedron.tools.calibration.calibrate`."""
+    nominal = calibrate(
+        record, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting
+    )
+    here, circumstances = nominal.linearised, circumstances_of(record)
+    if nominal.verdict == "falsified":
+        here = with_usual_signs(here, circumstances, nominal.noise_bound, bounds)
+    names = tuple((symbol, "") for symbol in here.symbols)
+    places = catalogue_places(baseline, circumstances)
+    resolution = record.written_to(gravity)
+    return Bench((), names, here.point, places, nominal, here, circumstances, record.position, bounds, resolution)
+
+
+def catalogue_places(baseline: str, circumstances: Circumstances) -> tuple[EffectPlace, ...]:
+    """Every effect at every place that can be tried: not in the baseline's model, nothing missing in the record."""
+    return tuple(
+        place
+        for effect in POSITION_EFFECTS.values()
+        if effect.within != baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
+        for place in effect.places
+    )

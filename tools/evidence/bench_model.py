@@ -1,0 +1,342 @@
+"""The bench model together with a set of effects, each acting in one way: readings, derivatives, exact fits."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects.rows import Variant
+from ..bounded.programmes import chebyshev_radius
+from ..bounded.spaces import least_squares
+from ..calibration.model import Positions, direction_jacobian, predicted_input, predicted_reading, reading_jacobian
+from .bench_effects import Visits, acts_on_table, added_bound, is_linear, signature_columns
+from .evidence import Fit, coefficient_count
+
+MAX_ITERATIONS, MAX_MOVES = 12, 8
+ATTAINED = 1e-10
+"""Relative difference between the radius of the programme and the largest misfit where it is attained."""
+ASTRAY = 10.0
+"""No bench has a parameter as large [1], [rad], [g]: a fit that comes there runs away."""
+CONVERGED = 1e-12
+"""Parameters [1], [rad] that move by less than this do not move."""
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """What any variant of an effect may do, and more: a set that is refused with it is refused with each of them.
+
+    Attributes
+    ----------
+    place : EffectPlace
+    ways : int
+        number of variants; 0 of an effect that is linear, but not told everywhere
+    touched : (M,) array of bool
+        readings that some variant changes: they say nothing about the bench
+    widening : (M,) array
+        by which the bounds of the others grow, fractions of g
+    columns : (M, K) array
+        what the effect adds linearly
+    """
+
+    place: EffectPlace
+    ways: int
+    touched: NDArray
+    widening: NDArray
+    columns: NDArray
+
+
+@dataclass(frozen=True)
+class Model:
+    """Prediction and derivatives of a bench with effects at one point.
+
+    Attributes
+    ----------
+    reading, bound : (3 N,) array
+        predicted readings and bounds of their errors, fractions of g
+    jacobian : (3 N, P + K) array
+        derivatives by parameters of the bench and coefficients of the effects
+    variants : tuple of (Variant or None)
+        the way in which each effect acts that is not linear
+    rows : Rows
+        the rows with this prediction
+    """
+
+    reading: NDArray
+    jacobian: NDArray
+    bound: NDArray
+    variants: tuple[Variant | None, ...]
+    rows: Rows
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Readings at some visits, and how a bench with effects predicts them.
+
+    Attributes
+    ----------
+    visits : Visits
+    reading : (N, 3) array
+        over g
+    bound : (3 N,) array
+        of the readings' errors, fractions of g
+    sign : (N, 3) array
+        of the inputs, by which scale factors are chosen
+    """
+
+    visits: Visits
+    reading: NDArray
+    bound: NDArray
+    sign: NDArray
+
+    def __len__(self) -> int:
+        return len(self.reading)
+
+    def selected(self, rows: NDArray) -> "Readings":
+        """Those at some of the visits (n,) of int."""
+        measured = (3 * rows[:, None] + np.arange(3)).ravel()
+        return Readings(self.visits.selected(rows), self.reading[rows], self.bound[measured], self.sign[rows])
+
+    def variants(self, place: EffectPlace, rows: Rows) -> list[Variant]:
+        """The ways in which an effect can act on the readings."""
+        seen = CATALOGUE[place.effect].variants
+        return [] if seen is None else seen(place, rows, self.reading, float(self.bound.min()))
+
+    def relaxations(self, point: NDArray, places: Sequence[EffectPlace]) -> list[Relaxation]:
+        """Of each effect that can act on the readings at all, what it may do at most."""
+        found, rows = [], self.visits.rows(point)
+        for place in places:
+            if is_linear(place):
+                columns = signature_columns([place], rows)
+                found.append(Relaxation(place, 0, added_bound([place], rows) > 0.0, np.zeros(len(columns)), columns))
+                continue
+            variants = self.variants(place, rows)
+            if not variants:
+                continue
+            touched = np.any(
+                [v.lost | v.fixed | (v.offset != 0.0) | np.any(v.columns != 0.0, axis=2) for v in variants], axis=0
+            )
+            widening = np.max([variant.widening for variant in variants], axis=0)
+            nothing = np.zeros((touched.size, 0))
+            found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), nothing))
+        return found
+
+
+@dataclass(frozen=True)
+class Cast:
+    """A set of effects, each in the way in which it is to act.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+    ways : mapping
+        of each effect that is not linear, which of its variants
+    largest : mapping
+        largest coefficients of effects whose circumstances the record does not tell everywhere; by default the largest
+        possible
+    """
+
+    places: tuple[EffectPlace, ...]
+    ways: Mapping[EffectPlace, int] = field(default_factory=dict)
+    largest: Mapping[EffectPlace, float] = field(default_factory=dict)
+
+    def variants(self, readings: Readings, rows: Rows) -> tuple[Variant | None, ...] | None:
+        """The variant of each effect; None where one of the ways is none here."""
+        found: list[Variant | None] = []
+        for place in self.places:
+            seen = readings.variants(place, rows) if place in self.ways else [None]
+            if (way := self.ways.get(place, 0)) >= len(seen):
+                return None
+            found.append(seen[way])
+        return tuple(found)
+
+    def blocks(self, variants: Sequence[Variant | None] | None = None) -> tuple[slice, ...]:
+        """The coefficients of each effect, one effect after the other."""
+        blocks, first = [], 0
+        for place, variant in zip(self.places, variants or [None] * len(self.places), strict=True):
+            count = coefficient_count(place) if variant is None else variant.columns.shape[2]
+            blocks.append(slice(first, first + count))
+            first += count
+        return tuple(blocks)
+
+    def model(
+        self, readings: Readings, point: NDArray, coefficients: NDArray, blocks: Sequence[slice] | None = None
+    ) -> Model | None:
+        """The bench with these effects at a point and coefficients; None where one of the ways is none there."""
+        visits = readings.visits
+        p, own = visits.parametrisation, dict(zip(self.places, blocks or self.blocks(), strict=True))
+        linear = [(place, coefficients[block]) for place, block in own.items() if place not in self.ways]
+        at = visits.disturbed(point, linear)
+        rows = visits.rows(point, at)
+        columns = {place: signature_columns([place], rows) for place, _ in linear}
+        reading = predicted_reading(p, point, at, readings.sign).ravel()
+        for place, part in linear:
+            if not acts_on_table(place):
+                reading = reading + columns[place] @ part
+        slopes = reading_jacobian(p, point, at, readings.sign)
+        rows = replace(rows, prediction=reading.reshape(-1, 3))
+        bound = readings.bound + added_bound([place for place, _ in linear], rows, self.largest)
+        variants = self.variants(readings, rows)
+        if variants is None:
+            return None
+        fixed = np.zeros(rows.n.shape, dtype=bool)
+        for place, variant in zip(self.places, variants, strict=True):
+            if variant is not None:
+                slopes = _without_lost(readings, point, at, variant, slopes)
+                reading = reading + variant.offset.ravel()
+                bound = bound + variant.widening.ravel()
+                columns[place] = variant.columns.reshape(len(reading), -1)
+                fixed |= variant.fixed
+        slopes[fixed] = 0.0
+        for place, block in own.items():
+            if place in self.ways:
+                reading = reading + columns[place] @ coefficients[block]
+            else:
+                columns[place][fixed.ravel()] = 0.0
+        jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in self.places)])
+        return Model(reading, jacobian, bound, variants, rows)
+
+
+def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Variant, slopes: NDArray) -> NDArray:
+    """Derivatives (N, 3, P) of the readings by the bench's parameters, less what a variant does not let through."""
+    if not variant.lost.any():
+        return slopes
+    p, left = readings.visits.parametrisation, slopes.copy()
+    targets = (p.selection @ point)[at.mounting]
+    inputs, n = direction_jacobian(p, point, at), predicted_input(p, point, at)
+    for k, pair in enumerate(SYMMETRIC_PAIRS):
+        rows = np.flatnonzero(variant.lost[:, k])
+        chosen = np.where(readings.sign[rows, k] >= 0, TARGETS.index(pair[0]), TARGETS.index(pair[1]))
+        scale = 1.0 + targets[rows, chosen]
+        by_scale = p.selection[at.mounting[rows], chosen]
+        left[rows, k] -= scale[:, None] * inputs[rows, k] + n[rows, k][:, None] * by_scale
+    return left
+
+
+def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
+    """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
+
+    Parameters
+    ----------
+    readings : Readings
+    cast : Cast
+        the effects
+    start : (P,) array
+        parameters of the bench from which the fit begins
+
+    Returns
+    -------
+    Fit or None
+        None where the fit leaves the way in which an effect acts, or runs away
+    """
+    reading, count = readings.reading.ravel(), len(start)
+    begun = cast.variants(readings, readings.visits.rows(start))
+    if begun is None:
+        return None
+    blocks = cast.blocks(begun)
+    x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
+    for block, variant in zip(blocks, begun, strict=True):
+        if variant is not None:
+            x[count:][block] = 0.5 * (variant.low + variant.high)
+    model: Model | None = None
+    for iteration in range(MAX_ITERATIONS + 1):
+        model = cast.model(readings, x[:count], x[count:], blocks)
+        if model is None:
+            return None
+        step = least_squares(model.jacobian / model.bound[:, None], (reading - model.reading) / model.bound)
+        if iteration == MAX_ITERATIONS or np.abs(step).max(initial=0.0) < CONVERGED:
+            break
+        x = x + step
+        if _astray(x, count):
+            return None
+    assert model is not None
+    estimate, residual = x, reading - model.reading
+    radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
+    for _ in range(MAX_MOVES):
+        # Noise may be at its very bound: then the second order of the step to the centre must not count either.
+        x = x + step
+        if _astray(x, count):
+            return None
+        model = cast.model(readings, x[:count], x[count:], blocks)
+        if model is None:
+            return None
+        residual = reading - model.reading
+        attained = float(np.abs(residual / model.bound).max(initial=0.0))
+        if attained <= radius + ATTAINED * max(1.0, radius):
+            break
+        radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
+    radius = float(np.abs(residual / model.bound).max(initial=0.0))
+    still = np.zeros(len(x))
+    fit = Fit(
+        cast.places,
+        blocks,
+        x,
+        still,
+        residual,
+        model.bound,
+        model.jacobian,
+        radius,
+        estimate,
+        x[count:],
+        model.variants,
+    )
+    return fit if _stands(fit, model.rows) else None
+
+
+def _astray(x: NDArray, count: int) -> bool:
+    """Whether a fit runs away."""
+    return not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all())
+
+
+def _stands(fit: Fit, rows: Rows) -> bool:
+    """Whether each effect that is not linear acts at the fit in the way that was assumed."""
+    for block, variant in zip(fit.blocks, fit.variants, strict=True):
+        if variant is None:
+            continue
+        middle = fit.coefficients[block]
+        within = bool(np.all(middle >= variant.low - 1e-12) and np.all(middle <= variant.high + 1e-12))
+        if not within or not variant.stands(rows, middle):
+            return False
+    return True
+
+
+def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit | None:
+    """A fit with possible sizes, its own or the nearest; None where none keep the radius at or below the limit."""
+    if np.abs(fit.point).max() > largest_of_bench:
+        return None
+    if fit.is_possible:
+        return fit
+    low, high = _coefficient_limits(fit)
+    free = np.full(len(fit.point), np.inf)
+    own = fit.coefficients
+    radius, step, _ = chebyshev_radius(
+        fit.jacobian,
+        fit.residual,
+        fit.bound,
+        low=np.concatenate((-free, low - own)),
+        high=np.concatenate((free, high - own)),
+    )
+    moved = replace(fit, radius=radius, step=step, stated=own + step[len(fit.point) :])
+    return moved if radius <= limit and moved.is_possible else None
+
+
+def _coefficient_limits(fit: Fit) -> tuple[NDArray, NDArray]:
+    """Least and largest coefficients (K,) with possible sizes; amplitudes and phases as the pairs that they are."""
+    low, high = np.full(len(fit.coefficients), -np.inf), np.full(len(fit.coefficients), np.inf)
+    for place, block, variant in zip(fit.places, fit.blocks, fit.variants, strict=True):
+        if variant is not None:
+            low[block], high[block] = variant.low, variant.high
+            continue
+        for at, parameter in enumerate(CATALOGUE[place.effect].at(place).parameters, start=block.start):
+            if parameter.name.endswith("phase"):
+                low[at], high[at] = low[at - 1], high[at - 1]
+            elif parameter.name.endswith("amplitude"):
+                # The square within the circle of the largest amplitude.
+                high[at] = parameter.largest / np.sqrt(2.0)
+                low[at] = -high[at]
+            else:
+                high[at] = parameter.largest
+                low[at] = -parameter.largest if parameter.smallest is None else parameter.smallest
+    return low, high

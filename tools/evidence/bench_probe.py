@@ -1,0 +1,319 @@
+"""What to measure so that candidate causes of a bench's misfit can be told apart: positions, and a second mounting."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from ...models.effects import EffectPlace
+from ...models.regressors import admissible
+from ..bounded.programmes import least_largest
+from ..bounded.spaces import column_space, cosine, spaces_beyond
+from ..calibration.model import Parametrisation, Positions, parametrise, predicted_input, reading_jacobian
+from ..calibration.mountings import PRESETS
+from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, signature_columns
+from .bench_model import Cast, Readings
+from .evidence import Fit
+
+SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
+MOST_CANDIDATES = 10
+"""So many candidates, the best ones first, are separated from each other."""
+MOST_FOR_A_PAIR = 4
+"""So many new positions are proposed to decide between two candidates."""
+WORTH_IT = 0.6
+"""A mounting is proposed when it makes the correlation of two causes at most so many times what it was."""
+
+
+def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
+    """The linear effects of a fit that act at other positions too, and which of its coefficients are theirs."""
+    kept = [(place, block) for place, block, variant in fit.ways if place.effect != "outlier" and variant is None]
+    own = [k for _, block in kept for k in range(block.start, block.stop)]
+    return tuple(place for place, _ in kept), np.array(own, dtype=int)
+
+
+# Positions
+
+
+@dataclass(frozen=True)
+class Rival:
+    """What a candidate predicts at positions that might be measured, over the parameters that the record leaves it.
+
+    Attributes
+    ----------
+    title : str
+    centre : (N, 3) array
+        readings over g at the centre of what is possible
+    slopes : (N, 3, rank) array
+        derivatives in the coordinates of the set of possible parameters
+    matrix, lower, upper : arrays
+        that set: lower ≤ matrix x ≤ upper
+    known : (N, 3) array of bool
+        readings whose prediction is bounded
+    linear : bool
+        whether prediction and slopes say it all
+    """
+
+    title: str
+    centre: NDArray
+    slopes: NDArray
+    matrix: NDArray
+    lower: NDArray
+    upper: NDArray
+    known: NDArray
+    linear: bool
+
+
+def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
+    """A candidate as a rival of others at some visits; `room` is what rounding adds to the bounds."""
+    count, bench = len(visits), len(fit.point)
+    places, own = lasting_part(fit)
+    central = fit.central
+    sign = np.where(predicted_input(visits.parametrisation, central[:bench], visits.at) >= 0.0, 1, -1)
+    there = Readings(visits, np.zeros((count, 3)), np.full(3 * count, np.inf), sign)
+    model = Cast(places).model(there, central[:bench], central[bench:][own])
+    assert model is not None
+    slopes = np.zeros((count, 3, len(central)))
+    slopes[..., np.append(np.arange(bench), bench + own)] = model.jacobian.reshape(count, 3, -1)
+    possible = fit.possible(room)
+    scaled = slopes / possible.scale
+    inside = scaled @ possible.span
+    outside = np.linalg.norm(scaled - inside @ possible.span.T, axis=2) > 1e-6 * np.linalg.norm(scaled, axis=2)
+    # A dead zone, saturation or rounding acts last.
+    bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p)]
+    seen = model.reading.reshape(count, 3)
+    seen = acted_on(bent, visits.rows(fit.point), seen) if bent else seen
+    return Rival(fit.title, seen, inside, possible.matrix, possible.lower, possible.upper, ~outside, fit.linear)
+
+
+def separating_positions(
+    readings: Readings, point: NDArray, fits: Sequence[Fit], bounds: tuple[float, float], room: float
+) -> list[dict[str, Any]]:
+    """Positions whose readings, together, decide between candidates.
+
+    For two candidates the parameters that the record leaves them are sought with which their predictions at the
+    positions chosen so far are nearest; the position where they are then farthest apart is added, until they differ
+    somewhere by more than 2 σ whatever the parameters: then no readings can be within σ of both.
+
+    Parameters
+    ----------
+    readings : Readings
+        of the record: the positions would be measured after them
+    point : (P,) array
+        of the nominal fit
+    fits : sequence of Fit
+        sets of effects that explain the record, the best first
+    bounds : (float, float)
+        u^max and v^0max: only readings whose sign is certain count
+    room : float
+        what the readings' rounding adds to their bounds, as a fraction of g
+
+    Returns
+    -------
+    list of dict
+        alpha_deg, beta_deg, mounting where there are several, the senses of the approach where they matter, what is
+        separated, and ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at
+        one of the positions at least, over all parameters; more than 2 σ decides
+    """
+    chosen = list(fits[:MOST_CANDIDATES])
+    lasting = sorted({p for fit in chosen for p in lasting_part(fit)[0]}, key=lambda place: place.title)
+    visits, sided = _possible_visits(readings.visits, point, chosen, lasting)
+    at, p = visits.at, visits.parametrisation
+    told = added_bound(lasting, visits.rows(point)).reshape(-1, 3) == 0.0
+    usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & told
+    rivals = [rival_of(fit, visits, room) for fit in chosen]
+    sure = 2.0 * (float(readings.bound.min()) + room)
+    apart: dict[int, float] = {}
+    names: dict[int, list[str]] = {}
+    for first, second in combinations(rivals, 2):
+        distance, own = decide(first, second, usable, list(apart), sure)
+        for row in own:
+            apart[row] = min(apart.get(row, np.inf), distance)
+            names[row] = list(dict.fromkeys((*names.get(row, ()), first.title, second.title)))
+    positions = []
+    for row, distance in apart.items():
+        position: dict[str, Any] = {
+            "alpha_deg": float(np.round(np.degrees(at.alpha[row]), 6)),
+            "beta_deg": float(np.round(np.degrees(at.beta[row]), 6)),
+        }
+        if len(p.mountings) > 1:
+            position["mounting"] = p.mountings[int(at.mounting[row])]
+        if sided:
+            position["approach_alpha"] = int(visits.circumstances.sense_alpha[row])
+            position["approach_beta"] = int(visits.circumstances.sense_beta[row])
+        positions.append({**position, "separates": names[row], "apart_g": float(distance)})
+    return positions
+
+
+def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], sure: float) -> tuple[float, list[int]]:
+    """Positions that decide between two candidates, of those chosen already and up to `MOST_FOR_A_PAIR` new ones.
+
+    Returns
+    -------
+    distance : float
+        least distance of the predictions at the worst of the positions [g]
+    own : list of int
+        the positions that this takes
+    """
+    usable = usable & first.known & second.known
+    difference = np.where(usable, first.centre - second.centre, 0.0)
+    own = [row for row in rows if np.abs(difference[row]).max() > sure]
+    if not first.linear or not second.linear:
+        # What is not linear has its sizes, not a set of them: the fitted predictions speak.
+        best = int(np.argmax(np.round(np.abs(difference).max(axis=1), 12)))
+        own = own or [best]
+        return float(np.abs(difference[own]).max()), own
+    new = 0
+    while True:
+        distance, apart = nearest(first, second, usable, difference, own)
+        if distance > sure or new == MOST_FOR_A_PAIR:
+            return distance, own
+        farthest = int(np.argmax(np.round(np.abs(apart).max(axis=1), 12)))
+        if farthest in own:
+            return distance, own
+        own.append(farthest)
+        new += 1
+
+
+def nearest(
+    first: Rival, second: Rival, usable: NDArray, difference: NDArray, own: Sequence[int]
+) -> tuple[float, NDArray]:
+    """How near the predictions at some positions can be [g], and how far apart (N, 3) they all are then."""
+    if not own:
+        return 0.0, difference
+    axes = usable[list(own)]
+    offset = difference[list(own)][axes]
+    slopes = np.hstack((first.slopes[list(own)][axes], -second.slopes[list(own)][axes]))
+    if not len(offset):
+        return 0.0, difference
+    distance, x = least_largest(
+        np.asarray(block_diag(first.matrix, second.matrix)),
+        np.concatenate((first.lower, second.lower)),
+        np.concatenate((first.upper, second.upper)),
+        offset,
+        slopes,
+    )
+    mine, other = x[: first.matrix.shape[1]], x[first.matrix.shape[1] :]
+    return distance, np.where(usable, difference + first.slopes @ mine - second.slopes @ other, 0.0)
+
+
+def _possible_visits(
+    measured: Visits, point: NDArray, fits: Sequence[Fit], lasting: Sequence[EffectPlace]
+) -> tuple[Visits, bool]:
+    """A grid of positions with every mounting and those where outliers would be; and whether senses are in it."""
+    p, circumstances = measured.parametrisation, measured.circumstances
+    grid = dense_positions(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
+    outliers = {place for fit in fits for place in fit.places if place.effect == "outlier"}
+    rows = sorted({int(place.where.removeprefix("position-")) - 1 for place in outliers})
+    own = measured.at
+    alpha, beta = np.append(grid.alpha, own.alpha[rows]), np.append(grid.beta, own.beta[rows])
+    mounting = np.append(grid.mounting, own.mounting[rows]).astype(int)
+    hours = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
+    last = 20.0 if circumstances.temperature is None else float(circumstances.temperature[-1])
+
+    def visited(sides: Sequence[tuple[float, float]]) -> Visits:
+        times, constant = len(sides), np.ones(len(alpha) * len(sides))
+        senses = np.repeat(np.array(sides), len(alpha), axis=0)
+        at = Positions(np.tile(alpha, times), np.tile(beta, times), np.tile(mounting, times))
+        when = Circumstances(hours * constant, last * constant, senses[:, 0], senses[:, 1], True)
+        return Visits(p, at, when)
+
+    plain = visited([(0.0, 0.0)])
+    few = plain.selected(np.arange(0, len(plain), 97))
+    columns = []
+    for sense in (-1.0, 1.0):
+        senses = np.full(len(few), sense)
+        moved = replace(few.circumstances, sense_alpha=senses, sense_beta=senses)
+        columns.append(signature_columns(lasting, replace(few, circumstances=moved).rows(point)))
+    if np.any(columns[0] != columns[1]):
+        return visited([(a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]), True
+    return plain, False
+
+
+# Mountings
+
+
+def dense_positions(p: Parametrisation, angles: NDArray) -> Positions:
+    """Every pair of angles [rad] with every mounting."""
+    grids = np.meshgrid(angles, angles, range(len(p.mountings)), indexing="ij")
+    alpha, beta, mounting = (grid.ravel() for grid in grids)
+    return Positions(alpha, beta, mounting.astype(int))
+
+
+def dense_spaces(p: Parametrisation, places: Sequence[EffectPlace]) -> list[NDArray]:
+    """What each effect's signature adds to the nominal model over a dense set of positions, as orthonormal columns.
+
+    The positions cover the sphere with every mounting, no input near zero; times, temperatures and senses come in an
+    order that no angle follows. To first order: the model is linearised at a faultless bench.
+    """
+    angles = np.radians(np.arange(0.5 * DENSE_STEP_DEG, 360.0, DENSE_STEP_DEG))
+    at, point = dense_positions(p, angles), np.zeros(len(p.symbols))
+    bench = reading_jacobian(p, point, at).reshape(3 * len(at.alpha), -1)
+    index = np.arange(len(at.alpha))
+    # Fractional parts of multiples of irrational numbers fill the unit interval evenly and are unrelated.
+    time, temperature, first, second = (index * step % 1.0 for step in (0.618034, 0.414214, 0.732051, 0.236068))
+    senses = np.where(first < 0.5, -1.0, 1.0), np.where(second < 0.5, -1.0, 1.0)
+    rows = Visits(p, at, Circumstances(time, 20.0 + 10.0 * temperature, *senses, True)).rows(point)
+    return spaces_beyond(bench, [signature_columns([place], rows) for place in places])
+
+
+def second_mounting(
+    p: Parametrisation, first: Sequence[EffectPlace], second: Sequence[EffectPlace], titles: Sequence[str]
+) -> dict[str, Any] | None:
+    """The preset that tells two sets of linear effects apart best; None where none does it better than the record's.
+
+    Parameters
+    ----------
+    p : Parametrisation
+        with the record's mountings
+    first, second : sequence of EffectPlace
+        what has a signature; not empty
+    titles : (str, str)
+        the sets in words
+
+    Returns
+    -------
+    dict or None
+        ``mounting``, ``separates``, ``correlation_before`` and ``correlation_after``: the largest correlation of what
+        the sets add to the model, over all positions, now and with both mountings
+    """
+    if not first or not second:
+        return None
+
+    def correlation(more: Mapping[str, NDArray]) -> float:
+        mountings = dict(zip(p.mountings, p.matrices, strict=True)) | dict(more)
+        spaces = dense_spaces(parametrise(mountings, symmetric=p.symmetric), [*first, *second])
+        a, b = (column_space(np.hstack(part)) for part in (spaces[: len(first)], spaces[len(first) :]))
+        return cosine(a, b) if a.shape[1] and b.shape[1] else 1.0
+
+    own = [np.round(matrix, 9).tolist() for matrix in p.matrices]
+    before = correlation({})
+    after = {
+        name: correlation({name: matrix}) for name, matrix in PRESETS.items() if np.round(matrix, 9).tolist() not in own
+    }
+    if not after:
+        return None
+    # Of presets that do about as well, the first: it is the easiest to mount.
+    best = next(name for name, value in after.items() if value <= min(after.values()) + 0.1 * before)
+    if after[best] > WORTH_IT * before:
+        return None
+    said = {"mounting": best, "separates": tuple(titles)}
+    return {**said, "correlation_before": before, "correlation_after": after[best]}
+
+
+def helpful_mounting(
+    p: Parametrisation, fits: Sequence[Fit], positions: Sequence[Mapping[str, Any]], sure: float
+) -> dict[str, Any] | None:
+    """A mounting that tells apart two candidates that no further position with the record's mountings surely does."""
+    settled = [set(entry["separates"]) for entry in positions if entry["apart_g"] > sure]
+    for first, second in combinations(fits[:MOST_CANDIDATES], 2):
+        titles = first.title, second.title
+        if any(names >= set(titles) for names in settled) or not (first.linear and second.linear):
+            continue
+        found = second_mounting(p, lasting_part(first)[0], lasting_part(second)[0], titles)
+        if found is not None:
+            return found
+    return None
