@@ -4,17 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..models.effects import EffectPlace
-from .accelerometer_block import ACCELEROMETER_BLOCK
-from .accelerometer_compensation import ACCELEROMETER_COMPENSATION
+from .accelerometers import ACCELEROMETER_BLOCK, ACCELEROMETER_COMPENSATION
 from .attitude_computer import ATTITUDE_COMPUTER
 from .component import extend
-from .gyro_block import GYRO_BLOCK
-from .gyro_compensation import GYRO_COMPENSATION
+from .gyros import GYRO_BLOCK, GYRO_COMPENSATION
 from .harmonic_motion import HARMONIC_MOTION
-from .position_programme import POSITION_PROGRAMME
 from .source import build_python_fmu
-from .table_controller import TABLE_CONTROLLER
-from .turntable_motion import TURNTABLE_MOTION
+from .turntable import POSITION_PROGRAMME, TABLE_CONTROLLER, TURNTABLE_MOTION
 
 COMPONENTS = {
     c.name: c

@@ -9,7 +9,7 @@ import pytest
 
 from choosing import Situation, situation_errors
 from foreign_fmus import build_foreign
-from trihedron.fmus.gyro_block import GYRO_BLOCK
+from trihedron.fmus.gyros import GYRO_BLOCK
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.tools.campaign.attitude_runs import motion_samples, read_increments

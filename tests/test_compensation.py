@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trihedron.fmus import components
-from trihedron.fmus.accelerometer_compensation import CALIBRATED
+from trihedron.fmus.accelerometers import CALIBRATED
 from trihedron.fmus.source import instantiate, references
 
 BLOCK, INVERSE = components()["AccelerometerBlock"], components()["AccelerometerCompensation"]

@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from ...fmus.gyro_block import GYRO_BLOCK
+from ...fmus.gyros import GYRO_BLOCK
 from ...fmus.source import instantiate
-from ...models import gyro
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...models.blocks import gyro
 from ..compiled import compiled
 from ..errors import InputError, nearest
 from ..motion.attitude import algorithm_named
@@ -135,7 +135,7 @@ def read_increments(
     noise_bound: float,
     seed: int,
 ) -> NDArray:
-    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.gyro`.
+    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.blocks.gyro`.
 
     Parameters
     ----------

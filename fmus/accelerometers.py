@@ -1,6 +1,6 @@
-"""AccelerometerBlock: three accelerometers with sign-dependent scale factors."""
+"""AccelerometerBlock, whose scale factors depend on the sign of the input, and AccelerometerCompensation, its inverse."""
 
-from ..models import accelerometer
+from ..models.blocks import accelerometer, accelerometer_compensation
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
 from .component import GRAVITY, Component, Variable, seed
@@ -130,6 +130,55 @@ ACCELEROMETER_BLOCK = Component(
         "|ρ| ≤ noise bound: a part held over a rest and a white part",
     ),
     source="Golovan, Matasov, Tarygin 2022, (1.1)",
+    step_size=0.01,
+    stop_time=60.0,
+)
+
+
+CALIBRATED = (
+    "gravity",
+    "scale_error_plus",
+    "scale_error_minus",
+    *("gamma_21", "gamma_31", "gamma_12", "gamma_32", "gamma_13", "gamma_23"),
+    "bias",
+)
+"""Parameters of the block that its inverse has too, under the same names: one parameter set fits both."""
+
+ACCELEROMETER_COMPENSATION = Component(
+    name="AccelerometerCompensation",
+    description="Compensation of an accelerometer block: readings to specific force by the inverse of its model",
+    variables=(
+        Variable("reading", "readings of the accelerometers", "input", 3, "m/s2", "g", nominal=10.0),
+        *(v for v in ACCELEROMETER_BLOCK.variables if v.name in CALIBRATED),
+        Variable(
+            "specific_force",
+            "specific force in block axes",
+            "output",
+            3,
+            "m/s2",
+            "g",
+            nominal=10.0,
+            follows=("reading",),
+        ),
+        Variable("right", "readings less bias [g]", "work", 3),
+        Variable("signs", "signs of the inputs that are tried", "work", 3),
+        Variable("best", "inputs [g] whose signs fit best", "work", 3),
+        Variable("diagonal", "scale factors for these signs", "work", 3),
+        Variable("n", "inputs [g] for these signs", "work", 3),
+    ),
+    initialise=accelerometer_compensation.initialise,
+    step=accelerometer_compensation.step,
+    respond=accelerometer_compensation.respond,
+    messages=(
+        "gravity must be positive",
+        "the errors are too large for one inverse: 1 + Γ± of each accelerometer must exceed its |Γ| of the two others",
+        "reading is not finite",
+    ),
+    equations=(
+        "A(s) n = reading / g − b, A = I + Γ with Γ⁺ or Γ⁻ of each accelerometer by its sign s",
+        "s = signs of n: the one pattern of eight that fits itself; specific force = g n",
+    ),
+    source="Golovan, Matasov, Tarygin 2022, (1.1), solved for the input",
     step_size=0.01,
     stop_time=60.0,
 )

@@ -6,8 +6,8 @@ input of accelerometer p. Γ and the bias are fractions of gravity's model value
 
 import math
 
-from .random_numbers import seed_generator, symmetric
-from .restricted import (
+from ..random_numbers import seed_generator, symmetric
+from ..restricted import (
     CONTEXT_SIZE,
     GRAVITY,
     HOURS,

@@ -2,10 +2,10 @@
 
 import math
 
-from .motion import fastest_rate, follow_move, phase_ends
-from .restricted import ALPHA, BETA, HOURS, Vector
-from .rotation import to_body
-from .table_geometry import attitude_in_base, geometry_effects, set_table_context
+from ..motion import fastest_rate, follow_move, phase_ends
+from ..restricted import ALPHA, BETA, HOURS, Vector
+from ..rotation import to_body
+from .geometry import attitude_in_base, geometry_effects, set_table_context
 
 MAX_ANGLE_PER_QUADRATURE = 0.25
 """Longest turn [rad] that one five-point Gauss rule integrates to rounding."""

@@ -9,12 +9,12 @@ Source: Golovan, Matasov, Tarygin 2022, section 1.
 
 import math
 
-from .motion import AXIS_PLAN_SIZE, follow_move, plan_move
-from .random_numbers import seed_generator, symmetric
-from .restricted import Vector
-from .rotation import is_rotation, quaternion_of_matrix, turn_by_vector
-from .table_geometry import observe
-from .table_increments import integrate_increment
+from ..motion import AXIS_PLAN_SIZE, follow_move, plan_move
+from ..random_numbers import seed_generator, symmetric
+from ..restricted import Vector
+from ..rotation import is_rotation, quaternion_of_matrix, turn_by_vector
+from .geometry import observe
+from .increments import integrate_increment
 
 EARTH_RATE = 7.292115e-5
 """Rotation rate of the Earth [rad/s] (WGS 84)."""

@@ -9,8 +9,8 @@ Source: Golovan, Matasov, Tarygin 2022, section 1; to first order this is (1.3).
 
 import math
 
-from .motion import AXIS_PLAN_SIZE, follow_move
-from .restricted import (
+from ..motion import AXIS_PLAN_SIZE, follow_move
+from ..restricted import (
     ALPHA,
     BETA,
     CONTEXT_SIZE,
@@ -20,7 +20,7 @@ from .restricted import (
     TEMPERATURE,
     Vector,
 )
-from .rotation import multiply, set_quaternion, to_body, turn, turn_by_vector
+from ..rotation import multiply, set_quaternion, to_body, turn, turn_by_vector
 
 
 def geometry_effects(context: Vector, angles: Vector, effect: Vector, turns: Vector) -> float:

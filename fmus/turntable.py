@@ -1,11 +1,13 @@
-"""TurntableMotion: the two-axis table."""
+"""TurntableMotion, the table itself, with what commands it: PositionProgramme and TableController."""
 
 import math
 
-from ..models import turntable
+from ..models import position_programme
 from ..models.motion import AXIS_PLAN_SIZE
+from ..models.position_programme import POSITIONS
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
+from ..models.turntable import controller, kernel
 from .component import GRAVITY, Component, Variable, identity_matrix, seed
 
 ARCSECOND = math.pi / 648000.0
@@ -192,8 +194,8 @@ TURNTABLE_MOTION = Component(
         Variable("turns", "small turns that effects add", "work", 4),
         Variable("turn_rates", "their rates", "work", 4),
     ),
-    initialise=turntable.initialise,
-    step=turntable.step,
+    initialise=kernel.initialise,
+    step=kernel.step,
     respond=None,
     messages=(
         "mounting is not a proper orthogonal matrix (rows orthonormal to 1e-6, determinant +1)",
@@ -206,6 +208,200 @@ TURNTABLE_MOTION = Component(
         "increment = ∫ exp(ϑ̂) Q (β̇ e₃ + R₃(β) R₂(ε) e₁ α̇) + C Ω dt over the step",
     ),
     source="Golovan, Matasov, Tarygin 2022, section 1",
+    step_size=0.01,
+    stop_time=60.0,
+)
+
+
+def _angles(name: str, axis: str) -> Variable:
+    return Variable(
+        name,
+        f"commanded encoder readings of the {axis} axis, one for each position",
+        "parameter",
+        POSITIONS,
+        "rad",
+        "deg",
+        variability="fixed",
+        minimum=-1e6,
+        maximum=1e6,
+    )
+
+
+def _limits(name: str, what: str, unit: str, shown: str) -> Variable:
+    return Variable(
+        name,
+        f"limit of the {what} of each axis of the table, to time its moves",
+        "parameter",
+        2,
+        unit,
+        shown,
+        start=math.radians(60.0),
+        variability="fixed",
+        minimum=1e-9,
+    )
+
+
+POSITION_PROGRAMME = Component(
+    name="PositionProgramme",
+    description="Position programme of a two-axis table: commanded positions, each held for its move and its dwell",
+    variables=(
+        Variable(
+            "positions",
+            "how many positions there are",
+            "parameter",
+            start=1.0,
+            variability="fixed",
+            type="integer",
+            minimum=1.0,
+            maximum=float(POSITIONS),
+        ),
+        _angles("alpha", "outer"),
+        _angles("beta", "inner"),
+        Variable(
+            "dwell_time",
+            "how long the table rests at each position",
+            "parameter",
+            POSITIONS,
+            "s",
+            start=20.0,
+            variability="fixed",
+            minimum=1e-9,
+        ),
+        _limits("max_rate", "rate", "rad/s", "deg/s"),
+        _limits("max_acceleration", "angular acceleration", "rad/s2", "deg/s2"),
+        Variable(
+            "initial_angle",
+            "encoder readings of the table at the start",
+            "parameter",
+            2,
+            "rad",
+            "deg",
+            variability="fixed",
+            minimum=-1e6,
+            maximum=1e6,
+        ),
+        Variable(
+            "period",
+            "slots are rounded up to whole multiples of this time; 0: the length of the first step",
+            "parameter",
+            unit="s",
+            variability="fixed",
+            minimum=0.0,
+        ),
+        Variable(
+            "lead_steps",
+            "0: after a step the command is that of this step, for hosts that pass outputs on at once (Trihedron); "
+            "1: that of the next step, for hosts that pass them on when all FMUs have stepped (OMSimulator, FMPy)",
+            "parameter",
+            variability="fixed",
+            type="integer",
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        Variable(
+            "command",
+            "commanded encoder readings of the outer (1) and the inner axis (2)",
+            "output",
+            2,
+            "rad",
+            "deg",
+            variability="discrete",
+        ),
+        Variable(
+            "position", "number of the commanded position, from 1", "output", variability="discrete", type="integer"
+        ),
+        Variable(
+            "finished",
+            "whether the last position's dwell is over",
+            "output",
+            variability="discrete",
+            type="boolean",
+        ),
+        Variable("start", "time of the start", size=1),
+        Variable("last_step", "length of the last step", size=1),
+        Variable("length", "time to whose multiples slots are rounded up; 0: not known yet", size=1),
+        Variable("begins", "step at which each slot begins, and the end of the last", size=POSITIONS + 1),
+        Variable("plan", "a move of each axis", "work", 2 * AXIS_PLAN_SIZE),
+    ),
+    initialise=position_programme.initialise,
+    step=position_programme.step,
+    respond=None,
+    messages=("a position's move and dwell take more than 1e9 steps",),
+    equations=(
+        "slot i = ⌈(move from position i − 1 to i + dwell i) / period⌉ periods; "
+        "the move is that of the slower axis, with limited rate and acceleration",
+        "command = position i over slot i; the last one holds",
+    ),
+    source="the timing of Trihedron's position programmes",
+    step_size=0.1,
+    stop_time=60.0,
+)
+
+
+TABLE_CONTROLLER = Component(
+    name="TableController",
+    description="Controller of a two-axis table: feeds the computed attitude back to the commands of both axes",
+    variables=(
+        Variable(
+            "attitude",
+            "computed attitude quaternion of the block, scalar first, body to reference",
+            "input",
+            4,
+            start=(1.0, 0.0, 0.0, 0.0),
+            minimum=-1.001,
+            maximum=1.001,
+        ),
+        Variable("inner_angle", "angle of the inner axis", "input", unit="rad", display_unit="deg"),
+        Variable(
+            "initial_attitude",
+            "attitude quaternion that is to be held",
+            "parameter",
+            4,
+            start=(1.0, 0.0, 0.0, 0.0),
+            variability="fixed",
+            minimum=-1.001,
+            maximum=1.001,
+        ),
+        Variable(
+            "gain",
+            "k: an error of the attitude is turned back at the rate k times the error",
+            "parameter",
+            unit="Hz",
+            start=1.0,
+            variability="fixed",
+        ),
+        Variable(
+            "initial_command",
+            "commands before the first step",
+            "parameter",
+            2,
+            "rad",
+            "deg",
+            variability="fixed",
+        ),
+        Variable(
+            "command",
+            "commanded angles of the outer (1) and the inner axis (2)",
+            "output",
+            2,
+            "rad",
+            "deg",
+            variability="discrete",
+        ),
+        Variable("held", "commands so far", size=2),
+    ),
+    initialise=controller.initialise,
+    step=controller.step,
+    respond=None,
+    messages=(
+        "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
+        "attitude is zero or not finite",
+    ),
+    equations=(
+        "e = 2 vec(λ̄₀ ∘ λ) / |λ|, the error in body axes; o = (cos β, −sin β, 0), the outer axis in them",
+        "command_outer ← command_outer − k h e·o, command_inner ← command_inner − k h e₃ in each step of length h",
+    ),
+    source="integral control; the frames are those of the two-axis table",
     step_size=0.01,
     stop_time=60.0,
 )
