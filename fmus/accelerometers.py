@@ -1,4 +1,4 @@
-"""AccelerometerBlock, whose scale factors depend on the sign of the input, and AccelerometerCompensation, its inverse."""
+"""AccelerometerBlock, whose scale factors depend on the sign of the input; AccelerometerCompensation, its inverse."""
 
 from ..models.blocks import accelerometer, accelerometer_compensation
 from ..models.random_numbers import GENERATOR_SIZE

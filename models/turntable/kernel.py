@@ -1,8 +1,8 @@
 """The two-axis turntable: commanded positions, geometric errors, encoders, and what a block on it undergoes.
 
 Angles: the servo brings the encoder reading to the command, so the true angle is the angle of the move less the
-encoder offset. Stages: the encoders' readings here, the geometry in `table_geometry`, increments in
-`table_increments`.
+encoder offset. Stages: the encoders' readings here, the geometry in `geometry`, increments in
+`increments`.
 
 Source: Golovan, Matasov, Tarygin 2022, section 1.
 """
