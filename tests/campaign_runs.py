@@ -1,12 +1,7 @@
-"""Campaigns for the tests: small files, an engine whose workers die when the test says so, folders as bytes."""
+"""Campaigns for the tests: small files, folders as bytes, the processes of a campaign."""
 
-import random
-from collections.abc import Callable
-from concurrent.futures import Future
+import contextlib
 from pathlib import Path
-from typing import Any
-
-from trihedron.tools.campaign.engines import Killed
 
 CALIBRATION = """
 schema = "trihedron.campaign/1"
@@ -43,47 +38,25 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-class ScriptedEngine:
-    """Workers in this process; calls are made when their result is asked for, in random order.
+def children(pid: int) -> list[int]:
+    """Processes that a process has started."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            words = path.read_text().rpartition(")")[2].split()
+            if int(words[1]) == pid:
+                found.append(int(path.parent.name))
+    return found
 
-    Parameters
-    ----------
-    size : int
-        how many workers
-    fate : callable
-        (function's name, partitions or run) -> whether the worker dies of it
-    seed : int
-        of the order
-    """
 
-    def __init__(self, size: int = 3, fate: Callable[[str, Any], bool] = lambda *_: False, seed: int = 0) -> None:
-        self.size, self.fate, self.calls = size, fate, []
-        self._random = random.Random(seed)
-        self._open: list[Future] = []
-        self._what: dict[Future, tuple[Callable[..., Any], tuple[Any, ...]]] = {}
+def workers_of(pid: int) -> list[int]:
+    """Processes below a process, at any depth, that work (the trackers of resources do not)."""
+    below = [child for one in children(pid) for child in (one, *workers_of(one))]
+    return [one for one in below if b"resource_tracker" not in command_of(one)]
 
-    def free(self, busy: int) -> int:
-        return self.size - busy
 
-    def workers(self) -> int:
-        return self.size
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
-        future: Future = Future()
-        self._what[future] = (function, arguments)
-        self._open.append(future)
-        if len(self._open) == self.size or self._random.random() < 0.3:
-            self._open.pop(self._random.randrange(len(self._open))).set_result(None)
-        return future
-
-    def finish(self) -> None:
-        """Nothing more comes in: let everything that is open be done."""
-        while self._open:
-            self._open.pop(self._random.randrange(len(self._open))).set_result(None)
-
-    def result(self, future: Future) -> Any:
-        function, arguments = self._what.pop(future)
-        self.calls.append((function.__name__, arguments[1]))
-        if self.fate(function.__name__, arguments[1]):
-            raise Killed(working=True)
-        return function(*arguments)
+def command_of(pid: int) -> bytes:
+    """The command line of a process; nothing where it is gone."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    return b""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from .calibration import Calibration
     from .calibration.correction import Application
-    from .campaign.campaign import Done
+    from .campaign.summary import CampaignResult
     from .check import Check as Check
     from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
@@ -500,7 +500,7 @@ def run_campaign(
     scheduler: str | None = None,
     resume: bool = False,
     progress: bool = False,
-) -> "Done":
+) -> "CampaignResult":
     """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
 
     Parameters
@@ -527,10 +527,14 @@ def run_campaign(
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
-    from .campaign.campaign import run_campaign as run
+    from .campaign.execute import run_campaign as run
+    from .report.campaign_page import write_campaign_page
 
-    folder = None if out is None else Path(out)
-    return run(Path(campaign), folder, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=progress)
+    path, folder = Path(campaign), None if out is None else Path(out)
+    done = run(path, folder, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=progress)
+    if done.folder is not None:
+        write_campaign_page(done.folder)
+    return done
 
 
 def read_record(record: "Source", *wanted: type) -> Any:

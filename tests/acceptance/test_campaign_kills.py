@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from campaign_runs import CALIBRATION, content, written
-from trihedron.tools.campaign.campaign import run_campaign
+from campaign_runs import CALIBRATION, command_of, content, workers_of, written
+from trihedron.tools.library import run_campaign
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
 LONGER = CALIBRATION.replace("points = 7", "points = 60")
@@ -27,36 +27,15 @@ MOST_SECONDS = 300.0
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """The files of the campaign, computed by one process that nobody disturbed."""
     folder = tmp_path_factory.mktemp("unbroken")
-    assert run_campaign(written(folder, LONGER), folder / "out", jobs=1).tally.kills == 0
+    done = run_campaign(written(folder, LONGER), folder / "out", jobs=1)
+    assert done.cost is not None
+    assert done.cost.kills == 0
     return content(folder / "out")
 
 
 def started(path: Path, out: Path, *words: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(path), "--out", str(out), *words]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            words = path.read_text().rpartition(")")[2].split()
-            if int(words[1]) == pid:
-                found.append(int(path.parent.name))
-    return found
-
-
-def workers_of(pid: int) -> list[int]:
-    """Processes below a process, at any depth, that work (the tracker of multiprocessing's resources does not)."""
-    below = [child for one in children(pid) for child in (one, *workers_of(one))]
-    return [one for one in below if b"resource_tracker" not in command_of(one)]
-
-
-def command_of(pid: int) -> bytes:
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    return b""
 
 
 def files_done(out: Path) -> int:

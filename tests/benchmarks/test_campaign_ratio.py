@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.tools.campaign.engines import usable_cores
+from trihedron.tools.workers import usable_cores
 
 pytestmark = pytest.mark.benchmark_ratio
 FILES = 40

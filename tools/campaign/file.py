@@ -1,16 +1,18 @@
 """Campaign files: what is run how often, with which parameters, what is kept of a run, what is computed over all."""
 
+import math
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from scipy.special import ndtri
 
 from ..errors import InputError
 from ..field_problems import FieldProblem, field_problems
-from .axes import Axis
-from .computations import Computation
-from .settings import AttitudeSetting, CalibrationSetting, HiddenSetting, SimulationSetting
 
 SCHEMA = "trihedron.campaign/1"
 KINDS = ("calibration", "attitude", "simulation", "hidden")
@@ -24,10 +26,284 @@ MOST_FILES = 4000
 MOST_OF_PARTITION = 5000
 """Runs in a file all the same: a worker holds a file in memory, and what it is killed in is lost."""
 _NOT_IN_FILES = ("base_folder",)
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Pair = tuple[Number, Number]
+Span = tuple[Number, Number, Annotated[int, Field(ge=2, le=1_000_000)]]
+
+DISCRETE = ("values", "grid", "log_grid")
+DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "truncated_normal", "triangular")
+MOST_DEVIATIONS = 3.0
+"""A truncated normal distribution ends at so many standard deviations."""
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+TwoNumbers = Annotated[tuple[float, float], Field(strict=False)]
+Whole = Annotated[tuple[int, int], Field(strict=False)]
+Names = Annotated[list[str], Field(min_length=1)]
+Part = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Axis(_Section):
+    """How one parameter varies; exactly one of the fields is given.
+
+    Attributes
+    ----------
+    values : list
+        these, one by one
+    grid, log_grid : (first, last, count)
+        evenly spaced, or by even factors
+    uniform, log_uniform : (low, high)
+    normal, truncated_normal : (mean, standard deviation)
+        the second ends at three standard deviations
+    triangular : (low, most likely, high)
+    """
+
+    values: Annotated[list[bool | int | Number | str], Field(min_length=1, max_length=1_000_000)] | None = None
+    grid: Annotated[Span, Field(strict=False)] | None = None
+    log_grid: Annotated[Span, Field(strict=False)] | None = None
+    uniform: Annotated[Pair, Field(strict=False)] | None = None
+    log_uniform: Annotated[Pair, Field(strict=False)] | None = None
+    normal: Annotated[Pair, Field(strict=False)] | None = None
+    truncated_normal: Annotated[Pair, Field(strict=False)] | None = None
+    triangular: Annotated[tuple[Number, Number, Number], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> "Axis":
+        given = [name for name in (*DISCRETE, *DISTRIBUTIONS) if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"give one of {', '.join((*DISCRETE, *DISTRIBUTIONS))}; here: {' and '.join(given) or 'none'}"
+            )
+        for name in ("log_grid", "log_uniform"):
+            pair = getattr(self, name)
+            if pair is not None and not (pair[0] > 0.0 and pair[1] > 0.0):
+                raise ValueError(f"{name} = {list(pair)} needs positive ends")
+        for name in ("uniform", "log_uniform", "triangular"):
+            ends = getattr(self, name)
+            if ends is not None and not (sorted(ends) == list(ends) and ends[0] < ends[-1]):
+                raise ValueError(f"{name} = {list(ends)} must rise")
+        for name in ("normal", "truncated_normal"):
+            pair = getattr(self, name)
+            if pair is not None and not pair[1] > 0.0:
+                raise ValueError(f"{name} = {list(pair)}: the standard deviation must be positive")
+        if self.values is not None and not _of_one_kind(self.values):
+            raise ValueError("values must be all numbers, all texts, or all true or false")
+        return self
+
+    @property
+    def discrete(self) -> bool:
+        """Whether the values are given one by one."""
+        return any(getattr(self, name) is not None for name in DISCRETE)
+
+    def listed(self) -> list[Any]:
+        """The values of a discrete axis; numbers as floats."""
+        if self.values is not None:
+            numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
+            return [float(v) for v in self.values] if numbers else list(self.values)
+        if self.grid is not None:
+            return np.linspace(self.grid[0], self.grid[1], self.grid[2]).tolist()
+        assert self.log_grid is not None
+        return np.geomspace(self.log_grid[0], self.log_grid[1], self.log_grid[2]).tolist()
+
+    def quantile(self, part: ArrayLike) -> NDArray:
+        """Values of a distribution that these parts, from 0 to 1, of its probability lie below."""
+        u = np.asarray(part, dtype=float)
+        if self.uniform is not None:
+            low, high = self.uniform
+            return low + u * (high - low)
+        if self.log_uniform is not None:
+            low, high = self.log_uniform
+            return low * np.exp(u * math.log(high / low))
+        if self.normal is not None:
+            return self.normal[0] + self.normal[1] * ndtri(np.clip(u, 2.0**-54, 1.0 - 2.0**-53))
+        if self.truncated_normal is not None:
+            # The tails beyond the ends have this probability, each.
+            tail = 0.5 * math.erfc(MOST_DEVIATIONS / math.sqrt(2.0))
+            return self.truncated_normal[0] + self.truncated_normal[1] * ndtri(tail + u * (1.0 - 2.0 * tail))
+        assert self.triangular is not None
+        low, top, high = self.triangular
+        below = (top - low) / (high - low)
+        rising = low + np.sqrt(u * (high - low) * (top - low))
+        return np.where(u < below, rising, high - np.sqrt((1.0 - u) * (high - low) * (high - top)))
+
+
+def _of_one_kind(values: Sequence[Any]) -> bool:
+    kinds = {"flag" if isinstance(v, bool) else "text" if isinstance(v, str) else "number" for v in values}
+    return len(kinds) == 1
+
+
+class CalibrationSetting(_Section):
+    """A static calibration: readings of a bench at some positions, with errors within σ, calibrated.
+
+    Attributes
+    ----------
+    positions : str
+        CSV file with alpha_deg, beta_deg; without it the 24 positions of scenarios/static-calibration-positions.csv
+    truth : "drawn" or "given"
+        what parameters that are not swept are: drawn within the bounds for each run, or zero
+    noise : str
+        "uniform" within ± noise_part σ, or "edge": ± noise_part σ
+    noise_part : float
+        size of the errors as a part of σ
+    noise_bound, gravity, baseline, convention, bounds
+        as for `calibrate`
+    """
+
+    positions: str | None = None
+    truth: Literal["drawn", "given"] = "drawn"
+    noise: Literal["uniform", "edge"] = "uniform"
+    noise_part: Annotated[float, Field(ge=0.0, le=1e6)] = 1.0
+    noise_bound: Positive = 1e-5
+    gravity: Positive = 9.80665
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric"
+    convention: Literal["A1", "A2"] = "A1"
+    bounds: TwoNumbers = (3e-3, 1e-2)
+
+
+class AttitudeSetting(_Section):
+    """An attitude run: a motion, gyros with errors, an algorithm, against the true attitude.
+
+    Attributes
+    ----------
+    motion : str
+        of the paper: 1 to 6, small, first, second
+    duration_s, rate_hz : float
+        length of the run, gyro samples a second
+    algorithm : str
+        name of an attitude algorithm
+    noise_bound_radps : float
+        bound of the gyros' errors of each sample
+    """
+
+    motion: str = "1"
+    duration_s: Positive = 60.0
+    rate_hz: Positive = 1000.0
+    algorithm: str = "two-sample-rodrigues"
+    noise_bound_radps: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+
+    @model_validator(mode="after")
+    def _size(self) -> "AttitudeSetting":
+        if not 8 <= self.duration_s * self.rate_hz <= 1e8:
+            raise ValueError("duration_s times rate_hz: a run has from 8 to 100,000,000 samples")
+        return self
+
+
+class Reduction(_Section):
+    """A number from a column of a run's record."""
+
+    column: str
+    take: Literal["last", "first", "mean", "min", "max", "max-abs", "rms", "std"] = "last"
+
+
+class SimulationSetting(_Section):
+    """A scenario, simulated.
+
+    Attributes
+    ----------
+    scenario : str
+        its file
+    seeds : "derived" or "fixed"
+        every parameter `seed` of an FMU is another one for each run, or what the scenario says
+    scalars : dict
+        name -> column of the record and what is taken of it; without it the last value of every column
+    calibrate : bool
+        average the rests of the record and calibrate them too
+    noise_bound : float
+        σ of that calibration
+    """
+
+    scenario: str
+    seeds: Literal["derived", "fixed"] = "derived"
+    scalars: dict[str, Reduction] | None = None
+    calibrate: bool = False
+    noise_bound: Positive = 1e-5
+
+
+class HiddenSetting(_Section):
+    """A case of the hidden-effect suite: drawn, measured in time, diagnosed.
+
+    Attributes
+    ----------
+    suite : str or None
+        of scenarios/hidden/suites.toml; it decides the rest, its seed and number of cases
+    mode, effects, positions, noise, size
+        as for `trihedron hidden`, where no suite is named
+    """
+
+    suite: str | None = None
+    mode: Literal["clean", "single", "between", "pairs"] = "single"
+    effects: list[str] = Field(default_factory=list)
+    positions: Whole = (12, 100)
+    noise: Literal["uniform", "edge", "correlated", "all"] = "all"
+    size: TwoNumbers | None = None
+
+    @model_validator(mode="after")
+    def _suite_decides(self) -> "HiddenSetting":
+        others = sorted(self.model_fields_set - {"suite"})
+        if self.suite is not None and others:
+            raise ValueError(f"{others[0]} is what suite decides")
+        return self
+
+
+class Computation(_Section):
+    """One computation; exactly one of quantiles, rate, confusion and sensitivity is given.
+
+    Attributes
+    ----------
+    quantiles : list of str
+        scalars whose quantiles `at` these parts are wanted
+    rate : str
+        a scalar; how often it is one of `is`, over ranges of `against` with these `edges`, where that is given
+    confusion : str
+        a text; how often each of its values goes with each value of `of`
+    sensitivity : list of str
+        scalars whose dependence on the parameters is wanted: Sobol indices of a Saltelli sampling, else rank
+        correlations
+    """
+
+    quantiles: Names | None = None
+    at: Annotated[list[Part], Field(min_length=1)] | None = None
+    rate: str | None = None
+    values: Annotated[list[str | bool], Field(min_length=1)] | None = Field(default=None, alias="is")
+    against: str | None = None
+    edges: Annotated[list[float], Field(min_length=2)] | None = None
+    confusion: str | None = None
+    of: str | None = None
+    sensitivity: Names | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> "Computation":
+        kinds = [name for name in ("quantiles", "rate", "confusion", "sensitivity") if getattr(self, name) is not None]
+        if len(kinds) != 1:
+            raise ValueError(
+                f"give one of quantiles, rate, confusion, sensitivity; here: {' and '.join(kinds) or 'none'}"
+            )
+        companions: dict[str, tuple[str, ...]] = {"quantiles": ("at",), "rate": ("values", "against", "edges")}
+        own = {**companions, "confusion": ("of",), "sensitivity": ()}[kinds[0]]
+        for name in ("at", "values", "against", "edges", "of"):
+            if getattr(self, name) is not None and name not in own:
+                raise ValueError(f"{'is' if name == 'values' else name} does not go with {kinds[0]}")
+        if self.rate is not None and self.values is None:
+            raise ValueError('rate needs is = ["...", ...], the values that count')
+        if (self.against is None) != (self.edges is None):
+            raise ValueError("against and edges go together")
+        if self.edges is not None and not all(a < b for a, b in zip(self.edges, self.edges[1:], strict=False)):
+            raise ValueError("edges must rise")
+        if self.confusion is not None and self.of is None:
+            raise ValueError('confusion needs of = "...", the column of what is true')
+        return self
+
+    @property
+    def names(self) -> list[str]:
+        """Columns that the computation reads."""
+        single = [name for name in (self.rate, self.against, self.confusion, self.of) if name is not None]
+        return [*(self.quantiles or []), *(self.sensitivity or []), *single]
+
+    def as_written(self) -> dict[str, Any]:
+        """As plain values."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 class Sampling(_Section):
@@ -144,6 +420,21 @@ class Campaign(_Section):
         """Runs in each file of the data set, the last one's excepted; it follows from the file alone."""
         wanted = max(RUNS_OF_PARTITION[self.kind], -(-self.runs // MOST_FILES))
         return self.partition or min(wanted, MOST_OF_PARTITION)
+
+    @property
+    def partitions(self) -> int:
+        """How many files the data set has."""
+        return -(-self.runs // self.partition_size)
+
+    def runs_of(self, partition: int) -> range:
+        """The runs of a file."""
+        first = partition * self.partition_size
+        return range(first, min(first + self.partition_size, self.runs))
+
+    def file_name(self, partition: int) -> str:
+        """The name of a file; names in order are runs in order."""
+        digits = max(5, len(str(self.partitions - 1)))
+        return f"part-{partition:0{digits}d}.parquet"
 
     def as_written(self) -> dict[str, Any]:
         """The campaign with its defaults filled in, as plain values."""

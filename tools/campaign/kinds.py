@@ -1,93 +1,499 @@
-"""What a run gives, and what makes runs of one kind."""
+"""The kinds of runs: calibrations, simulations of a scenario, attitude runs, cases of hidden effects."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal, Protocol
+import io
+import json
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache
+from importlib import resources
+from typing import Any, cast
 
+import numba
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
-from .design import Value
+from ...fmus.gyros import GYRO_BLOCK
+from ...fmus.source import instantiate
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
+from ...models.blocks import gyro
+from ..calibration import calibrate
+from ..compiled import compiled
+from ..diagnosis import diagnose
+from ..errors import InputError, nearest
+from ..motion.attitude import algorithm_named
+from ..motion.attitude_error import angle_between, attitudes_of_angles
+from ..motion.compare import Samples, run_algorithm, sample_motion
+from ..orchestrator.load import SETTABLE
+from ..orchestrator.run import PreparedScenario
+from ..orchestrator.scenario import read_scenario
+from ..papers.attitude import EXACT, paper_motion
+from ..records import PositionRecord, RawRecord
+from ..records.rests import position_record_of
+from ..trials.bench import draw_truth, true_elementary
+from ..trials.draw import BenchOptions, draw_bench_case
+from ..trials.measure import measure_bench
+from ..trials.outcome import diagnosed, judged
+from ..trials.suite import named_suite
+from .design import Value, short_seed
+from .file import AttitudeSetting, CalibrationSetting, Campaign, HiddenSetting, Reduction, SimulationSetting
+from .runs import Given, Output
 
-Better = Literal["lower", "higher"]
+SETTINGS = ("noise_part", "noise_bound", "gravity", "baseline", "convention")
+"""What can be swept beside the elementary parameters of the bench."""
+SWEPT = tuple(name for name in ELEMENTARY if name not in ("gamma_12", "gamma_13", "gamma_23"))
+"""Elementary parameters of case (A1), of which the exact targets are known."""
+DWELL_S = 30.0
+RAW_COLUMNS = ("alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2")
+ERRORS = (
+    *(f"bias_{p}_radps" for p in (1, 2, 3)),
+    *(f"scale_misalignment_{p}{q}" for p in (1, 2, 3) for q in (1, 2, 3)),
+    *("quantum_rad", "noise_bound_radps"),
+)
+"""Errors of the gyros that can be swept."""
+MOTIONS = ("amplitude_factor", "frequency_factor", "motion", "rate_hz", "duration_s", "algorithm")
+"""What can be swept beside them."""
+INCREMENTS = 1.0
+"""Kind of input of the gyros."""
+MOST_SAMPLES = 100_000_000
 
 
-@dataclass(frozen=True)
-class Output:
-    """A scalar that a run gives.
+class CalibrationRuns:
+    """Static calibrations.
 
-    Attributes
-    ----------
-    dtype : polars data type
-        Float64, Int64, String or Boolean
-    better : "lower", "higher" or None
-        which way is better, where one is: of numbers and of flags
-    good : tuple of str
-        of a text: the values that are as they should be
+    A record of a bench is made with the exact model, with errors within σ; `calibrate` gets the record and σ. The
+    scalars are its verdict and radius, how many true values lie outside their intervals (0 is what is guaranteed), the
+    largest error as a part of what is guaranteed, and of each target the error, the guaranteed error and the width of
+    the interval.
     """
 
-    dtype: type[pl.DataType]
-    better: Better | None = None
-    good: tuple[str, ...] = ()
+    def __init__(self, campaign: Campaign, setting: CalibrationSetting) -> None:
+        self.setting = setting
+        self.diagnose = campaign.keep.diagnosis
+        self.record = campaign.keep.record
+        known = [*SWEPT, *SETTINGS]
+        for name in campaign.parameters:
+            if name not in known:
+                raise InputError(f"parameters.{name}: is not known; {nearest(name, known)}")
+        if setting.convention == "A2" or "convention" in campaign.parameters:
+            raise InputError("calibration.convention: the true values are those of A1; give A1")
+        if setting.positions is None:
+            text = resources.files("trihedron.scenarios").joinpath("static-calibration-positions.csv").read_bytes()
+        else:
+            text = (campaign.base_folder / setting.positions).read_bytes()
+        self.alpha, self.beta = read_angles(text, setting.positions or "static-calibration-positions.csv")
+        self.outputs = {
+            "verdict": Output(pl.String, good=("consistent",)),
+            "radius": Output(pl.Float64, "lower"),
+            "misses": Output(pl.Int64, "lower"),
+            "worst_error_ratio": Output(pl.Float64, "lower"),
+            **{
+                f"{symbol}_{what}": Output(pl.Float64, "lower")
+                for symbol in TARGETS
+                for what in ("error", "guaranteed", "width")
+            },
+        }
+
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+        """Make a record and calibrate it."""
+        chosen = self.setting.model_copy(update={name: value for name, value in values.items() if name in SETTINGS})
+        rng = np.random.default_rng(seed)
+        truth = self._truth(rng, values, symmetric=chosen.baseline == "symmetric")
+        errors = rng.uniform(-1.0, 1.0, (len(self.alpha), 3))
+        if chosen.noise == "edge":
+            errors = np.sign(errors)
+        reading = elementary_reading(truth, self.alpha, self.beta, np.eye(3))
+        reading = reading + chosen.noise_part * chosen.noise_bound * errors
+        count = len(self.alpha)
+        record = PositionRecord(
+            position=np.arange(1, count + 1),
+            time_s=DWELL_S * np.arange(count),
+            alpha=self.alpha,
+            beta=self.beta,
+            specific_force=chosen.gravity * reading,
+        )
+        options = {"noise_bound": chosen.noise_bound, "gravity": chosen.gravity, "baseline": chosen.baseline}
+        result = calibrate(record, **options, bounds=chosen.bounds, convention=chosen.convention)
+        true = dict(zip(TARGETS, target_values(truth, np.eye(3)).tolist(), strict=True))
+        scalars: dict[str, Value | int | None] = {"verdict": result.verdict, "radius": result.radius}
+        misses, ratio = 0, 0.0
+        for estimate in result.parameters:
+            symbol = estimate.symbol
+            if symbol not in true or estimate.estimate is None or estimate.guaranteed_error is None:
+                continue
+            error = abs(estimate.estimate - true[symbol])
+            scalars[f"{symbol}_error"] = error
+            scalars[f"{symbol}_guaranteed"] = estimate.guaranteed_error
+            ratio = max(ratio, error / estimate.guaranteed_error)
+            if estimate.low is not None and estimate.high is not None:
+                scalars[f"{symbol}_width"] = estimate.high - estimate.low
+                misses += not estimate.low <= true[symbol] <= estimate.high
+        scalars |= {"misses": misses, "worst_error_ratio": ratio}
+        diagnosis = None
+        if self.diagnose:
+            found = diagnose(record, **options, bounds=chosen.bounds, rerun=False)
+            diagnosis = json.dumps(found.to_json(), ensure_ascii=False, allow_nan=False)
+        return Given(scalars, record_table(record) if self.record else None, diagnosis)
+
+    def _truth(self, rng: np.random.Generator, values: Mapping[str, Value], *, symmetric: bool) -> NDArray:
+        """Elementary parameters (24,): those that are swept, the others drawn or zero."""
+        truth = np.zeros(len(ELEMENTARY))
+        # Drawn in any case: the errors are then the same whatever is swept.
+        drawn = draw_truth(rng, symmetric=symmetric)
+        if self.setting.truth == "drawn":
+            mounting_error = drawn["TurntableMotion"]["mounting_error"]
+            truth = true_elementary(drawn, tuple(mounting_error))
+        for name, value in values.items():
+            if name in SWEPT:
+                truth[ELEMENTARY.index(name)] = float(value)
+        return truth
 
 
-@dataclass(frozen=True)
-class Result:
-    """What a run gave.
+def read_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
+    """Angles [rad] of a list of positions, CSV with alpha_deg and beta_deg."""
+    try:
+        table = pl.read_csv(io.BytesIO(content), comment_prefix="#")
+        angles = table.select("alpha_deg", "beta_deg").cast(pl.Float64).to_numpy()
+    except pl.exceptions.PolarsError as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{label}: is no list of positions with alpha_deg and beta_deg ({reason})") from error
+    if not np.isfinite(angles).all() or not len(angles):
+        raise InputError(f"{label}: holds no positions, or angles that are not finite numbers")
+    return np.radians(angles[:, 0]), np.radians(angles[:, 1])
 
-    Attributes
-    ----------
-    scalars : mapping
-        name -> value, for every output of the kind
-    record : DataFrame or None
-        where one was asked for
-    diagnosis : str or None
-        JSON, where one was asked for
+
+def record_table(record: PositionRecord) -> pl.DataFrame:
+    """A position record as the table that a file of it has."""
+    columns = {
+        "position": record.position,
+        "time_s": record.time_s,
+        "alpha_deg": np.degrees(record.alpha),
+        "beta_deg": np.degrees(record.beta),
+        **{f"f{p + 1}_mps2": record.specific_force[:, p] for p in range(3)},
+    }
+    return pl.DataFrame(columns)
+
+
+class SimulationRuns:
+    """Simulations of a scenario, whose FMUs are loaded once.
+
+    A parameter is `fmu.variable`, or `fmu.variable[k]` for an element. The scalars are those that the campaign file
+    takes of the record's columns, or the last value of each, and with `calibrate` the verdict, radius, estimates and
+    guaranteed errors of the rests' averages.
     """
 
-    scalars: Mapping[str, Value | int | None]
-    record: pl.DataFrame | None = None
-    diagnosis: str | None = None
+    def __init__(self, campaign: Campaign, setting: SimulationSetting) -> None:
+        self.setting, self.keep = setting, campaign.keep
+        self.scenario = PreparedScenario(read_scenario(campaign.base_folder / setting.scenario))
+        interfaces = self.scenario.interfaces
+        for name in campaign.parameters:
+            fmu, _, variable = name.partition(".")
+            if fmu not in interfaces or not variable:
+                known = nearest(fmu, list(interfaces))
+                raise InputError(f"parameters.{name}: must begin with the name of an FMU and a dot; {known}")
+            try:
+                found = interfaces[fmu].find(variable, SETTABLE)
+            except InputError as error:
+                raise InputError(f"parameters.{name}: {error}") from error
+            if len(found) != 1:
+                raise InputError(f"parameters.{name}: has {len(found)} elements; sweep one: {name}[1]")
+        columns = [column.name for column in self.scenario.columns]
+        self.reductions = setting.scalars or {name: Reduction(column=name) for name in columns}
+        for name, reduction in self.reductions.items():
+            if reduction.column not in columns:
+                known = nearest(reduction.column, columns)
+                raise InputError(f"simulation.scalars.{name}: the record has no column '{reduction.column}'; {known}")
+        self.measures = setting.calibrate or campaign.keep.diagnosis
+        if self.measures:
+            missing = [name for name in RAW_COLUMNS if name not in columns]
+            if missing:
+                raise InputError(f"simulation: to calibrate or diagnose, the record must have a column {missing[0]}")
+        self.outputs: dict[str, Output] = {name: Output(pl.Float64) for name in self.reductions}
+        if setting.calibrate:
+            of_targets = {f"{s}_{what}": Output(pl.Float64) for s in TARGETS for what in ("estimate", "guaranteed")}
+            verdict = Output(pl.String, good=("consistent",))
+            self.outputs |= {"verdict": verdict, "radius": Output(pl.Float64, "lower"), **of_targets}
+        swept = campaign.parameters
+        self.seeded = [n for n, i in interfaces.items() if "seed" in i.variables and f"{n}.seed" not in swept]
+
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+        """Simulate the scenario."""
+        parameters: dict[str, dict[str, Any]] = {}
+        if self.setting.seeds == "derived":
+            for name, own in zip(self.seeded, seed.spawn(len(self.seeded)), strict=True):
+                parameters[name] = {"seed": short_seed(own)}
+        for name, value in values.items():
+            fmu, _, variable = name.partition(".")
+            whole = isinstance(value, float) and self._is_whole(fmu, variable)
+            parameters.setdefault(fmu, {})[variable] = int(value) if whole else value
+        table = self.scenario.run(parameters)
+        scalars: dict[str, Value | int | None] = {
+            name: reduced(table[reduction.column].to_numpy(), reduction.take)
+            for name, reduction in self.reductions.items()
+        }
+        told = None
+        if self.measures:
+            record = positions_of(table)
+            sigma = self.setting.noise_bound
+            if self.setting.calibrate:
+                found = calibrate(record, noise_bound=sigma)
+                scalars |= {"verdict": found.verdict, "radius": found.radius}
+                for estimate in found.parameters:
+                    scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
+                    scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
+            if self.keep.diagnosis:
+                diagnosis = diagnose(record, noise_bound=sigma, rerun=False).to_json()
+                told = json.dumps(diagnosis, ensure_ascii=False, allow_nan=False)
+            return Given(scalars, record_table(record) if self.keep.record else None, told)
+        return Given(scalars, table if self.keep.record else None)
+
+    def _is_whole(self, fmu: str, variable: str) -> bool:
+        kind = self.scenario.interfaces[fmu].find(variable, SETTABLE)[0].kind
+        return kind in ("Integer", "Enumeration") or "Int" in kind
 
 
-class Runner(Protocol):
-    """Runs of one kind, prepared once in each process."""
-
-    @property
-    def outputs(self) -> Mapping[str, Output]:
-        """Name -> what it is, of every scalar that a run gives."""
-        ...
-
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Result:
-        """Make a run.
-
-        Raises
-        ------
-        InputError
-            or anything else: the run failed, and its message is recorded
-        """
-        ...
+def reduced(values: np.ndarray, take: str) -> float:
+    """A number from a column."""
+    x = np.asarray(values, dtype=float)
+    size = {
+        "last": lambda: x[-1],
+        "first": lambda: x[0],
+        "mean": lambda: x.mean(),
+        "min": lambda: x.min(),
+        "max": lambda: x.max(),
+        "max-abs": lambda: np.abs(x).max(),
+        "rms": lambda: np.sqrt(np.mean(x * x)),
+        "std": lambda: x.std(),
+    }
+    return float(size[take]())
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Columns of a campaign's data set.
+def positions_of(table: pl.DataFrame) -> PositionRecord:
+    """The position record of a run that was recorded as a raw record."""
+    temperature = table["temperature_degC"].to_numpy() if "temperature_degC" in table.columns else None
+    raw = RawRecord(
+        time_s=table["time_s"].to_numpy(),
+        alpha=np.radians(table["alpha_deg"].to_numpy()),
+        beta=np.radians(table["beta_deg"].to_numpy()),
+        specific_force=np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1),
+        temperature=temperature,
+    )
+    return position_record_of(raw)
 
-    Attributes
-    ----------
-    parameters, outputs : dict
-        name -> polars data type; name -> Output, those that are kept
+
+class AttitudeRuns:
+    """Attitude runs.
+
+    Exact increments of a motion go through the kernels of `GyroBlock`, with the errors of the run, and through an
+    algorithm. The scalars are the largest, the last and the rms angle between computed and true attitude, and the last
+    over the length of the run.
     """
 
-    parameters: dict[str, type[pl.DataType]]
-    outputs: dict[str, Output]
-    diagnosis: bool = False
-    record: bool = False
-    own: tuple[str, ...] = field(default=("run", "failed", "diagnosis"))
+    def __init__(self, campaign: Campaign, setting: AttitudeSetting) -> None:
+        self.setting = setting
+        self.record = campaign.keep.record
+        known = [*ERRORS, *MOTIONS]
+        for name, axis in campaign.parameters.items():
+            if name not in known:
+                raise InputError(f"parameters.{name}: is not known; {nearest(name, known)}")
+            for value in axis.listed() if axis.discrete else ():
+                if name == "algorithm":
+                    _algorithm(str(value), f"parameters.{name}")
+        if campaign.keep.diagnosis:
+            raise InputError("keep.diagnosis: an attitude run has no diagnosis")
+        _algorithm(setting.algorithm, "attitude.algorithm")
+        paper_motion(setting.motion, EXACT)
+        self.outputs = {
+            name: Output(pl.Float64, "lower")
+            for name in ("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps")
+        }
 
-    @property
-    def schema(self) -> dict[str, type[pl.DataType]]:
-        """Name -> data type, in order."""
-        kept = {name: output.dtype for name, output in self.outputs.items()}
-        last: dict[str, type[pl.DataType]] = {"diagnosis": pl.String} if self.diagnosis else {}
-        return {"run": pl.Int64, **self.parameters, "failed": pl.String, **kept, **last}
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+        """Make a run."""
+        setting = self.setting
+
+        def of(name: str, usual: float) -> float:
+            return float(values.get(name, usual))
+
+        rate, duration = of("rate_hz", setting.rate_hz), of("duration_s", setting.duration_s)
+        if not 8 <= rate * duration <= MOST_SAMPLES:
+            raise InputError(
+                f"rate_hz {rate:g} times duration_s {duration:g}: a run has from 8 to {MOST_SAMPLES} samples"
+            )
+        algorithm = _algorithm(str(values.get("algorithm", setting.algorithm)), "algorithm")
+        samples, attitudes = motion_samples(
+            str(values.get("motion", setting.motion)),
+            of("amplitude_factor", 1.0),
+            of("frequency_factor", 1.0),
+            1.0 / rate,
+            round(rate * duration),
+        )
+        read = read_increments(
+            samples,
+            np.array([of(f"scale_misalignment_{p}{q}", 0.0) for p in (1, 2, 3) for q in (1, 2, 3)]),
+            np.array([of(f"bias_{p}_radps", 0.0) for p in (1, 2, 3)]),
+            of("quantum_rad", 0.0),
+            of("noise_bound_radps", setting.noise_bound_radps),
+            short_seed(seed),
+        )
+        computed = run_algorithm(algorithm, read, renormalise=True)
+        every = algorithm.samples
+        angle = angle_between(computed, attitudes[every - 1 : len(attitudes) // every * every : every])
+        last = float(angle[-1])
+        scalars = {
+            "largest_error_rad": float(angle.max()),
+            "last_error_rad": last,
+            "rms_error_rad": float(np.sqrt(np.mean(angle * angle))),
+            "drift_radps": last / duration,
+        }
+        record = None
+        if self.record:
+            time = np.arange(1, len(angle) + 1) * (every / rate)
+            columns = {f"q{k}": computed[:, k] for k in range(4)}
+            record = pl.DataFrame({"time_s": time, **columns, "error_rad": angle})
+        return Given(scalars, record)
+
+
+def _algorithm(name: str, where: str) -> Algorithm:
+    known = [algorithm.name for algorithm in ALGORITHMS]
+    if name not in known:
+        raise InputError(f"{where}: there is no attitude algorithm '{name}'; {nearest(name, known)}")
+    return algorithm_named(name)
+
+
+@lru_cache(maxsize=2)
+def motion_samples(name: str, amplitude: float, frequency: float, period: float, count: int) -> tuple[Samples, NDArray]:
+    """Exact increments of a motion and its true attitudes (N, 4), kept while the motion stays the same."""
+    harmonics = paper_motion(name, EXACT).reshape(-1, 3).copy()
+    harmonics[:, 0] *= amplitude
+    harmonics[:, 1] *= frequency
+    samples = sample_motion(harmonics.ravel(), period, count)
+    return samples, attitudes_of_angles(samples.angles)
+
+
+def read_increments(
+    samples: Samples,
+    scale_misalignment: NDArray,
+    bias: NDArray,
+    quantum: float,
+    noise_bound: float,
+    seed: int,
+) -> NDArray:
+    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.blocks.gyro`.
+
+    Parameters
+    ----------
+    samples : Samples
+    scale_misalignment : (9,) array
+        Γ, row by row
+    bias : (3,) array
+        [rad/s]
+    quantum : float
+        [rad]; 0: exact
+    noise_bound : float
+        [rad/s]
+    seed : int
+        of the errors
+
+    Returns
+    -------
+    (N, 3) array
+        [rad]
+    """
+    gyros = instantiate(GYRO_BLOCK)
+    memory = {name: np.array(values, dtype=float) for name, values in gyros.memory.items()}
+    memory |= {"scale_misalignment": np.array(scale_misalignment), "bias": np.array(bias)}
+    given: dict[str, float] = {"input_kind": INCREMENTS, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
+
+    def arguments(kernel: str, own: tuple[str, ...]) -> tuple[Any, ...]:
+        names = [name for name in gyros.arguments[kernel] if name not in own]
+        scalars = {
+            name: float(given[name] if name in given else memory[name][0]) for name in names if name in gyros.scalars
+        }
+        return tuple(scalars.get(name, memory[name]) for name in names)
+
+    read = np.empty_like(samples.increments)
+    status = _reader()(
+        samples.period,
+        samples.increments,
+        arguments("initialise", ("time",)),
+        arguments("step", ("time", "step")),
+        memory["increment"],
+        memory["increment_reading"],
+        read,
+    )
+    if status:
+        raise InputError(GYRO_BLOCK.messages[status - 1])
+    return read
+
+
+@cache
+def _reader() -> Callable[..., int]:
+    initialise, step = cast("tuple[Any, Any]", (compiled(gyro.initialise), compiled(gyro.step)))
+
+    @numba.njit(nogil=True, error_model="numpy")
+    def read(period, increments, to_initialise, to_step, increment, reading, found):
+        status = initialise(0.0, *to_initialise)
+        for k in range(len(increments)):
+            if status != 0:
+                return status
+            for p in range(3):
+                increment[p] = increments[k, p]
+            status = step(k * period, period, *to_step)
+            for p in range(3):
+                found[k, p] = reading[p]
+        return status
+
+    return read
+
+
+class HiddenRuns:
+    """Cases of the suite: run i is case i of the seed."""
+
+    def __init__(self, campaign: Campaign, setting: HiddenSetting) -> None:
+        self.keep = campaign.keep
+        if setting.suite is not None:
+            try:
+                named = named_suite(setting.suite)
+            except InputError as error:
+                raise InputError(f"hidden.suite: {str(error).removeprefix('--suite ')}") from error
+            self.options, self.seed = named.options, named.seed
+        else:
+            size = setting.size
+            self.options = BenchOptions(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
+            self.seed = campaign.seed
+        self.outputs = {
+            "hidden": Output(pl.String),
+            "named": Output(pl.String),
+            "verdict": Output(pl.String),
+            "outcome": Output(pl.String, good=("right", "candidate")),
+            "relative_size": Output(pl.Float64),
+            "radius": Output(pl.Float64),
+            "inside": Output(pl.Boolean, "higher"),
+            "size_error": Output(pl.Float64),
+            "positions": Output(pl.Int64),
+            "redrawn": Output(pl.Int64),
+        }
+
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+        """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
+        case = draw_bench_case(self.options, self.seed, number)
+        record = measure_bench(case)
+        found = diagnosed(case, record)
+        outcome = judged(case, found)
+        scalars: dict[str, Value | int | None] = {
+            "hidden": outcome.hidden_words,
+            "named": outcome.named_words,
+            "verdict": outcome.verdict,
+            "outcome": outcome.outcome,
+            "relative_size": case.hidden[0].relative_size if len(case.hidden) == 1 else None,
+            "radius": outcome.radius,
+            "inside": outcome.inside,
+            "size_error": outcome.size_errors[0] if len(outcome.size_errors) == 1 else None,
+            "positions": len(case.bench.alpha),
+            "redrawn": case.redrawn,
+        }
+        told = None
+        if self.keep.diagnosis:
+            told = json.dumps({**outcome.to_json(), "diagnosis": found.to_json()}, ensure_ascii=False, allow_nan=False)
+        return Given(scalars, record_table(record) if self.keep.record else None, told)

@@ -4,7 +4,7 @@ import contextlib
 import io
 import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,14 +13,13 @@ import polars as pl
 
 from ..errors import InputError
 from ..files import whole_file, write_text
+from .design import Order, versions
 from .file import Campaign, parse_campaign
-from .kinds import Columns
-from .order import Order, versions
-from .partitions import partition_count, partition_name, runs_of
-from .work import Computed
+from .runs import Columns, Computed
 
 SCHEMA = "trihedron.campaign-result/1"
 MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", ".lock"
+SUMMARY, PAGE = "summary.json", "index.html"
 RUNS, RECORDS = "runs", "records"
 
 
@@ -39,11 +38,11 @@ class Store:
 
     def scalars_path(self, partition: int) -> Path:
         """The file of a partition's scalars."""
-        return self.folder / RUNS / partition_name(self.campaign, partition)
+        return self.folder / RUNS / self.campaign.file_name(partition)
 
     def records_path(self, partition: int) -> Path:
         """The file of a partition's records."""
-        return self.folder / RECORDS / partition_name(self.campaign, partition)
+        return self.folder / RECORDS / self.campaign.file_name(partition)
 
     def write(self, computed: Computed) -> None:
         """Keep a partition; its scalars last: where they are, the partition is whole."""
@@ -53,15 +52,19 @@ class Store:
         with whole_file(self.scalars_path(computed.partition)) as beside:
             beside.write_bytes(computed.scalars)
 
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Keep what was computed over all runs."""
+        write_text(self.folder / SUMMARY, json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
     def missing(self) -> tuple[list[int], int, int]:
         """Partitions that are not there or not whole; runs that are there, and how many of them failed."""
         missing, done, failed = [], 0, 0
-        for partition in range(partition_count(self.campaign)):
+        for partition in range(self.campaign.partitions):
             found = self._failures(partition)
             if found is None:
                 missing.append(partition)
             else:
-                done += len(runs_of(self.campaign, partition))
+                done += len(self.campaign.runs_of(partition))
                 failed += found
         return missing, done, failed
 
@@ -70,7 +73,7 @@ class Store:
         path = self.scalars_path(partition)
         if not path.is_file() or (self.campaign.keep.record and not self.records_path(partition).is_file()):
             return None
-        runs = runs_of(self.campaign, partition)
+        runs = self.campaign.runs_of(partition)
         try:
             table = pl.read_parquet(io.BytesIO(path.read_bytes()), columns=["run", "failed"])
         except (pl.exceptions.PolarsError, OSError):
@@ -98,7 +101,7 @@ def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: byt
         "versions": versions(),
         "runs": campaign.runs,
         "runs_of_partition": campaign.partition_size,
-        "partitions": partition_count(campaign),
+        "partitions": campaign.partitions,
         "outputs": {
             name: {"type": output.dtype.__name__, "better": output.better, "good": list(output.good)}
             for name, output in columns.outputs.items()

@@ -393,7 +393,8 @@ def campaign(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **
     """Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s"""
     distinct_files({"the campaign": campaign, "--json": json})
     done = library.run_campaign(campaign, out, **options, progress=True)
-    return answer(done, json, done.summary, files=done.files)
+    folder = done.folder or Path()
+    return answer(done, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
 
 
 def campaign_report(
@@ -425,10 +426,9 @@ def campaign_report(
         File for the comparison, or without --against for the summary.
     """
     distinct_files({"--report": report, "--json": json})
-    from ..campaign.comparison import compare
-    from ..campaign.computing import summarise
+    from ..campaign.compare import compare
     from ..campaign.store import open_result
-    from ..campaign.texts import comparison_text, summary_text
+    from ..campaign.summary import summarise
     from ..printing import write_report
     from ..report.campaign_page import campaign_page
 
@@ -440,9 +440,7 @@ def campaign_report(
     summary = summarise(store)
     write_report(page, campaign_page(store, manifest, comparison))
     if comparison is None:
-        return answer(summary_text(summary), json, summary, files=[page])
+        return answer(summary, json, files=[page])
     worse = comparison.of("worse") if gate else ()
     complaint = f"{folder}: {len(worse)} worse than {against}, beyond chance" if worse else ""
-    return answer(
-        comparison_text(comparison), json, comparison.to_json(), files=[page], complaint=complaint, status=WORSE
-    )
+    return answer(comparison, json, files=[page], complaint=complaint, status=WORSE)

@@ -1,15 +1,17 @@
 """The page of a campaign: what was run, what came of it, what failed, and what changed against another one."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..campaign.comparison import CHANCE, Comparison
-from ..campaign.computing import Results, summarise
+from ..campaign.compare import CHANCE, Comparison
 from ..campaign.file import Campaign
-from ..campaign.store import Store
-from ..campaign.texts import rate_text, told_values
+from ..campaign.store import PAGE, Store, open_result
+from ..campaign.summary import CampaignResult, Results, summarise
+from ..files import write_text
+from ..reports.campaign_words import rate_text, told_values
 from ..trials.suite import named_suite
 from .campaign_pictures import chance_of, distributions_picture, rates_picture, sensitivity_picture
 from .cells import Cell
@@ -31,6 +33,14 @@ LISTED = 200
 SALTELLI = "Saltelli et al., Computer Physics Communications 181 (2010), 259–270: Sobol indices"
 
 
+def write_campaign_page(folder: Path, path: Path | None = None, comparison: Comparison | None = None) -> Path:
+    """Write the page of the campaign that a folder holds; returns its file, <folder>/index.html by default."""
+    store, manifest = open_result(folder)
+    page = folder / PAGE if path is None else path
+    write_text(page, campaign_page(store, manifest, comparison))
+    return page
+
+
 def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Comparison | None = None) -> str:
     """The page of a campaign that is complete.
 
@@ -47,11 +57,11 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     if comparison is not None:
         sections.append(_changes(comparison))
     sections.append(_about(campaign))
-    sections += _computed(summary["computed"], results)
-    if summary["failures"]:
-        rows = [[entry["runs"], entry["first_run"], entry["message"]] for entry in summary["failures"]]
+    sections += _computed(summary.computed, results)
+    if summary.failures:
+        rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
         sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
-    failed = summary["failed"]
+    failed = summary.failed
     verdict = " ".join([f"{campaign.runs} {KINDS[campaign.kind]}, {failed or 'none'} failed.", *counted(summary)])
     if comparison is not None:
         verdict += f" {_sentence(comparison)}"
@@ -72,9 +82,9 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     )
 
 
-def counted(summary: Mapping[str, Any]) -> list[str]:
+def counted(summary: CampaignResult) -> list[str]:
     """The rates of the whole campaign, each as a sentence."""
-    whole = [item for item in summary["computed"] if "rate" in item and "against" not in item]
+    whole = [item for item in summary.computed if "rate" in item and "against" not in item]
     return [
         f"{item['rate'].capitalize()} was {told_values(item)} in {entry['count'] or 'none'} of {entry['cases']}."
         for item in whole

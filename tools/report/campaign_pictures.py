@@ -134,7 +134,7 @@ def sensitivity_picture(name: str, found: Mapping[str, Any], runs: int) -> str:
     name : str
         of the scalar
     found : mapping
-        what `trihedron.tools.campaign.computing.sensitivity` says of it
+        what `trihedron.tools.campaign.summary.sensitivity` says of it
     runs : int
         of which it is said
     """

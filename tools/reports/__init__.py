@@ -12,6 +12,8 @@ LINES = {Plans: plan_lines, PositionPlan: position_lines, Curve: curve_lines, Se
 LATE = {
     "AttitudeComparison": ("inspection", "comparison_lines"),
     "AttitudeRun": ("inspection", "attitude_lines"),
+    "CampaignResult": ("campaign_words", "campaign_lines"),
+    "Comparison": ("campaign_words", "change_lines"),
     "Inspection": ("inspection", "inspection_lines"),
     "PublishedCalibration": ("papers", "published_lines"),
     "Reproduction": ("papers", "reproduction_lines"),

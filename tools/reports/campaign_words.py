@@ -3,22 +3,22 @@
 from collections.abc import Mapping
 from typing import Any
 
-from .comparison import Comparison
+from ..campaign.compare import Comparison
+from ..campaign.summary import CampaignResult
 
 MOST_ROWS = 24
 """Lines of one table on a terminal; the page has all."""
 
 
-def summary_text(summary: Mapping[str, Any]) -> str:
-    """A campaign's summary in lines."""
-    lines = [f"{summary['runs']} runs, {summary['failed']} failed"]
+def campaign_lines(result: CampaignResult) -> list[str]:
+    """What was computed over all runs, and what it took."""
+    lines = [f"{result.runs} runs, {result.failed} failed"]
     lines += [
-        f"  failed {entry['runs']} times, first run {entry['first_run']}: {entry['message']}"
-        for entry in summary["failures"][:5]
+        f"  failed {entry.runs} times, first run {entry.first_run}: {entry.message}" for entry in result.failures[:5]
     ]
-    for item in summary["computed"]:
+    for item in result.computed:
         lines += ["", *_computed(item)]
-    return "\n".join(lines)
+    return lines if result.cost is None else [*lines, "", str(result.cost)]
 
 
 def _computed(item: Mapping[str, Any]) -> list[str]:
@@ -91,8 +91,8 @@ def _cut(lines: list[str]) -> list[str]:
     return lines if more <= 0 else [*lines[:MOST_ROWS], f"  ... and {more} more"]
 
 
-def comparison_text(comparison: Comparison) -> str:
-    """What got better or worse, in lines."""
+def change_lines(comparison: Comparison) -> list[str]:
+    """What got better or worse."""
     told = [change for change in comparison.changes if change.verdict != "same"]
     counts = ", ".join(f"{len(comparison.of(kind))} {kind}" for kind in ("worse", "better", "changed", "same"))
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
@@ -100,4 +100,4 @@ def comparison_text(comparison: Comparison) -> str:
     for change in sorted(told, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
         before, after = ("no value" if value is None else f"{value:.6g}" for value in (change.before, change.after))
         lines.append(f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {change.p:.2g})")
-    return "\n".join(lines)
+    return lines

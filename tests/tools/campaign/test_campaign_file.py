@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from campaign_runs import CALIBRATION
-from trihedron.tools.campaign.axes import Axis
 from trihedron.tools.campaign.design import Design, short_seed
-from trihedron.tools.campaign.file import Campaign, parse_campaign, read_campaign
-from trihedron.tools.campaign.partitions import partition_count, partition_name, runs_of
-from trihedron.tools.campaign.runners import columns_of, make_runner
+from trihedron.tools.campaign.file import Axis, Campaign, parse_campaign, read_campaign
+from trihedron.tools.campaign.runs import columns_of, make_runner
 from trihedron.tools.errors import InputError
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
@@ -188,11 +186,11 @@ def test_seeds_are_all_different_and_fit_the_components():
 @given(st.integers(1, 10**7), st.integers(10, 10**4))
 def test_partitions_are_all_runs_in_order(runs, size):
     campaign = parsed(f"{HEAD}repeats = {runs}\npartition = {size}\n[calibration]\n")
-    count = partition_count(campaign)
-    assert runs_of(campaign, 0)[0] == 0
-    assert runs_of(campaign, count - 1)[-1] == runs - 1
+    count = campaign.partitions
+    assert campaign.runs_of(0)[0] == 0
+    assert campaign.runs_of(count - 1)[-1] == runs - 1
     middle = count // 2
-    assert middle == 0 or runs_of(campaign, middle - 1)[-1] + 1 == runs_of(campaign, middle)[0]
+    assert middle == 0 or campaign.runs_of(middle - 1)[-1] + 1 == campaign.runs_of(middle)[0]
     assert parsed(f"{HEAD}repeats = {runs * 1000}\n[calibration]\n").partition_size <= 5000
-    names = [partition_name(campaign, k) for k in (0, middle, count - 1)]
+    names = [campaign.file_name(k) for k in (0, middle, count - 1)]
     assert names == sorted(names)
