@@ -20,7 +20,6 @@ from trihedron.tools.report.calibration_page import calibration_page
 from trihedron.tools.report.diagnosis_sections import diagnosis_page
 from trihedron.tools.report.plan_page import plan_page
 from trihedron.tools.report.strapdown_page import strapdown_page
-from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 PROGRAM = browser_program()
@@ -60,7 +59,7 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     run = measured["consistent"]
     texts["calibration"] = calibration_page(calibrate(run, noise_bound=NOISE_BOUND), run)
     drift = strapdown_record(drift=np.array([0.5, -0.4, 0.3]), seed=3)
-    texts["strapdown"] = strapdown_page(diagnose_strapdown(drift))
+    texts["strapdown"] = strapdown_page(diagnose(drift))
     texts["plan"] = plan_page(plan_targets(("X4", "X6+X8"), grid=15.0))
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")

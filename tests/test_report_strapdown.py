@@ -1,7 +1,6 @@
 """What the page of a strapdown record says, and that its figures are those of the result."""
 
 import re
-from dataclasses import replace
 from html import unescape
 from xml.etree import ElementTree
 
@@ -11,14 +10,15 @@ import pytest
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.models.effects import STRAPDOWN_EFFECTS
 from trihedron.tools.bounded.spaces import cosine, spaces_beyond
-from trihedron.tools.diagnosis.result import Cause
+from trihedron.tools.diagnosis import Cause, diagnose
+from trihedron.tools.diagnosis.search import compared_places, likeness
+from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
 from trihedron.tools.report.rounding import to_bound
 from trihedron.tools.report.strapdown_excluded import in_words
 from trihedron.tools.report.strapdown_model import effect_lines, own_words
 from trihedron.tools.report.strapdown_page import strapdown_page, verdict_sentence
 from trihedron.tools.report.strapdown_sections import parameter_section
-from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
-from trihedron.tools.strapdown.separation import OF_ACCELEROMETERS, what_separates
+from trihedron.tools.report.strapdown_text import sets_of
 from trihedron.tools.trials.draw import BlockOptions, draw_block_case
 from trihedron.tools.trials.measure import measure_block
 
@@ -26,7 +26,7 @@ from trihedron.tools.trials.measure import measure_block
 @pytest.fixture(scope="module")
 def explained():
     matrix = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
-    return diagnose_strapdown(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=matrix, seed=3))
+    return diagnose(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=matrix, seed=3))
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def page(explained):
 
 @pytest.fixture(scope="module")
 def ambiguous():
-    found = diagnose_strapdown(measure_block(draw_block_case(BlockOptions(), 4, 4)))
+    found = diagnose(measure_block(draw_block_case(BlockOptions(), 4, 4)))
     assert found.verdict == "ambiguous"
     return found
 
@@ -90,8 +90,8 @@ def test_what_has_no_unit_is_printed_without_one(page, ambiguous, explained):
         assert "1" not in units
         assert "rad/s/g2" not in text
     # Behind a number of a line that is printed there is no unit "1" either.
-    lines = [line for found in (explained, ambiguous) for line in found.lines()]
-    assert any(line.endswith("]") for line in ambiguous.lines())
+    lines = [line for found in (explained, ambiguous) for line in str(found).split("\n")]
+    assert any(line.endswith("]") for line in str(ambiguous).split("\n"))
     assert not any(re.search(r"(\]|below [0-9.e-]+) 1$", line) for line in lines)
 
 
@@ -110,7 +110,7 @@ def test_the_cause_has_the_digits_that_its_interval_justifies_in_the_table_and_i
 
 
 def test_it_says_on_what_it_rests_and_cites_what_was_used(page, explained):
-    record = explained.inspection.record
+    record = explained.evidence.found.record
     below = page[page.index("What these results rest on") :]
     for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy", "trihedron"):
         assert fact in below
@@ -120,7 +120,7 @@ def test_it_says_on_what_it_rests_and_cites_what_was_used(page, explained):
 
 
 def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used():
-    found = diagnose_strapdown(strapdown_record(true_motion(POSES[:1])))
+    found = diagnose(strapdown_record(true_motion(POSES[:1])))
     assert found.verdict == "insufficient"
     text = unescape(strapdown_page(found))
     assert "One rest of" in text
@@ -132,15 +132,15 @@ def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used(
 def test_sets_that_remain_are_numbered_and_all_named(ambiguous):
     text = strapdown_page(ambiguous)
     rows = table_with(text, "set", "effect")
-    assert [row["set"] for row in rows] == [str(k + 1) for k, causes in enumerate(ambiguous.candidates) for _ in causes]
-    for causes in ambiguous.candidates:
+    assert [row["set"] for row in rows] == [str(k + 1) for k, causes in enumerate(sets_of(ambiguous)) for _ in causes]
+    for causes in sets_of(ambiguous):
         assert causes[0].place.title in verdict_sentence(ambiguous)
     assert "Causes that remain" in text
     assert "no interval is given" in parameter_section(ambiguous).paragraphs[0]
 
 
 def test_one_measurement_that_shows_two_effects_is_named_once(ambiguous):
-    (said,) = what_separates([[c.place for c in causes] for causes in ambiguous.candidates], "gravity")
+    (said,) = ambiguous.next
     assert said == f"{OF_ACCELEROMETERS} (shows quadratic, scale-asymmetry)"
 
 
@@ -191,9 +191,10 @@ def test_likeness_is_the_cosine_between_spaces_less_what_is_imitated():
 
 
 def test_effects_that_are_compared_begin_with_those_that_were_found(explained):
-    assert explained.compared[0] == explained.causes[0].place
-    assert explained.alike is not None
-    assert explained.alike.shape == (len(explained.compared),) * 2
-    assert np.diag(explained.alike) == pytest.approx(1.0)
-    assert "could be taken for what" not in strapdown_page(replace(explained, alike=None))
-    assert "Björck" not in strapdown_page(replace(explained, alike=None))
+    ranked = [title for title, _ in explained.tried]
+    compared = compared_places(explained.evidence.classes.places, [explained.findings[0].places], ranked)
+    assert compared[0] == explained.causes[0].place
+    assert np.diag(likeness(explained.evidence, compared)) == pytest.approx(1.0)
+    untried = strapdown_page(explained.model_copy(update={"tried": ()}))
+    assert "could be taken for what" not in untried
+    assert "Björck" not in untried

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from .orchestrator.scenario import Scenario
     from .planning.plan import Plans, PositionPlan
     from .records import Source
-    from .strapdown.result import StrapdownDiagnosis
     from .trials.suite import HiddenRecord
 
 __all__ = [
@@ -306,7 +305,7 @@ def diagnose(
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     progress: bool = False,
-) -> "Diagnosis | StrapdownDiagnosis":
+) -> "Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
 
     Parameters
@@ -340,18 +339,15 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
+    from .diagnosis import diagnose as judge
     from .records import PositionRecord, StrapdownRecord
     from .records import read_record as read
 
     run = read(record, PositionRecord, StrapdownRecord)
     if isinstance(run, StrapdownRecord):
-        from .strapdown.diagnosis import diagnose_strapdown
-
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-        return diagnose_strapdown(run, gravity=gravity, baseline=baseline, rates=rates)
-    from .diagnosis import diagnose as judge
-
+        return judge(run, gravity=gravity, baseline=baseline, rates=rates, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     return judge(

@@ -37,7 +37,9 @@ def text_of(result: Result) -> str:
     if isinstance(result, Check):
         return "\n".join(check_lines(result))
     if isinstance(result, Diagnosis):
-        return diagnosis_summary(result)
+        from .report.strapdown_text import diagnosis_lines
+
+        return diagnosis_summary(result) if result.unit is None else "\n".join(diagnosis_lines(result))
     return result.json_text()
 
 

@@ -19,14 +19,12 @@ from case_study_tables import (
     table,
 )
 from trihedron.tools.cli.answer import exit_status
+from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.diagnosis.lengths import is_stable
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.gain import ARCMIN
 from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record
-from trihedron.tools.strapdown.diagnosis import diagnose_strapdown
-from trihedron.tools.strapdown.judging import is_stable
-from trihedron.tools.strapdown.result import StrapdownDiagnosis
-from trihedron.tools.strapdown.summary import sentence_of
+from trihedron.tools.report.strapdown_text import sentence_of, witnesses_of
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
@@ -42,36 +40,38 @@ def read(folder: Path, name: str) -> StrapdownRecord:
     return found
 
 
-def broad_page(result: StrapdownDiagnosis, pictures: str) -> str:
+def broad_page(result: Diagnosis, pictures: str) -> str:
     """The case study of BROAD 03."""
-    record, found = result.inspection.record, result.inspection
+    record, found = result.evidence.found.record, result.evidence.found
     period = found.sampling.period
     named = " and ".join(cause.place.effect for cause in result.causes) or "nothing"
     sentences = "\n".join(f"- {sentence_of(cause, period)};" for cause in result.causes)
     bias = (
-        ", ".join(f"{math.degrees(value):+.3f}" for value in result.bias_at_rest)
+        ", ".join(f"{math.degrees(value):+.3f}" for value in result.bias_at_rest.radps)
         if result.bias_at_rest is not None
         else ""
     )
-    left_in = figure((result.bias_left_in or 0.0) / ARCMIN)
+    left_in = figure((result.bias_at_rest and result.bias_at_rest.rms_if_left_in_arcmin) or 0.0)
     rows = [
         [
-            length.label,
+            length.over,
             length.pieces,
-            figure(length.bound / ARCMIN),
+            figure(length.noise_bound_arcmin),
             figure(length.radius),
-            "; ".join(" + ".join(p.effect for p in places) for places in length.sets[:3]) or "none",
+            "; ".join(" + ".join(p.effect for p in places) for places in length.smallest_sets[:3]) or "none",
         ]
-        for length in result.lengths
+        for length in result.lengths or ()
     ]
-    orders = [[length.label, order_text(length.order), order_text(length.as_measured)] for length in result.lengths]
-    raw = [length.as_measured for length in result.lengths if length.as_measured is not None]
+    orders = [
+        [length.over, order_text(length.order), order_text(length.order_as_measured)] for length in result.lengths or ()
+    ]
+    raw = [length.order_as_measured for length in result.lengths or () if length.order_as_measured is not None]
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
     raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
     quoted = result.gain.to_json() if result.gain is not None else {}
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
     fall = f"{' to '.join(figure(end) for end in ends)} arcmin rms"
-    unseen = ", ".join(dict.fromkeys(place.effect for place in result.not_seen))
+    unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
 The record: {len(record)} rows, one every {1e3 * period:.4g} ms, {record.time_s[-1] - record.time_s[0]:.0f} s of slow
@@ -93,8 +93,8 @@ from {fall}.
 
 Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
 its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
-rest taken out, leaves a largest error of at least {figure(result.radius or math.nan)} bounds; with {named} it is
-{figure(result.extended_radius or math.nan)}. The bounds: {result.noise_bound_from}.
+rest taken out, leaves a largest error of at least {figure(result.baseline.radius or math.nan)} bounds; with {named} it
+is {figure(result.extended.radius if result.extended else math.nan)}. The bounds: {result.noise_bound_from}.
 
 Each length by itself:
 
@@ -106,7 +106,7 @@ the bias at rest left in it is {raw_stable}:
 {table(["windows", "bias at rest taken out", "bias at rest left in"], orders)}
 
 Of the signatures shuffled over the windows so many did as well:
-{"; ".join(f"{w.place.effect} {w.as_good} of {w.shuffles}" for w in result.witnesses)}.
+{"; ".join(f"{w.effect} {w.shuffles.as_good} of {w.shuffles.tried}" for w in witnesses_of(result))}.
 
 {pictures}
 
@@ -130,24 +130,24 @@ Data 6(7):72, 2021, trial 03, CC BY 4.0; other file format, magnetometer and pos
 """
 
 
-def mpu_page(results: Sequence[StrapdownDiagnosis], nominal: Sequence[StrapdownDiagnosis], pictures: str) -> str:
+def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], pictures: str) -> str:
     """The case study of the three MPU-9150 logs."""
-    names = [r.inspection.record.path.name.removesuffix(".strapdown.csv") for r in results]
+    names = [r.evidence.found.record.path.name.removesuffix(".strapdown.csv") for r in results]
     rows = [
         [
             name,
             r.verdict,
-            len(r.inspection.rests),
+            len(r.evidence.found.rests),
             r.lengths[0].pieces,
-            figure(r.lengths[0].rms / ARCMIN),
-            figure((r.noise_bound or math.nan) / ARCMIN),
-            figure(r.radius or math.nan),
+            figure(r.lengths[0].rms_arcmin),
+            figure(r.noise_bound_arcmin or math.nan),
+            figure(r.baseline.radius or math.nan),
         ]
         for name, r in zip(names, results, strict=True)
     ]
     block = []
-    for number, parameter in enumerate(results[0].parameters):
-        values = [r.parameters[number] for r in results]
+    for number, parameter in enumerate(results[0].baseline.parameters):
+        values = [r.baseline.parameters[number] for r in results]
         cells = [
             f"{p.estimate:+.4f} ({p.low:+.4f} to {p.high:+.4f})" if p.low is not None and p.high is not None else "–"
             for p in values
@@ -157,17 +157,18 @@ def mpu_page(results: Sequence[StrapdownDiagnosis], nominal: Sequence[StrapdownD
         [
             name,
             n.verdict,
-            figure(n.radius or math.nan),
+            figure(n.baseline.radius or math.nan),
             " + ".join(c.place.effect for c in n.causes)
             + (f" and {len(n.alternatives)} other sets" if n.alternatives else ""),
-            f"{figure(n.lengths[0].order.start / ARCMIN)} → {figure(n.lengths[0].order.steps[0][1] / ARCMIN)}"
+            f"{figure(n.lengths[0].order.held_out_rms_arcmin)} → "
+            f"{figure(n.lengths[0].order.steps[0].held_out_rms_arcmin)}"
             if n.lengths and n.lengths[0].order is not None and n.lengths[0].order.steps
             else "–",
         ]
         for name, n in zip(names, nominal, strict=True)
     ]
-    unseen = ", ".join(dict.fromkeys(place.effect for place in results[0].not_seen))
-    hertz = 1.0 / results[0].inspection.sampling.period
+    unseen = ", ".join(dict.fromkeys(place.effect for place in results[0].cannot_be_seen or ()))
+    hertz = 1.0 / results[0].evidence.found.sampling.period
     verdicts = ", ".join(f"{name} {r.verdict}" for name, r in zip(names, results, strict=True))
     causes = [cause.place.effect for r in results for cause in r.causes]
     named = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
@@ -225,7 +226,7 @@ def write_broad(data: Path, docs: Path) -> None:
     """Write the page and the pictures of BROAD 03."""
     from trihedron.tools.report.strapdown_page import write_pictures
 
-    result = diagnose_strapdown(read(data, BROAD))
+    result = diagnose(read(data, BROAD))
     written = write_pictures(result, docs / "pictures", "broad")
     write_text(docs / "case-study-broad.md", broad_page(result, picture_lines(written, "broad")))
 
@@ -233,8 +234,8 @@ def write_broad(data: Path, docs: Path) -> None:
 def write_mpu(data: Path, docs: Path) -> None:
     """Write the page and the pictures of the three MPU-9150 logs."""
     records = [read(data, name) for name in MPU]
-    results = [diagnose_strapdown(record, rerun=False) for record in records]
-    nominal = [diagnose_strapdown(record, baseline="nominal", rerun=False) for record in records]
+    results = [diagnose(record, rerun=False) for record in records]
+    nominal = [diagnose(record, baseline="nominal", rerun=False) for record in records]
     from trihedron.tools.report.strapdown_page import write_pictures
 
     written = write_pictures(results[0], docs / "pictures", "mpu9150")

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trihedron.models.effects import CATALOGUE
-from trihedron.tools.evidence.gain import ARCMIN
-from trihedron.tools.strapdown.judging import Order
-from trihedron.tools.strapdown.result import StrapdownDiagnosis
+from trihedron.tools.diagnosis.result import Diagnosis, OrderOfEffects
 
 CAPTIONS = {
     "time": "Error of the carried attitude over time.",
@@ -27,12 +25,12 @@ def figure(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
-def order_text(order: Order | None) -> str:
+def order_text(order: OrderOfEffects | None) -> str:
     """An order of effects with the errors that are left, arcminutes."""
     if order is None:
         return "–"
-    steps = [f"{place.effect} → {figure(left / ARCMIN)}" for place, left in order.steps]
-    return f"{figure(order.start / ARCMIN)}: " + (", ".join(steps) or "nothing helps")
+    steps = [f"{step.effect} → {figure(step.held_out_rms_arcmin)}" for step in order.steps]
+    return f"{figure(order.held_out_rms_arcmin)}: " + (", ".join(steps) or "nothing helps")
 
 
 def picture_lines(written: Sequence[Path], stem: str) -> str:
@@ -44,7 +42,7 @@ def picture_lines(written: Sequence[Path], stem: str) -> str:
     )
 
 
-def gain_table(result: StrapdownDiagnosis) -> str:
+def gain_table(result: Diagnosis) -> str:
     """Errors of parts that were not used."""
     assert result.gain is not None
     summary = result.gain.to_json()
@@ -59,7 +57,7 @@ def gain_table(result: StrapdownDiagnosis) -> str:
     return table(["over", "pieces", "rms before", "rms after", "largest before", "largest after"], rows)
 
 
-def cause_table(result: StrapdownDiagnosis) -> str:
+def cause_table(result: Diagnosis) -> str:
     """The causes with the sizes that the record leaves possible."""
     rows = [
         [cause.place.effect, p.name, f"{value:+.3g}", f"{low:+.3g} to {high:+.3g}", "" if p.unit == "1" else p.unit]
@@ -71,10 +69,10 @@ def cause_table(result: StrapdownDiagnosis) -> str:
     return table(["effect", "parameter", "estimate", "possible", "unit"], rows)
 
 
-def excluded_table(result: StrapdownDiagnosis) -> str:
+def excluded_table(result: Diagnosis) -> str:
     """The largest size of each effect of the gyros that the record leaves possible."""
     largest: dict[tuple[str, str], float] = {}
-    for entry in result.excluded:
+    for entry in result.excluded or ():
         if entry["where"] in ("gyro-block", "attitude-computer"):
             key = (entry["effect"], entry["unit"])
             largest[key] = max(largest.get(key, 0.0), entry["above"])

@@ -52,6 +52,16 @@ class EffectPlace:
             words.append("axes " + " ".join(str(axis) for axis in self.axes))
         return " ".join(words)
 
+    @property
+    def entry(self) -> dict[str, object]:
+        """As scenarios and results write it: ``effect``, ``where``, where it has them ``order`` and ``axes``."""
+        written: dict[str, object] = {"effect": self.effect, "where": self.where}
+        if self.order is not None:
+            written["order"] = self.order
+        if self.axes:
+            written["axes"] = list(self.axes)
+        return written
+
 
 @dataclass(frozen=True)
 class EffectParameter:

@@ -3,40 +3,32 @@
 from collections.abc import Mapping
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from ..bounded.programmes import SolverError
-from ..calibration.procedure import STANDARD_BOUNDS
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
-from ..evidence.evidence import Evidence, Fit
-from ..records import PositionRecord
+from ..evidence.carried_record import carried_evidence
+from ..evidence.evidence import Evidence
+from ..records import PositionRecord, StrapdownRecord
 from .judge import causes_of, excluded_sizes, residual_structure
+from .lengths import of_lengths, only_at_one_length
 from .result import Diagnosis, EffectWitness, Finding, NamedEffect, Witness
 from .search import equivalence_groups, search, single_radii
 
 
 def diagnose(
-    record: PositionRecord,
-    *,
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: str = "asymmetric",
-    bounds: tuple[float, float] = STANDARD_BOUNDS,
-    mounting: Mapping[str, ArrayLike] | str = "identity",
-    rerun: bool = True,
-    progress: bool = False,
+    record: PositionRecord | StrapdownRecord, *, rerun: bool = True, progress: bool = False, **options: Any
 ) -> Diagnosis:
-    """Say whether the bench's model can be true of a record, and if not, which smallest set of effects mends it.
+    """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
     Parameters
     ----------
-    record, noise_bound, gravity, baseline, bounds, mounting
-        as for `trihedron.tools.calibration.calibrate`
+    record : PositionRecord or StrapdownRecord
     rerun : bool
-        simulate held-out positions again, without and with the effect that was named
+        simulate what was held out again, without and with the effects that were named
     progress : bool
         show a bar on standard error, where that is a terminal
+    **options
+        of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`
 
     Returns
     -------
@@ -45,16 +37,14 @@ def diagnose(
     Raises
     ------
     InputError
-        as for `trihedron.tools.calibration.calibrate`
+        a record that cannot be used
     """
-    evidence = bench_evidence(
-        record, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting
-    )
+    carried = isinstance(record, StrapdownRecord)
+    evidence = carried_evidence(record, **options) if carried else bench_evidence(record, **options)
     try:
         return diagnosed(evidence, rerun=rerun, progress=progress)
     except SolverError as error:
-        sigma = evidence.calibration.noise_bound
-        raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
+        raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
 
 
 def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False) -> Diagnosis:
@@ -68,6 +58,7 @@ def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False)
     told: dict[str, Any] = {"evidence": evidence, "causes": (), "extended": None, "gain": None, **evidence.head()}
     if missing := evidence.missing():
         return _result("insufficient", told, missing)
+    told |= of_lengths(evidence)
     if not evidence.falsified:
         excluded = excluded_sizes(evidence, evidence.baseline)
         model = evidence.of_model(evidence.baseline, excluded)
@@ -77,15 +68,24 @@ def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False)
     if not found.fits or evidence.objections():
         return _unexplained(evidence, told, evidence.objections())
     groups = equivalence_groups(evidence, found.fits)
-    findings = tuple(Finding(causes_of(evidence, group[0]), group[0]) for group in groups)
+    findings = [Finding(causes_of(evidence, group[0]), group[0]) for group in groups[: evidence.most_sets]]
     best = groups[0][0]
-    told |= {"findings": findings, "causes": findings[0].causes, "extended": {"radius": best.radius}}
-    told |= {"judgement": _judgement(evidence, best)}
+    heard = [EffectWitness.of(trial) for trial in evidence.trials(best)] if evidence.decisive else []
+    if heard and len(groups) == 1:
+        # What is needed most comes first.
+        heard.sort(key=lambda witness: -witness.rms_without)
+        named = {cause.place: cause for cause in findings[0].causes}
+        findings = [Finding(tuple(named[witness.place] for witness in heard if witness.place is not None), best)]
+    told |= {"findings": findings, "judgement": heard or next(Witness.of(trial) for trial in evidence.trials(best))}
+    alone = only_at_one_length(evidence, best, told["lengths"]) if heard and len(groups) == 1 else ()
+    if len(groups) == 1 and (objections := (*(w.objection for w in heard if w.objection is not None), *alone)):
+        return _unexplained(evidence, told, objections)
+    told |= {"causes": findings[0].causes, "extended": {"radius": best.radius}}
     if len(groups) > 1 or not found.complete:
         return _result(
             "ambiguous",
             told,
-            evidence.probe([group[0] for group in groups]),
+            evidence.probe([finding.fit for finding in findings]),
             alternatives=tuple(finding.causes for finding in findings[1:]),
             complete=found.complete,
         )
@@ -98,13 +98,6 @@ def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False)
         gain=evidence.gain(best) if rerun else None,
         excluded=excluded,
     )
-
-
-def _judgement(evidence: Evidence, fit: Fit) -> Witness | tuple[EffectWitness, ...]:
-    """What was left out says of the effects of a fit: of each, or of the set."""
-    if evidence.decisive:
-        return tuple(EffectWitness.of(trial) for trial in evidence.trials(fit))
-    return next(Witness.of(trial) for trial in evidence.trials(fit))
 
 
 def _unexplained(evidence: Evidence, told: Mapping[str, Any], objections: tuple[str, ...]) -> Diagnosis:

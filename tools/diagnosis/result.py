@@ -247,9 +247,14 @@ class EffectWitness(Result):
         )
 
     @property
+    def title(self) -> str:
+        """The effect in words."""
+        return f"{self.effect} {self.where}" if self.place is None else self.place.title
+
+    @property
     def objection(self) -> str | None:
         """Why the effect may not be named; None where it may."""
-        title = "" if self.place is None else self.place.title
+        title = self.title
         if not self.rms_with < self.rms_without:
             return f"{title} does not improve the parts of the record that were left out"
         if not self.shuffles.objects:

@@ -36,16 +36,17 @@ class Found:
     complete: bool = True
 
 
-def search(evidence: Evidence, *, progress: bool = False) -> Found:
+def search(evidence: Evidence, among: Sequence[EffectPlace] | None = None, *, progress: bool = False) -> Found:
     """All sets of effects of the smallest size, up to three, with which the model stands; the least radius first.
 
+    Among so many effects, by default those that can be told apart.
     A set that does not mend the record is tried with other members of its effects' classes, too: these differ in the
     second order of their sizes, for which noise at its bound leaves no room.
     """
     for size in range(1, MAX_SET + 1):
         found: list[Fit] = []
         complete = True
-        candidates = tracked(evidence.candidates(size), f"sets of {size}", show=progress)
+        candidates = tracked(evidence.candidates(size, among), f"sets of {size}", show=progress)
         for judged, candidate in enumerate(candidates, start=1):
             members = product(*(evidence.classes.whole_class(place) for place in candidate))
             fit = next((fit for places in members if (fit := evidence.mended(places)) is not None), None)

@@ -66,6 +66,7 @@ class Bench(Evidence):
     resolution: float
 
     decisive = False
+    most_sets = None
     most_rows = None
 
     @cached_property
@@ -87,6 +88,11 @@ class Bench(Evidence):
     def limit(self) -> float:
         """Radius up to which a model stands."""
         return radius_limit(self.calibration.noise_bound, self.resolution) + FIT_TOLERANCE
+
+    @property
+    def too_large(self) -> str:
+        """What to say where no linear programme of the record can be solved."""
+        return f"is --noise-bound {self.calibration.noise_bound:g} a fraction of g?"
 
     @property
     def rounding(self) -> float:
@@ -130,7 +136,7 @@ class Bench(Evidence):
         bent = tuple(place for place in self.places if not is_linear(place))
         return Candidates(self.readings, self.here.point, self.classes.places, bent)
 
-    def candidates(self, size: int) -> Iterator[tuple[EffectPlace, ...]]:
+    def candidates(self, size: int, among: Sequence[EffectPlace] | None = None) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         if np.abs(self._candidates.centre.point).max() <= LARGEST_OF_BENCH:
             yield from self._candidates.of_size(size)

@@ -1,80 +1,99 @@
 """Evidence of a block that is carried by hand, or beside the true attitude.
 
 The simulation, FMUs of gyro block and attitude computer, carries the attitude through the record; what it misses at the
-ends of moves or windows is the evidence. It is run again about the calibrated block, and about one large effect.
+ends of moves or windows is the evidence.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from ..bounded.spaces import least_squares
-from ..errors import InputError
-from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
-from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
-from ..motion.inspect import LEAST_TURN, Inspection, meaning
-from ..motion.norm import LARGEST, NAMES, inputs_of
-from ..motion.sampling import rates_of
-from .carried_bounds import force_deviation, gyro_noise
-from .evidence import DETERMINED, Evidence, coefficient_count
-from .references import (
-    FEWEST_WINDOWS,
-    LENGTHS,
-    Gravity,
-    Run,
-    Truth,
-    Usable,
-    gravity_pieces,
-    integrals,
-    known_rows,
-    means_at_rest,
-    rotation_vectors,
-    truth_windows,
-    turned,
-    windows_of,
-)
+from ...models.effects import CATALOGUE, EffectPlace
+from ..motion.carry import GyroModel, Motion, carried_attitude, reads
+from ..motion.inspect import Inspection
+from ..motion.norm import LARGEST, NAMES
+from ..orchestrator.load import usual_flavour
+from .evidence import Channel, Evidence, Fit, Trial, coefficient_count, rms_size
+from .gain import ARCMIN, Gain, export_extended, gain_by_folds
+from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
 COMPONENTS = ("GyroBlock", "AttitudeComputer", "AccelerometerBlock")
-RELINEARISATIONS, LONG = 2, 1_000_000
-"""Runs of the simulation before the last one, each about the fit to the one before; one for records of more rows."""
-LEAST_FORCE = 1e-9
-"""Bounds of means [g] are not taken for less."""
-LIMIT = 1.0 + 1e-7
-"""Radius up to which a model stands: one, and what the programmes may be wrong by."""
-MANY = 4.0
-"""Errors of so many bounds, root mean square over that of noise at its bound, may hold a second order that counts."""
-MOST_OF_IT = 3.0
-"""By so much an effect must lower the errors to be the main one."""
-JUMP, ROUNDS_OF_JUMPS = 12.0, 6
-"""A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""
-ROOM = 1.2
-"""A bound over the largest error that was seen: there are only so many windows."""
-FEWEST_MOVES = 8
-"""Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
-LEAST_SHARE = 0.5
-"""Part of the true turns that the gyros must show before a swap or a flip is believed."""
-RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
-WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
-LEFT_OUT = (
-    "the largest errors that all effects together leave in parts of the record that were left out: the noise at rest "
-    "is smaller, so the true attitude errs more in motion than at rest, or something is not in the catalogue"
-)
+SHUFFLES = 40
+FOLDS, FOLDS_OF_LONG = 4, 2
+"""Blocks in time of which each is simulated with parameters from the others; of long records each is run by itself."""
+LONG = 1_000_000
+"""A record of more rows is long."""
+SHOWN_BY = {
+    "gyro-bias": "a rest of a minute and more before and after the motion",
+    "gyro-bias-drift": "rests at the beginning and at the end of a longer record",
+    "gyro-scale-misalignment": "several whole turns about each axis, and back",
+    "gyro-scale-asymmetry": "whole turns about each axis in one sense, then as many in the other",
+    "gyro-g-sensitivity": "rests with each axis up and with each axis down",
+    "gyro-g-squared": "rests with each axis up and down, and with two axes at 45°",
+    "latency": "fast turns to and fro about each axis, compared with the true attitude while they last",
+    "undersampling": "the same motion at another sampling rate",
+    "jitter": "the same motion with time stamps from another clock",
+}
+"""What tells each effect of the gyros from the others."""
+OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them repeated at the end"
 
 
 @dataclass(frozen=True, eq=False)
-class Carried(Evidence):
-    """Evidence of a carried block, and what it was made from.
+class CarriedRecord(Evidence):
+    """A record of a block that is carried, as far as it is known before the simulation is run.
 
     Attributes
     ----------
     found : Inspection
         of the record
+    block : str
+        "calibrated" or "nominal": whether the gyros' scale factors and misalignments are parameters
+    rates : "instantaneous" or "averaged"
+        what a rate in the record was taken for
+    warnings : tuple of str
+    lacks : tuple of str
+        what to add where nothing can be run
+    """
+
+    found: Inspection
+    block: str
+    rates: str
+    warnings: tuple[str, ...]
+    lacks: tuple[str, ...]
+
+    def missing(self) -> Mapping[str, Any]:
+        """What to add where nothing can be run."""
+        return {"missing": self.lacks} if self.lacks else {}
+
+    def head(self) -> Mapping[str, Any]:
+        """The record and what it is held against."""
+        record = self.found.record
+        return {
+            "unit": "arcmin",
+            "record": {"rows": len(record), "sha256": record.sha256},
+            "reference": "true attitude" if has_truth(self.found) else "gravity",
+            "noise_bound_arcmin": None,
+            "noise_bound_from": "",
+            "baseline_model": self.block,
+            "baseline": {"radius": None, "falsified": None, "parameters": ()},
+            "lengths": (),
+            "order_stable": None,
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Carried(CarriedRecord):
+    """Evidence of a carried block, and what it was made from.
+
+    Attributes
+    ----------
     own : tuple of EffectPlace
         the gyros' part of the model's parameters
     motion : Motion
@@ -85,15 +104,17 @@ class Carried(Evidence):
     reference : Gravity or Truth
     at_rest : (3, K) array or None
         what each coefficient adds to the mean at rest that is taken out [rad/s]; None where the bias is free
+    bounds_from : str
+        what the bounds come from, in words
     """
 
-    found: Inspection
     own: tuple[EffectPlace, ...]
     motion: Motion
     model: GyroModel
     attitude: NDArray[np.float64]
     reference: Gravity | Truth
     at_rest: NDArray[np.float64] | None
+    bounds_from: str = ""
 
     @property
     def of_forces(self) -> int:
@@ -106,10 +127,16 @@ class Carried(Evidence):
         return self.scored[0 if isinstance(self.reference, Gravity) else len(self.scored) // 2]
 
     @property
-    def not_searched(self) -> tuple[EffectPlace, ...]:
-        """Effects on the block that a record of this kind does not show."""
+    def bias_at_rest(self) -> NDArray[np.float64] | None:
+        """The gyros' mean at rest (3,) that was taken out [rad/s]."""
+        return self.model.bias if self.at_rest is not None and len(self.found.rests) else None
+
+    @property
+    def not_seen(self) -> tuple[EffectPlace, ...]:
+        """Effects on the block that this record could not show at any possible size."""
         every = (p for e in CATALOGUE.values() if e.component in COMPONENTS for p in e.places)
-        return tuple(place for place in every if place not in (*self.own, *self.places))
+        others = [place for place in every if place not in (*self.own, *self.places)]
+        return (*(place for place in self.places if place not in self.seen), *others)
 
     def quantities(self) -> dict[str, NDArray[np.float64]]:
         """What the errors of the quoted pieces may depend on: (S, k) each.
@@ -131,12 +158,7 @@ class Carried(Evidence):
             found["temperature"] = motion.temperature[pieces.first][:, None]
         return found
 
-    def about_axes(self, error: NDArray) -> NDArray[np.float64]:
-        """Errors (S, d) of the quoted pieces as vectors (S, 3) about the block's axes, or along them."""
-        if isinstance(self.reference, Truth):
-            return error
-        up = self.reference.directions(self.point[: len(NAMES)])
-        return np.einsum("skp,sk->sp", self.reference.across(0, up), error)
+    # Runs of the simulation
 
     def gyros_with(
         self, step: NDArray, effects: Mapping[EffectPlace, tuple[float, ...]], coefficients: NDArray
@@ -158,20 +180,41 @@ class Carried(Evidence):
         own = {place: values for place, values in effects.items() if is_of_gyros(place)}
         return GyroModel(bias, gyros.scale_misalignment, own)
 
-    def main_effect(self) -> EffectPlace | None:
-        """The gyros' effect that alone makes most of large errors; None where there is none."""
-        before = self._rms_left(())
-        if not before > MANY / np.sqrt(3.0):
-            return None
-        left = {place: self._rms_left((place,)) for place in self.places if is_of_gyros(place)}
-        best = min(left, key=lambda place: left[place], default=None)
-        return best if best is not None and MOST_OF_IT * left[best] < before else None
+    def simulated(
+        self, places: Sequence[EffectPlace], folder: Path
+    ) -> Callable[[NDArray, Sequence[NDArray]], list[NDArray[np.float64]]]:
+        """Export the FMUs that carry the attitude, extended by effects, into a folder; what they give.
 
-    def _rms_left(self, places: Sequence[EffectPlace]) -> float:
-        """Root mean square of what least squares leaves, in bounds."""
-        matrix = self.matrix(places)
-        left = self.residual - matrix @ self.estimate(places) if matrix.shape[1] else self.residual
-        return float(np.sqrt(np.mean(left**2)))
+        Returns
+        -------
+        callable
+            solution (P + k,), numbers (n,) of some pieces of each scored kind -> errors (n, d) of these by the FMUs
+        """
+        fmus = export_extended(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
+        # What counts the hours must count them from the record's beginning; of a long record a part is run.
+        whole = len(self.motion) <= LONG or reads(places, "HOURS")
+
+        def errors(solution: NDArray, held: Sequence[NDArray]) -> list[NDArray[np.float64]]:
+            pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, held, strict=True)]
+            rows = all_rows(pieces)
+            begin, end = (0, len(self.motion)) if whole else (int(rows[0]), int(rows[-1]) + 1)
+            step, coefficients = np.split(solution, [len(self.names)])
+            effects = self.values_of(places, solution)
+            gyros = self.gyros_with(step, effects, coefficients)
+            attitude = carried_attitude(self.motion.part(begin, end), gyros, self.found.gravity, fmus)
+            moved = [replace(mine, first=mine.first - begin, last=mine.last - begin) for mine in pieces]
+            rotations = enumerate(zip((turned(mine, attitude) for mine in moved), held, strict=True))
+            reference = self.reference
+            if isinstance(reference, Truth):
+                return [reference.errors(k, rotation, at) for k, (rotation, at) in rotations]
+            forces = {place: values for place, values in effects.items() if not is_of_gyros(place)}
+            up = reference.directions((self.point + step)[: len(NAMES)], forces)
+            return [
+                np.einsum("skp,sp->sk", reference.across(k, up, at), reference.errors(k, rotation, up, at))
+                for k, (rotation, at) in rotations
+            ]
+
+        return errors
 
     def errors_along(self, attitude: NDArray, step: NDArray) -> list[NDArray[np.float64]]:
         """Errors of each part with another attitude and a step of the model's parameters; norms stay."""
@@ -191,23 +234,151 @@ class Carried(Evidence):
                 errors.append(np.einsum("skp,sp->sk", reference.across(number, first), apart))
         return errors
 
+    # What the engine asks
+
+    def head(self) -> Mapping[str, Any]:
+        """The record, what it is held against, the bound, the baseline and what no record of this kind shows."""
+        bias = {} if self.bias_at_rest is None else {"bias_at_rest": self._bias_at_rest(None)}
+        return {
+            **super().head(),
+            "noise_bound_arcmin": float(np.median(self.parts[self.quoted].bound)) / ARCMIN,
+            "noise_bound_from": self.bounds_from,
+            "cannot_be_seen": [place.entry for place in self.not_seen],
+            **bias,
+        }
+
+    def _bias_at_rest(self, left_in: float | None) -> Mapping[str, Any]:
+        assert self.bias_at_rest is not None
+        return {"radps": self.bias_at_rest.tolist(), "rms_if_left_in_arcmin": left_in}
+
+    def of_misfit(self) -> Mapping[str, Any]:
+        """The baseline with its estimates, and what the mean at rest would do, were it left in."""
+        told: dict[str, Any] = {"baseline": self._baseline(self.baseline, bounded=False)}
+        if (measured := self.as_measured()) is not None:
+            left_in = rms_size(measured.parts[self.quoted].error) / ARCMIN
+            told["bias_at_rest"] = self._bias_at_rest(left_in)
+        return told
+
+    def as_measured(self) -> Evidence | None:
+        """The evidence with the mean at rest left in; None where none is taken out."""
+        if self.bias_at_rest is None or BIAS not in self.places:
+            return None
+        own = self.numbers_of([BIAS])
+        return self.with_errors([part.error + part.columns[..., own] @ self.bias_at_rest for part in self.parts])
+
+    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+        """The baseline's parameters and their ends; what the record leaves open; what a wrong clock would do."""
+        baseline = self._baseline(fit, bounded=True)
+        told: dict[str, Any] = {"baseline": baseline}
+        missing = () if fit.places else self._left_open(baseline["parameters"], excluded)
+        return told | ({"missing": missing} if missing else {}) | {"warnings": self._clock_doubt(fit)}
+
+    def _baseline(self, fit: Fit, *, bounded: bool) -> dict[str, Any]:
+        """The model's parameters by least squares beside a fit's effects, and what the record leaves possible."""
+        values = fit.estimate[: len(self.names)]
+        ends = np.full((len(values), 2), np.nan)
+        if bounded:
+            possible = fit.possible(most_rows=self.most_rows)
+            ends = np.array([np.add(possible.ends(k), fit.central[k]) for k in range(len(values))]).reshape(-1, 2)
+            values = np.clip(values, ends[:, 0], ends[:, 1])
+        parameters = [
+            {"name": name, "unit": unit, "estimate": float(value)}
+            | {key: float(end) if np.isfinite(end) else None for key, end in zip(("low", "high"), pair, strict=True)}
+            for (name, unit), value, pair in zip(self.names, values, ends, strict=True)
+        ]
+        return {"radius": self.baseline.radius, "falsified": self.falsified, "parameters": parameters}
+
+    def _left_open(
+        self, parameters: Sequence[Mapping[str, Any]], excluded: Sequence[Mapping[str, Any]]
+    ) -> tuple[str, ...]:
+        """What the record leaves open of the gyros, and what would tell it."""
+        wide = [
+            p["name"]
+            for p in parameters
+            if p["low"] is None or p["high"] is None or (p["unit"] == "1" and p["high"] - p["low"] > 2.0 * LARGEST)
+        ]
+        if wide:
+            return (
+                f"not determined: {', '.join(wide)}; turn the block about each of its axes, there and back, and let it "
+                "rest in more poses",
+            )
+        if not self.own and not any(entry["effect"] == SCALE.effect for entry in excluded):
+            return ("the block hardly turns: no scale factor of a gyro is bounded; turn it about each of its axes",)
+        return ()
+
+    def _clock_doubt(self, fit: Fit) -> tuple[str, ...]:
+        """That a wrong clock does to rates what scale factors do that are alike, where they may be alike."""
+        if SCALE not in fit.places or self.found.record.rate is None:
+            return ()
+        intervals = fit.intervals(most_rows=self.most_rows)[fit.places.index(SCALE)]
+        low, high = np.array(intervals).reshape(3, 3, 2).transpose(2, 0, 1)
+        least, most = float(np.diag(low).max()), float(np.diag(high).min())
+        beside = ~np.eye(3, dtype=bool)
+        if not (least <= most and least * most > 0.0 and (low[beside] <= 0.0).all() and (high[beside] >= 0.0).all()):
+            return ()
+        percent = 50.0 * (least + most)
+        long = "long" if percent > 0 else "short"
+        return (f"time stamps that are {abs(percent):.2g} % too {long} would do the same",)
+
+    def objections(self) -> tuple[str, ...]:
+        """Parameters of the baseline that no instrument has: the record is not what it says."""
+        return tuple(
+            f"{name} would be {value:+.2g}: check units, order and signs of the axes"
+            for (name, unit), value in zip(self.names, self.baseline.central, strict=True)
+            if unit == "1" and abs(value) > LARGEST
+        )
+
+    def channels(self) -> Sequence[Channel]:
+        """The quoted errors about each axis, with what they may depend on."""
+        part, left = self.parts[self.quoted], self.split(self.baseline.left)[self.quoted]
+        if isinstance(self.reference, Gravity):
+            up = self.reference.directions(self.point[: len(NAMES)])
+            left = np.einsum("skp,sk->sp", self.reference.across(0, up), left)
+        bound, quantities = part.bound.max(axis=1), self.quantities()
+        return [Channel({"axis": axis + 1}, left[:, axis], bound, quantities) for axis in range(3)]
+
+    def trials(self, fit: Fit) -> Iterator[Trial]:
+        """Each effect of a fit: blocks in time left out without it, with it, with its signature at other pieces."""
+        folds, rng = self.folds(), np.random.default_rng(len(self.residual))
+        reached = self.left_out(fit.places, folds)
+        for place in fit.places:
+            others = [p for p in fit.places if p != place]
+            shuffled = (self._shuffled(place, rng).left_out(fit.places, folds) for _ in range(SHUFFLES))
+            yield Trial((place,), (self.left_out(others, folds), reached), None, shuffled)
+
+    def _shuffled(self, place: EffectPlace, rng: np.random.Generator) -> Evidence:
+        """The evidence with the signature of one effect moved to other pieces of the same kind."""
+        own, parts = self.numbers_of([place]), []
+        for part in self.parts:
+            columns = part.columns.copy()
+            columns[..., own] = part.columns[rng.permutation(len(part))][..., own]
+            parts.append(replace(part, columns=columns))
+        return replace(self, parts=tuple(parts))
+
+    def gain(self, fit: Fit) -> Gain:
+        """Errors of pieces that were not used, in arcminutes, by the exported FMUs; the quoted kind first."""
+        count = FOLDS if len(self.motion) <= LONG else FOLDS_OF_LONG
+        kinds = gain_by_folds(self, fit.places, count, self.simulated, ARCMIN)
+        quoted = self.scored.index(self.quoted)
+        first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - quoted))
+        return first.model_copy(update={"others": others})
+
+    def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
+        """What to add to the record, for the effects that not all sets have."""
+        common = set(fits[0].places).intersection(*(fit.places for fit in fits[1:]))
+        open_effects = dict.fromkeys(place.effect for fit in fits for place in fit.places if place not in common)
+        shown_by: dict[str, list[str]] = {}
+        for name in open_effects:
+            shown_by.setdefault(SHOWN_BY.get(name, OF_ACCELEROMETERS), []).append(name)
+        said = [f"{what} (shows {', '.join(names)})" for what, names in shown_by.items()]
+        if isinstance(self.reference, Gravity) and "latency" in open_effects:
+            said.append("the true attitude beside the record: between rests latency leaves no error")
+        return {"next": said}
+
 
 def is_of_gyros(place: EffectPlace) -> bool:
     """Whether an effect is carried with the attitude; others change what the accelerometers say at rest."""
     return CATALOGUE[place.effect].component != "AccelerometerBlock"
-
-
-def gyro_places(motion: Motion, own: Sequence[EffectPlace]) -> list[EffectPlace]:
-    """Effects of the gyros that can be tried beside those of the model."""
-    told = [e for e in STRAPDOWN_EFFECTS.values() if "temperature" not in e.needs or motion.temperature is not None]
-    return [place for effect in told if effect.variants is None for place in effect.places if place not in own]
-
-
-def force_places(motion: Motion) -> list[EffectPlace]:
-    """Linear static effects of the accelerometers."""
-    told = [e for e in POSITION_EFFECTS.values() if "temperature" not in e.needs or motion.temperature is not None]
-    own = [e for e in told if e.component == "AccelerometerBlock" and e.variants is None and e.untold is None]
-    return [place for effect in own for place in effect.places]
 
 
 def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArray) -> GyroModel:
@@ -219,271 +390,3 @@ def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArr
         else:
             scale, at = scale + step[at : at + 9], at + 9
     return GyroModel(bias, scale, model.effects)
-
-
-def carried_evidence(found: Inspection, baseline: str, rates: str = "instantaneous") -> Carried:
-    """The evidence of a record, about its calibrated block; against the true attitude where the record has it.
-
-    Parameters
-    ----------
-    found : Inspection
-        without true attitude: with a consistent or falsified norm calibration
-    baseline : "calibrated" or "nominal"
-        whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
-        where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else
-    rates : str
-        as for `motion_of`
-    """
-    motion = motion_of(found.record, found.sampling, found.gravity, rates)
-    reference = truth_reference(found) if has_truth(found) else gravity_reference(found)
-    gravity = isinstance(reference, Gravity)
-    own = [BIAS, SCALE] if baseline == "calibrated" else [BIAS] if gravity else []
-    model = GyroModel(bias=rest_mean(found))
-    x, forces, names = np.zeros(0), [], []
-    if gravity:
-        assert found.accelerometers is not None
-        assert found.accelerometers.least_squares is not None
-        x, forces = found.accelerometers.least_squares, force_places(motion)
-        names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES]
-    names += [(f"gyro {p.name}", p.unit) for place in own for p in CATALOGUE[place.effect].at(place).parameters]
-    at_rest, made, before_last = None, None, (RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0
-    for number in range(before_last + 1):
-        last = number == before_last
-        gyros, tried = (gyro_places(motion, own), forces) if last else ([], [])
-        # An hour's attitudes are large: those of the run before go first.
-        made = None
-        attitude = carried_attitude(motion, model, found.gravity)
-        integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
-        if not own:
-            at_rest = added_at_rest(found, motion, model, gyros)
-            integral = integral - integral[..., _columns(gyros, [BIAS])] @ at_rest
-        run = Run(attitude, reference.rows, integral, len(names) - len(x))
-        parts = reference.parts(run, x, tried, motion.time_s) if gravity else reference.parts(run, motion.time_s)
-        values = [model.bias if place == BIAS else model.scale_misalignment for place in own]
-        point = np.concatenate([x, *values])
-        made = Carried(
-            tuple(parts), tuple(names), point, (*gyros, *tried), found, tuple(own), motion, model, attitude, reference,
-            None if gravity else at_rest,
-        )  # fmt: skip
-        if not last:
-            # Of true attitude the bounds may not be known yet.
-            weighed = made if gravity else made.unweighted()
-            step = least_squares(weighed.nominal, weighed.residual, DETERMINED)
-            x, model = x + step[: len(x)], with_parameters(model, own, step[len(x) :])
-            # Where a fit wants what no instrument has, it is wrong.
-            model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
-    assert made is not None
-    return made
-
-
-def has_truth(found: Inspection) -> bool:
-    """Whether a record holds the true attitude anywhere."""
-    return len(known_rows(found.record)) > 0
-
-
-def gravity_reference(found: Inspection) -> Gravity:
-    """Gravity as the reference of a record whose accelerometers are calibrated by their norm."""
-    rests, calibration = found.rests, found.accelerometers
-    assert calibration is not None
-    assert calibration.least_squares is not None
-    reading = rests.force / found.gravity
-    noise = gyro_noise(found, inputs_of(calibration.least_squares, reading))
-    assert noise is not None
-    deviation = np.maximum(force_deviation(found) / found.gravity, LEAST_FORCE)
-    return Gravity(rests, reading, deviation, noise, *gravity_pieces(rests, Usable(found)))
-
-
-def truth_reference(found: Inspection) -> Truth:
-    """The true attitude of a record as the reference."""
-    assert found.record.attitude is not None
-    up = found.rests.force / found.gravity if len(found.rests) else None
-    return Truth(found.rests, found.record.attitude, gyro_noise(found, up), truth_windows(found, Usable(found)))
-
-
-def rest_mean(found: Inspection) -> NDArray[np.float64]:
-    """The gyros' mean reading over all rests (3,) [rad/s]; zeros where there are none."""
-    if not len(found.rests):
-        return np.zeros(3)
-    lengths = np.array([rows.stop - rows.start for rows in found.rests.rows], dtype=float)
-    return lengths @ found.rests.rate / lengths.sum()
-
-
-def added_at_rest(
-    found: Inspection, motion: Motion, model: GyroModel, places: Sequence[EffectPlace]
-) -> NDArray[np.float64]:
-    """What each coefficient (3, K) adds to the mean at rest that is taken out; that of the bias adds none."""
-    others = [place for place in places if place != BIAS]
-    added = np.zeros((3, sum(coefficient_count(place) for place in places)))
-    if others:
-        added[:, _columns(places, others)] = means_at_rest(motion, model, others, found.rests.rows)
-    return added
-
-
-def _columns(places: Sequence[EffectPlace], wanted: Sequence[EffectPlace]) -> NDArray[np.int_]:
-    """The columns of some of the effects."""
-    return Evidence((), (), np.zeros(0), tuple(places)).numbers_of(wanted)
-
-
-def about_main_effect(made: Carried) -> Carried:
-    """The evidence about the effect that makes most of its errors; as it is where none does.
-
-    Signatures are of first order. Where one effect makes nearly all of errors that are many times their bounds, its
-    second order may be above them too.
-    """
-    even = made
-    if not all((part.bound > 0.0).all() for part in made.parts):
-        least = float(np.median(np.abs(made.parts[0].error))) + 1e-12
-        even = made.with_bounds([np.maximum(part.bound, least) for part in made.parts])
-    place = even.main_effect()
-    if place is None:
-        return made
-    solution = even.estimate([place])
-    parameters = CATALOGUE[place.effect].at(place).parameters
-    values = even.values_of([place], solution)[place]
-    possible = all(p.possible(v) for p, v in zip(parameters, values, strict=True))
-    return about_effects(made, [place], solution) if possible else made
-
-
-def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArray) -> Carried:
-    """The evidence about effects of the gyros of such sizes: the second order of their run is in the errors.
-
-    The errors are those of a run with the effects, and what these do to first order is added again: as if they acted
-    linearly.
-
-    Parameters
-    ----------
-    made : Carried
-    places : sequence of EffectPlace
-    solution : (P + k,) array
-        steps of the model's parameters and the effects' coefficients
-    """
-    count = len(made.names)
-    step, size = solution[:count], solution[count:]
-    model = made.gyros_with(step, made.values_of(places, solution), size)
-    attitude = carried_attitude(made.motion, model, made.found.gravity)
-    columns = np.concatenate([np.arange(count), count + made.numbers_of(places)])
-    errors = [
-        part.error
-        if part.pieces.kind == "norms"
-        else error + np.concatenate([part.nominal, part.columns], axis=-1)[..., columns] @ solution
-        for part, error in zip(made.parts, made.errors_along(attitude, step), strict=True)
-    ]
-    return made.with_errors(errors)
-
-
-def with_reference_errors(made: Carried) -> tuple[Carried, str, tuple[str, ...]]:
-    """Evidence with bounds that the true attitude's own errors allow, what they come from, and warnings.
-
-    Where all effects together cannot bring the errors within the noise at rest, no set of them can: then what they
-    leave in blocks that are left out is the bound, for each length of windows. Windows with errors many times those of
-    the others, which nothing in the catalogue makes, are not used.
-    """
-    if isinstance(made.reference, Gravity):
-        return made, RECORD_NOISE, ()
-    if all((part.bound > 0.0).all() for part in made.parts) and made.refit(made.places).radius <= LIMIT:
-        return made, WITH_TRUTH, ()
-    kept = [np.ones(len(part), dtype=bool) for part in made.parts]
-    for _ in range(ROUNDS_OF_JUMPS):
-        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(made, kept))]
-        far = [size > JUMP * np.median(size) for size in sizes]
-        if not any(mask.any() for mask in far):
-            break
-        for mine, mask in zip(kept, far, strict=True):
-            mine[np.flatnonzero(mine)[mask]] = False
-    said = tuple(
-        f"{np.count_nonzero(~mine)} windows of {part.label} are not used: gyros or truth jump there as no effect does"
-        for mine, part in zip(kept, made.parts, strict=True)
-        if not mine.all()
-    )
-    made = of_windows(made, kept)
-    largest = [ROOM * np.abs(error).max() for error in left_out_by_all(made)]
-    bounds = [np.maximum(part.bound, most) for part, most in zip(made.parts, largest, strict=True)]
-    return made.with_bounds(bounds), LEFT_OUT, said
-
-
-def left_out_by_all(made: Carried) -> list[NDArray[np.float64]]:
-    """Errors (S, d) of each part that all effects together leave in blocks that are left out [rad]."""
-    even = made.unweighted()
-    return even.split(even.left_out(even.places, even.folds()))
-
-
-def of_windows(made: Carried, kept: Sequence[NDArray]) -> Carried:
-    """The windows that masks (S,) choose, of each length."""
-    parts = tuple(part.selected(mask) for part, mask in zip(made.parts, kept, strict=True))
-    scored = tuple(part.pieces for part in parts)
-    return replace(made, parts=parts, reference=replace(made.reference, scored=scored))
-
-
-def check_record(found: Inspection) -> None:
-    """Refuse a record whose parts cannot belong together.
-
-    Raises
-    ------
-    InputError
-        one line: gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves
-    """
-    path = found.record.path
-    said = truth_check(found) or found.turning.said
-    if said:
-        raise InputError(f"{path}: {'; '.join(said)}")
-    moves = len(found.moves) or bool(found.excitation.any())
-    dead = [name for name in found.sampling.dead if moves]
-    if dead:
-        raise InputError(f"{path}: {', '.join(dead)} never changes while the block moves: a dead channel")
-
-
-def truth_check(found: Inspection) -> tuple[str, ...]:
-    """What is wrong with the gyros beside the true attitude: units, order and signs of axes."""
-    record = found.record
-    known = known_rows(record)
-    if record.attitude is None or not len(known):
-        return ()
-    windows = windows_of(known, Usable(found), found.sampling.period, LENGTHS[0])
-    if len(windows) < FEWEST_TURNS:
-        return ()
-    rotation = Rotation.from_quat(np.roll(record.attitude[windows.first], -1, axis=1)).inv()
-    true = (rotation * Rotation.from_quat(np.roll(record.attitude[windows.last], -1, axis=1))).as_rotvec()
-    level = np.median(found.rests.rate, axis=0) if len(found.rests) else np.zeros(3)
-    step = np.concatenate([[found.sampling.period], np.diff(record.time_s)])
-    sums = np.cumsum((rates_of(record) - level) * step[:, None], axis=0)
-    turn = sums[windows.last] - sums[windows.first]
-    moving = np.linalg.norm(true, axis=1) > LEAST_TURN
-    if moving.sum() < FEWEST_TURNS:
-        return ()
-    design, target = turn[moving], true[moving]
-    singular = np.linalg.svd(design, compute_uv=False)
-    if singular[-1] < 0.02 * singular[0]:
-        return ()
-    matrix = np.linalg.lstsq(design, target, rcond=None)[0].T
-    left = target - design @ matrix.T
-    if float((left**2).sum()) > LEAST_SHARE * float((target**2).sum()):
-        return ("the gyros do not turn as the true attitude does: is it body to reference, scalar first?",)
-    error = np.sqrt(np.outer((left**2).mean(axis=0), np.diag(np.linalg.inv(design.T @ design))))
-    said = (text.replace("of the accelerometers", "of the true attitude") for text in meaning(matrix, error))
-    return tuple(text.replace("as gravity turns", "as the true attitude turns") for text in said)
-
-
-def missing_things(found: Inspection) -> tuple[str, ...]:
-    """What to add to a record that cannot be judged; nothing where it can."""
-    rests, calibration = found.rests, found.accelerometers
-    if has_truth(found):
-        if truth_windows(found, Usable(found)):
-            return ()
-        return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
-    if not len(rests):
-        return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
-    if rests.force_bound is None or rests.rate_bound is None or gyro_noise(found, None) is None:
-        return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
-    if calibration is None or calibration.least_squares is None:
-        poses = calibration.missing if calibration is not None else ()
-        return tuple(f"a rest with {pose}" for pose in poses) or ("rests in a dozen poses",)
-    if np.abs(calibration.least_squares).max() > 0.25:
-        return ("rests whose readings are those of gravity alone: no accelerometers fit the present ones",)
-    moves = gravity_pieces(rests, Usable(found))[1]
-    count = len(moves[0]) if moves else 0
-    if count < FEWEST_MOVES:
-        return (
-            f"{count} moves from rest to rest without a gap or a saturated gyro; at least {FEWEST_MOVES} are needed, "
-            "about every axis",
-        )
-    return ()

@@ -583,8 +583,15 @@ class Evidence:
     """Radius up to which a model stands: one, and what the programmes may be wrong by."""
     decisive: ClassVar[bool] = True
     """Whether an effect that what was left out objects to is not named; else the objection is a warning."""
+    most_sets: ClassVar[int | None] = 12
+    """So many of the sets that remain are shown; None: all."""
     most_rows: ClassVar[int | None] = 2500
     """So many rows bound what is possible; None: all."""
+
+    @property
+    def too_large(self) -> str:
+        """What to say where no linear programme of the record can be solved."""
+        return "the errors are too large for one linear system"
 
     @cached_property
     def bound(self) -> NDArray[np.float64]:
@@ -619,9 +626,9 @@ class Evidence:
                 found.append(place)
         return tuple(found)
 
-    def candidates(self, size: int) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects, one of each class, that no bound refuses; about the most promising first."""
-        places = self.classes.places
+    def candidates(self, size: int, among: Sequence[EffectPlace] | None = None) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of so many effects, by default one of each class, that no bound refuses; the most promising first."""
+        places = self.classes.places if among is None else among
         problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
         for chosen in sets_of_size(problem, size, self.limit - 1.0, most_outliers=0):
             yield tuple(places[i] for i in chosen.effects)
@@ -660,6 +667,10 @@ class Evidence:
     def objections(self) -> tuple[str, ...]:
         """Why the record cannot be what it says."""
         return ()
+
+    def as_measured(self) -> "Evidence | None":
+        """The evidence with nothing taken out beforehand; None where nothing is."""
+        return None
 
     def head(self) -> Mapping[str, Any]:
         """The first keys of the result: what was assumed, and the baseline."""

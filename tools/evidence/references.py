@@ -408,6 +408,11 @@ def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
     return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
 
 
+def has_truth(found: Inspection) -> bool:
+    """Whether a record holds the true attitude anywhere."""
+    return len(known_rows(found.record)) > 0
+
+
 def truth_windows(found: Inspection, usable: Usable) -> tuple[Pieces, ...]:
     """Windows of each length of which the record holds enough."""
     known, period = known_rows(found.record), found.sampling.period

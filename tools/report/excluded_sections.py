@@ -1,5 +1,6 @@
 """What a record excludes: how large each effect that was not found can be at most."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...models.effects import EffectPlace
@@ -25,7 +26,7 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
     return sections
 
 
-def excluded_table(entries: list[dict[str, Any]], places: tuple[str, ...]) -> Table:
+def excluded_table(entries: Sequence[Mapping[str, Any]], places: tuple[str, ...]) -> Table:
     """A row for each effect and parameter, a column for each place."""
     found: dict[tuple[str, str, str], dict[str, Cell]] = {}
     for entry in entries:

@@ -1,12 +1,7 @@
 """Where the methods are published that a result was made with; only those that were used."""
 
-from typing import TYPE_CHECKING
-
 from ..calibration import Calibration
 from ..diagnosis import Diagnosis
-
-if TYPE_CHECKING:
-    from ..strapdown.result import StrapdownDiagnosis
 
 SOURCES = {
     "guaranteed": (
@@ -95,21 +90,21 @@ def diagnosis_sources(result: Diagnosis, *, compared: bool) -> list[str]:
     return [*calibration_sources(result.evidence.calibration), *(SOURCES[name] for name in used)]
 
 
-def strapdown_sources(result: "StrapdownDiagnosis") -> list[str]:
+def strapdown_sources(result: Diagnosis) -> list[str]:
     """Of the diagnosis of a strapdown record."""
     used = []
-    found = result.inspection
+    found = result.evidence.found
     if found.accelerometers is not None and found.accelerometers.least_squares is not None:
         used.append("norm")
     if found.gyros is not None:
         used.append("allan")
-    if result.parts:
+    if result.evidence.parts:
         used += ["gyros", "attitude", "fmi", "simplex"]
     if result.tried:
         used += ["chebyshev", "lawson"]
-    if result.alike is not None and len(result.compared) > 1:
+    if len(result.tried) > 1:
         used.append("angles")
-    if result.witnesses:
+    if result.judgement:
         used += ["shuffles", "left-out"]
     return [SOURCES[name] for name in used]
 

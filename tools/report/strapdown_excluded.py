@@ -2,10 +2,9 @@
 
 import re
 from collections.abc import Sequence
-from typing import Any
 
 from ...models.effects.definition import ACCELEROMETERS
-from ..strapdown.result import StrapdownDiagnosis
+from ..diagnosis.result import Diagnosis, Excluded
 from .cells import Cell
 from .excluded_sections import excluded_table
 from .page import Section, Table
@@ -16,10 +15,10 @@ _OF_A_GYRO = re.compile(r"(?P<name>[a-z]+)_(?P<gyro>[123])_?(?P<axes>[123]{0,2})
 SAID = "Larger sizes of these effects contradict the record. Bounds are rounded up."
 
 
-def excluded_sections(result: StrapdownDiagnosis) -> list[Section]:
+def excluded_sections(result: Diagnosis) -> list[Section]:
     """Upper bounds for gyros and accelerometers, and the effects that cannot be seen."""
-    of_gyros = [entry for entry in result.excluded if entry["where"] not in ACCELEROMETERS]
-    others = [entry for entry in result.excluded if entry["where"] in ACCELEROMETERS]
+    of_gyros = [entry for entry in result.excluded or () if entry["where"] not in ACCELEROMETERS]
+    others = [entry for entry in result.excluded or () if entry["where"] in ACCELEROMETERS]
     sections = []
     if of_gyros:
         sections.append(Section("Excluded: effects of the gyros", [SAID], table=gyro_table(of_gyros)))
@@ -28,14 +27,14 @@ def excluded_sections(result: StrapdownDiagnosis) -> list[Section]:
         sections.append(
             Section("Excluded: effects of the accelerometers", said, table=excluded_table(others, ACCELEROMETERS))
         )
-    if result.not_seen:
-        names = ", ".join(dict.fromkeys(place.effect for place in result.not_seen))
+    if result.cannot_be_seen or ():
+        names = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
         said = f"No possible size of these effects would show in this record, and they were not searched: {names}."
         sections.append(Section("What the record cannot show", [said]))
     return sections
 
 
-def gyro_table(entries: Sequence[dict[str, Any]]) -> Table:
+def gyro_table(entries: Sequence[Excluded]) -> Table:
     """A row for each effect and direction, a column for each gyro, one for what is of the block as a whole."""
     found: dict[tuple[str, str, str], dict[str, Cell]] = {}
     for entry in entries:

@@ -4,14 +4,15 @@ import math
 
 import numpy as np
 
+from ..diagnosis.result import Diagnosis
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import NAMES, NormCalibration
-from ..strapdown.result import StrapdownDiagnosis
 from .allan_pictures import allan_picture
 from .cells import Cell, Written
 from .page import Section, Table
 from .rounding import outwards, significant, to_bound, unit_text, upwards
 from .strapdown_model import own_words
+from .strapdown_text import parameters_of
 
 EVEN = 1e-6
 """Time stamps that stray by less than so much of a period are called even."""
@@ -24,9 +25,9 @@ GYROS = {
 }
 
 
-def measured_sections(result: StrapdownDiagnosis) -> list[Section]:
+def measured_sections(result: Diagnosis) -> list[Section]:
     """The record, and what its rests say of accelerometers and gyros."""
-    found = result.inspection
+    found = result.evidence.found
     first = Section(
         "What was measured",
         [sampling_words(found), *rest_words(found), *(f"Warning: {text}." for text in result.warnings)],
@@ -35,7 +36,7 @@ def measured_sections(result: StrapdownDiagnosis) -> list[Section]:
     )
     # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
     accelerometers = (
-        None if any(p.name.startswith("accelerometer") for p in result.parameters) else found.accelerometers
+        None if any(p.name.startswith("accelerometer") for p in parameters_of(result)) else found.accelerometers
     )
     sections = [] if accelerometers is None else [accelerometer_section(accelerometers, told=bool(result.missing))]
     return [first, *sections, *([] if found.gyros is None else [gyro_section(found.gyros)])]

@@ -7,13 +7,13 @@ import numpy as np
 
 from ...models.effects import CATALOGUE
 from ...models.effects.motion_rows import matrix_formula
-from ..diagnosis.result import Cause
+from ..diagnosis.result import Cause, Diagnosis
 from ..motion.norm import COLUMNS, ROWS
-from ..strapdown.result import StrapdownDiagnosis
 from .equations import effect_formula, math
 from .model_sections import OPEN, Value
 from .page import Section
 from .rounding import to_bound
+from .strapdown_text import parameters_of
 
 AXES = ("1", "2", "3")
 
@@ -32,7 +32,7 @@ def own_words(name: str) -> str:
     return f"scale factor of {sensor}" if same else f"misalignment of {sensor} towards axis {match['second']}"
 
 
-def model_section(result: StrapdownDiagnosis) -> Section:
+def model_section(result: Diagnosis) -> Section:
     """Block, attitude and effects; those of the first set where the result names one."""
     values = own_values(result)
     gravity = result.reference == "gravity"
@@ -55,33 +55,33 @@ def model_section(result: StrapdownDiagnosis) -> Section:
     return Section("What was simulated", said, equations=[*lines, *effect_lines(named)])
 
 
-def own_errors(result: StrapdownDiagnosis) -> str:
+def own_errors(result: Diagnosis) -> str:
     """What belongs to the block itself, in words."""
     if result.bias_at_rest is not None:
         return "taken as delivered: their mean at rest is taken out, and nothing else"
-    free = "biases, scale factors and misalignments" if result.baseline == "calibrated" else "biases"
+    free = "biases, scale factors and misalignments" if result.baseline_model == "calibrated" else "biases"
     return f"whose {free} are free to be what the record says"
 
 
-def own_values(result: StrapdownDiagnosis) -> dict[str, Value]:
+def own_values(result: Diagnosis) -> dict[str, Value]:
     """The block's own parameters: name -> value and half of its interval, None where there is none."""
     return {
         p.name: (p.estimate, None if p.low is None or p.high is None else 0.5 * (p.high - p.low))
-        for p in result.parameters
+        for p in parameters_of(result)
     }
 
 
-def gyro_line(result: StrapdownDiagnosis, values: Mapping[str, Value]) -> str:
+def gyro_line(result: Diagnosis, values: Mapping[str, Value]) -> str:
     """What the gyros read."""
     terms = ["ω_read = ω"]
     if "gyro gamma_11" in values:
         own = {f"gamma_{p}{q}": number(values[f"gyro gamma_{p}{q}"]) for p in AXES for q in AXES}
         terms.append(f"+ {matrix_formula('gamma', AXES).format(**own)} ω")
     if result.bias_at_rest is not None:
-        bounds = result.inspection.rests.rate_bound
+        bounds = result.evidence.found.rests.rate_bound
         near = [None] * 3 if bounds is None else [float(b) for b in np.median(bounds, axis=0)]
         # It is no parameter that is fitted: the noise at rest says how well it is known.
-        at_rest = {f"gyro bias_{p + 1}": (float(result.bias_at_rest[p]), near[p]) for p in range(3)}
+        at_rest = {f"gyro bias_{p + 1}": (float(result.bias_at_rest.radps[p]), near[p]) for p in range(3)}
         terms.append(f"+ {vector('gyro bias', at_rest)}")
     elif "gyro bias_1" in values:
         terms.append(f"+ {vector('gyro bias', values)}")

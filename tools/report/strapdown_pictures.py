@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from ..diagnosis.result import OrderOfEffects
 from ..evidence.gain import ARCMIN
-from ..strapdown.judging import Order
 from .svg import drawing, say_empty, svg_text
 from .theme import ALERT, DASHES, FIRST, INK, MUTED, QUIET, SECOND, THIRD, WIDTH
 
@@ -106,20 +106,20 @@ def errors_over_quantities(quantities: Mapping[str, NDArray], before: NDArray, a
         return svg_text(figure, "Error of the carried attitude against rate, turn, orientation and temperature")
 
 
-def order_picture(orders: Sequence[Order]) -> str:
+def order_picture(orders: Sequence[tuple[str, OrderOfEffects]]) -> str:
     """What is left of errors that were left out, effect after effect, for each length (SVG)."""
     with drawing():
         figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
         axes = figure.subplots()
-        names = list(dict.fromkeys(place.effect for order in orders for place in order.effects))
-        for k, order in enumerate(orders):
-            left = [order.start / ARCMIN, *(value / ARCMIN for _, value in order.steps)]
+        names = list(dict.fromkeys(step.effect for _, order in orders for step in order.steps))
+        for k, (label, order) in enumerate(orders):
+            left = [order.held_out_rms_arcmin, *(step.held_out_rms_arcmin for step in order.steps)]
             colour, dash = STEP_COLOURS[k % 5].light, DASHES[k % 3]
-            axes.plot(range(len(left)), left, color=colour, linestyle=dash, label=order.label)
-            for step, (place, value) in enumerate(order.steps, start=1):
-                marker = MARKERS[names.index(place.effect) % 5]
-                axes.plot([step], [value / ARCMIN], marker=marker, markersize=4.5, color=colour)
-        most = max((len(order.steps) for order in orders), default=0)
+            axes.plot(range(len(left)), left, color=colour, linestyle=dash, label=label)
+            for number, step in enumerate(order.steps, start=1):
+                marker = MARKERS[names.index(step.effect) % 5]
+                axes.plot([number], [step.held_out_rms_arcmin], marker=marker, markersize=4.5, color=colour)
+        most = max((len(order.steps) for _, order in orders), default=0)
         axes.set_xticks(range(most + 1), ["none", *(str(k) for k in range(1, most + 1))])
         axes.set_xlim(-0.15, max(most, 1) + 0.15)
         axes.set_ylim(bottom=0.0)

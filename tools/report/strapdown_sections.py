@@ -2,10 +2,10 @@
 
 import math
 
+from numpy.typing import NDArray
+
 from ...models.effects import CATALOGUE
-from ..evidence.gain import ARCMIN
-from ..strapdown.result import StrapdownDiagnosis
-from ..strapdown.summary import bias_lines, sentence_of
+from ..diagnosis.result import Diagnosis
 from .bars import Bar, bars
 from .cells import Cell, Written
 from .judgement_sections import MOST_BARS, shares
@@ -13,32 +13,39 @@ from .page import Section, Table
 from .rounding import minus, outwards, significant, to_bound, unit_text
 from .strapdown_model import effect_lines, own_words
 from .strapdown_pictures import errors_over_quantities, errors_over_time, gain_picture, order_picture
+from .strapdown_text import bias_lines, parameters_of, sentence_of, sets_of, witnesses_of
 
 
-def quoted_words(result: StrapdownDiagnosis) -> str:
+def quoted_words(result: Diagnosis) -> str:
     """The pieces whose errors are quoted."""
-    part = result.parts[result.quoted]
+    part = result.evidence.parts[result.evidence.quoted]
     return "moves" if part.pieces.kind == "moves" else f"windows of {part.label}"
 
 
-def error_sections(result: StrapdownDiagnosis) -> list[Section]:
+def left_of(result: Diagnosis) -> NDArray | None:
+    """What the best set leaves of the quoted errors; None where nothing is named."""
+    return result.evidence.split(result.findings[0].fit.left)[result.evidence.quoted] if result.causes else None
+
+
+def error_sections(result: Diagnosis) -> list[Section]:
     """Errors over time, without the effects and with them, and over what they may depend on."""
-    part = result.parts[result.quoted]
-    time = result.inspection.record.time_s
+    part = result.evidence.parts[result.evidence.quoted]
+    time = result.evidence.found.record.time_s
     middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
-    after = result.left[result.quoted] if result.causes else None
+    after = left_of(result)
     what = quoted_words(result)
     carried = (
         "The simulation carries the direction of gravity from rest to rest"
         if result.reference == "gravity"
         else "The simulation carries the attitude over windows, and the true attitude says how far it is wrong"
     )
-    least = f"Whatever the block's parameters, the largest error is at least {result.radius or 0.0:.3g} of its bound"
+    radius = result.baseline.radius or 0.0
+    least = f"Whatever the block's parameters, the largest error is at least {radius:.3g} of its bound"
     if result.bias_at_rest is not None:
-        least = f"The largest error of the block as delivered is {result.radius or 0.0:.3g} of its bound"
+        least = f"The largest error of the block as delivered is {radius:.3g} of its bound"
     if result.causes:
         least += f"; with {' and '.join(cause.place.title for cause in result.causes)} it is "
-        least += f"{result.extended_radius:.3g} of it"
+        least += f"{result.extended.radius if result.extended else 0.0:.3g} of it"
     axes = "two axes across it" if part.error.shape[1] == 2 else "three axes"
     return [
         Section(
@@ -56,17 +63,17 @@ def error_sections(result: StrapdownDiagnosis) -> list[Section]:
         Section(
             "Errors against rate, turn and orientation",
             [],
-            errors_over_quantities(result.quantities, part.error, after),
+            errors_over_quantities(result.evidence.quantities(), part.error, after),
             f"The same errors of the {what} against what they may depend on.",
         ),
     ]
 
 
-def cause_section(result: StrapdownDiagnosis) -> Section:
+def cause_section(result: Diagnosis) -> Section:
     """The causes, or the sets that remain."""
     named = result.verdict == "explained"
     rows: list[list[Cell]] = []
-    for number, causes in enumerate(result.candidates, start=1):
+    for number, causes in enumerate(sets_of(result), start=1):
         for cause in causes:
             parameters = CATALOGUE[cause.place.effect].at(cause.place).parameters
             for parameter, value, (low, high) in zip(parameters, cause.values, cause.intervals, strict=True):
@@ -74,37 +81,39 @@ def cause_section(result: StrapdownDiagnosis) -> Section:
                 ends = outwards(low, high, half)
                 row: list[Cell] = [cause.place.title, parameter.name, to_bound(value, half), *ends]
                 rows.append([*([] if named else [number]), *row, unit_text(parameter.unit)])
-    period = result.inspection.sampling.period
+    period = result.evidence.found.sampling.period
     told = []
-    for number, causes in enumerate(result.candidates, start=1):
+    for number, causes in enumerate(sets_of(result), start=1):
         sentence = "; ".join(sentence_of(cause, period) for cause in causes)
         told.append(f"{sentence[0].upper()}{sentence[1:]}." if named else f"Set {number}: {sentence}.")
     same = [place.title for cause in result.causes for place in cause.alike]
     if same and named:
         told.append(f"Nothing in this record could tell it from: {', '.join(same)}.")
-    if not result.complete:
+    if result.complete is False:
         told.append("The search was cut off: more sets of effects would bring every error within its bound.")
     header = [*([] if named else ["set"]), "effect", "parameter", "estimate", "low", "high", "unit"]
-    shown = [] if named else [line for causes in result.candidates for line in effect_lines(causes)]
+    shown = [] if named else [line for causes in sets_of(result) for line in effect_lines(causes)]
     return Section("The cause" if named else "Causes that remain", told, table=Table(header, rows), equations=shown)
 
 
-def length_section(result: StrapdownDiagnosis) -> Section:
+def length_section(result: Diagnosis) -> Section:
     """What each length says, and the order of the effects."""
     header = ["over", "pieces", "bound [arcmin]", "rms [arcmin]", "largest [arcmin]", "over its bound",
               "smallest sets that stand"]  # fmt: skip
     rows: list[list[Cell]] = [
         [
-            length.label,
+            length.over,
             length.pieces,
-            *(significant(value / ARCMIN, 3) for value in (length.bound, length.rms, length.largest)),
+            *(significant(value, 3) for value in (length.noise_bound_arcmin, length.rms_arcmin, length.max_arcmin)),
             significant(length.radius, 3),
-            "; ".join(" + ".join(place.effect for place in places) or "none needed" for places in length.sets[:4])
+            "; ".join(
+                " + ".join(place.effect for place in places) or "none needed" for places in length.smallest_sets[:4]
+            )
             or "none up to three effects",
         ]
-        for length in result.lengths
+        for length in result.lengths or ()
     ]
-    orders = [length.order for length in result.lengths if length.order is not None]
+    orders = [(length.over, length.order) for length in result.lengths or () if length.order is not None]
     said = ["Each length of the pieces by itself, and what it needs."]
     if orders:
         said.append(
@@ -126,7 +135,7 @@ def length_section(result: StrapdownDiagnosis) -> Section:
     )
 
 
-def gain_section(result: StrapdownDiagnosis) -> Section:
+def gain_section(result: Diagnosis) -> Section:
     """Errors of pieces that were not used."""
     assert result.gain is not None
     summary = result.gain.to_json()
@@ -149,47 +158,52 @@ def gain_section(result: StrapdownDiagnosis) -> Section:
     )
 
 
-def witness_section(result: StrapdownDiagnosis) -> Section:
+def witness_section(result: Diagnosis) -> Section:
     """What was left out says of each effect, and why effects are not named."""
     rows: list[list[Cell]] = [
-        [w.place.title, significant(w.without, 3), significant(w.with_it, 3), Written(f"{w.as_good} of {w.shuffles}")]
-        for w in result.witnesses
+        [
+            w.title,
+            significant(w.rms_without, 3),
+            significant(w.rms_with, 3),
+            Written(f"{w.shuffles.as_good} of {w.shuffles.tried}"),
+        ]
+        for w in witnesses_of(result)
     ]
     said = [
         "Parts of the record were left out in turn and predicted from the rest, without an effect and with it; then "
         "its signature was shuffled over the pieces. This is a second witness: an effect that does not help, or whose "
         "shuffles do as well, is not named."
     ]
-    said += [f"Not named: {text}." for text in result.objections]
+    said += [f"Not named: {text}." for text in result.not_named or ()]
     header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
     return Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)
 
 
-def structure_section(result: StrapdownDiagnosis) -> Section:
+def structure_section(result: Diagnosis) -> Section:
     """What an unexplained error depends on."""
-    shown = result.residual_structure[:MOST_BARS]
+    shown = (result.residual_structure or ())[:MOST_BARS]
     return Section(
         "What the error depends on",
         [
             "How much of the error about each axis a smooth function of one quantity predicts at pieces that were left "
             "out; the band is what is more than noise within its bound."
         ],
-        shares(shown, "axis"),
+        shares([dict(entry) for entry in shown], "axis"),
         "Part of the error's sum of squares that is predicted.",
     )
 
 
-def next_section(result: StrapdownDiagnosis) -> Section:
+def next_section(result: Diagnosis) -> Section:
     """What to add to the record so that the sets can be told apart."""
-    return Section("What to measure next", [f"{text[0].upper()}{text[1:]}." for text in result.separate])
+    return Section("What to measure next", [f"{text[0].upper()}{text[1:]}." for text in result.next or ()])
 
 
-def parameter_section(result: StrapdownDiagnosis) -> Section:
+def parameter_section(result: Diagnosis) -> Section:
     """The block's own parameters, each with its interval drawn."""
-    bounded = all(p.low is not None and p.high is not None for p in result.parameters)
-    drawn = interval_bars(result) if bounded else [None] * len(result.parameters)
+    bounded = all(p.low is not None and p.high is not None for p in parameters_of(result))
+    drawn = interval_bars(result) if bounded else [None] * len(parameters_of(result))
     rows: list[list[Cell]] = []
-    for p, bar in zip(result.parameters, drawn, strict=True):
+    for p, bar in zip(parameters_of(result), drawn, strict=True):
         half = None if p.low is None or p.high is None else 0.5 * (p.high - p.low)
         ends = [bar, *outwards(p.low, p.high, half)] if bounded else []
         rows.append([own_words(p.name), to_bound(p.estimate, half), *ends, unit_text(p.unit)])
@@ -201,12 +215,12 @@ def parameter_section(result: StrapdownDiagnosis) -> Section:
     return Section("The block's own parameters", [said], table=Table(header, rows, caption if bounded else ""))
 
 
-def interval_bars(result: StrapdownDiagnosis) -> list[Cell]:
+def interval_bars(result: Diagnosis) -> list[Cell]:
     """The intervals about their estimates, those of one unit on one scale."""
-    found: list[Cell] = [None] * len(result.parameters)
-    for unit in dict.fromkeys(p.unit for p in result.parameters):
-        at = [k for k, p in enumerate(result.parameters) if p.unit == unit]
-        ends = [(p.low, p.high, p.estimate) for p in (result.parameters[k] for k in at)]
+    found: list[Cell] = [None] * len(parameters_of(result))
+    for unit in dict.fromkeys(p.unit for p in parameters_of(result)):
+        at = [k for k, p in enumerate(parameters_of(result)) if p.unit == unit]
+        ends = [(p.low, p.high, p.estimate) for p in (parameters_of(result)[k] for k in at)]
         widest = max((0.5 * (high - low) for low, high, _ in ends if low is not None and high is not None), default=0.0)
         if not widest > 0.0 or not math.isfinite(widest):
             continue

@@ -15,7 +15,7 @@ from ..calibration.model import Linearisation
 from ..diagnosis.sizes import SureSizes, level_margins, sure_sizes
 from ..errors import InputError, nearest
 from ..evidence.bench_effects import Circumstances, Visits, senses_of, signature_columns
-from ..evidence.carried import carried_evidence
+from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Classes, Evidence, coefficient_count
 from ..motion.inspect import inspect_record
 from ..records import StrapdownRecord
@@ -429,7 +429,7 @@ def evidence_of(case: BlockCase, record: StrapdownRecord) -> Evidence | None:
     found = inspect_record(record, gravity=STANDARD_GRAVITY)
     if case.reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):
         return None
-    return carried_evidence(found, BASELINE[case.reference])
+    return linear_evidence(found, BASELINE[case.reference])
 
 
 def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) -> float:

@@ -10,8 +10,6 @@ from ..diagnosis import Cause, Diagnosis, diagnose
 from ..diagnosis.result import NamedEffect
 from ..records import PositionRecord, StrapdownRecord
 from ..result import Result
-from ..strapdown.diagnosis import diagnose_strapdown
-from ..strapdown.result import StrapdownDiagnosis
 from .bench import NOISE_BOUND
 from .measure import BenchCase, Case, Hidden
 
@@ -239,23 +237,20 @@ class BlockOutcome(Outcome):
         return () if self.error is None else (self.error,)
 
 
-def diagnosed(
-    case: Case, record: PositionRecord | StrapdownRecord, *, rerun: bool = False
-) -> Diagnosis | StrapdownDiagnosis:
+def diagnosed(case: Case, record: PositionRecord | StrapdownRecord, *, rerun: bool = False) -> Diagnosis:
     """The diagnosis of a case's record; of a bench σ, the mountings and the kind of block are known beside it."""
     if isinstance(record, StrapdownRecord):
-        return diagnose_strapdown(record, rerun=rerun)
+        return diagnose(record, rerun=rerun)
     assert isinstance(case, BenchCase)
     known = {"baseline": case.bench.baseline, "mounting": case.bench.matrices}
     return diagnose(record, noise_bound=NOISE_BOUND, **known, rerun=rerun)
 
 
-def judged(case: Case, result: Diagnosis | StrapdownDiagnosis) -> BenchOutcome | BlockOutcome:
+def judged(case: Case, result: Diagnosis) -> BenchOutcome | BlockOutcome:
     """Hold a diagnosis against the secret of its case."""
+    sets = [finding.causes for finding in result.findings]
+    kind = kind_of(case.places, result.verdict, sets, result.equal_sets)
     if isinstance(case, BenchCase):
-        assert isinstance(result, Diagnosis)
-        sets = [finding.causes for finding in result.findings]
-        kind = kind_of(case.places, result.verdict, sets, result.equal_sets)
         inside, errors = _held_against(case.hidden, kind, sets, case.bench.truth["TurntableMotion"])
         return BenchOutcome(
             seed=case.seed,
@@ -273,21 +268,18 @@ def judged(case: Case, result: Diagnosis | StrapdownDiagnosis) -> BenchOutcome |
             inside=inside,
             errors=errors,
         )
-    assert isinstance(result, StrapdownDiagnosis)
-    sets = list(result.candidates)
-    kind = kind_of(case.places, result.verdict, sets)
     inside, errors = _held_against(case.hidden, kind, sets)
     return BlockOutcome(
         **case.answer(),
         rows=len(case.motion) - 1,
         redrawn=case.redrawn,
-        radius=result.radius,
+        radius=result.baseline.radius,
         verdict=result.verdict,
         outcome=kind,
         named=_named(sets),
         inside=inside,
         error=errors[0] if errors else None,
-        why="; ".join((*result.objections, *result.missing)),
+        why="; ".join((*(result.not_named or ()), *map(str, result.missing or ()))),
     )
 
 

@@ -1,0 +1,209 @@
+"""Evidence of carried blocks: the linear rows and the FMUs behind them, and verdicts on simulated records."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strapdown_records import strapdown_record, true_motion
+from trihedron.fmus import build
+from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.lengths import order_of_effects
+from trihedron.tools.diagnosis.result import EffectWitness
+from trihedron.tools.diagnosis.search import search
+from trihedron.tools.evidence.carried_record import linear_evidence
+from trihedron.tools.evidence.references import Gravity, turned
+from trihedron.tools.motion.carry import GyroModel, carried_attitude
+from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.orchestrator.load import usual_flavour
+from trihedron.tools.trials.draw import BlockOptions, draw_block_case, draw_clean_block
+from trihedron.tools.trials.measure import measure_block
+
+LATENCY = EffectPlace("latency", "gyro-block")
+SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
+SENSITIVITY = EffectPlace("gyro-g-sensitivity", "gyro-block")
+BIAS = EffectPlace("gyro-bias", "gyro-block")
+
+
+def simulated(seed: int):
+    """Evidence of a clean record of hand-like moves between rests."""
+    return linear_evidence(inspect_record(strapdown_record(seed=seed)), "calibrated")
+
+
+def clean(index: int, reference=None):
+    """A clean record of the suite."""
+    return measure_block(draw_clean_block(11, index, reference))
+
+
+@pytest.fixture(scope="module")
+def sensitive():
+    """Γ of gyros that depend on gravity, and the diagnosis of a record of theirs."""
+    matrix = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
+    return matrix, diagnose(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=matrix, seed=3))
+
+
+def test_a_clean_block_is_consistent_and_its_parameters_are_within_their_intervals():
+    gamma = np.array([[0.004, 0.0, 0.0], [0.002, -0.003, 0.0], [0.001, 0.005, 0.002]])
+    found = diagnose(strapdown_record(gamma=gamma, bias_g=np.array([0.01, -0.02, 0.03])), rerun=False)
+    assert (found.verdict, found.causes) == ("consistent", ())
+    assert found.baseline.radius < 1.0
+    ends = {p.name: (p.low, p.high) for p in found.baseline.parameters}
+    for name, truth in {"gamma_11": 0.004, "gamma_32": 0.005, "bias_3": 0.03}.items():
+        low, high = ends[f"accelerometer {name}"]
+        assert low <= truth <= high
+    assert {entry["effect"] for entry in found.excluded} >= {"gyro-g-sensitivity", "gyro-bias-drift"}
+    # The lag of gyros turns nothing from rest to rest; a block without jitter has none.
+    assert {"jitter", "gyro-quantisation", "lever-arm"} <= {place.effect for place in found.cannot_be_seen}
+    assert all(entry["above"] > 0.05 for entry in found.excluded if entry["effect"] == "latency")
+    assert "no effect is named" in str(found)
+
+
+def test_sensitivity_to_gravity_is_named_with_its_size_and_gains_on_moves_that_were_not_used(sensitive):
+    matrix, found = sensitive
+    assert found.verdict == "explained"
+    (cause,) = found.causes
+    assert cause.place == SENSITIVITY
+    assert np.reshape(cause.values, (3, 3)) == pytest.approx(matrix, abs=5e-4)
+    for (low, high), value in zip(cause.intervals, matrix.ravel(), strict=True):
+        assert low <= value <= high
+    assert found.gain.over == "1 move"
+    assert found.gain.held_out_rms_after < 0.5 * found.gain.held_out_rms_before
+
+
+def test_the_object_is_that_of_the_contract(sensitive):
+    content = sensitive[1].to_json()
+    assert (content["schema"], content["unit"]) == ("trihedron.diagnosis/1", "arcmin")
+    assert content["baseline"]["falsified"] is True
+    assert content["extended"]["radius"] <= 1.0 < content["baseline"]["radius"]
+    assert content["noise_bound_arcmin"] > 0.0
+    assert set(content["gain"]) >= {f"held_out_{kind}_{at}" for kind in ("rms", "max") for at in ("before", "after")}
+    assert [length["over"] for length in content["lengths"]] == ["1 move", "2 moves", "3 moves"]
+
+
+def with_truth(record, motion, latency: int = 0):
+    """A simulated record with the attitude of its motion; its gyros read so many rows late."""
+    time, rate, _ = motion
+    attitude = [Rotation.identity()]
+    for step in Rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]):
+        attitude.append(attitude[-1] * step)
+    quaternion = np.roll(Rotation.concatenate(attitude).as_quat(), 1, axis=1)
+    late = np.vstack([np.repeat(record.rate[:1], latency, axis=0), record.rate[: len(time) - latency]])
+    return replace(record, attitude=quaternion, rate=late)
+
+
+def test_latency_is_named_in_samples_beside_the_true_attitude_and_nothing_where_there_is_none():
+    motion = true_motion(period=0.01)
+    found = diagnose(with_truth(strapdown_record(motion, seed=5), motion, latency=3), rerun=False)
+    assert (found.reference, found.verdict) == ("true attitude", "explained")
+    (cause,) = found.causes
+    assert cause.place == LATENCY
+    # The trapezoid rule delays nothing: three rows are three rows.
+    assert cause.values[0] == pytest.approx(0.03, rel=0.05)
+    assert "lag by" in str(found)
+    assert "samples" in str(found)
+    assert found.order_stable is not None
+    found = diagnose(with_truth(strapdown_record(motion, seed=6), motion), rerun=False)
+    assert (found.verdict, found.causes) == ("consistent", ())
+
+
+@pytest.mark.parametrize("reference", ["gravity", "truth"])
+def test_signatures_are_what_the_exported_components_do(reference):
+    """An effect of a small size in the compensation turns the errors as its columns say, to a few per cent."""
+    found = inspect_record(clean(0 if reference == "gravity" else 1))
+    made = linear_evidence(found, "nominal")
+    part = next(p for p in made.parts if p.scored)
+    for place in (SENSITIVITY, SCALE):
+        coefficients = 1e-4 * np.cos(np.arange(len(CATALOGUE[place.effect].parameters)))
+        model = GyroModel(made.model.bias, made.model.scale_misalignment, {place: tuple(coefficients)})
+        after = turned(part.pieces, carried_attitude(made.motion, model, found.gravity))
+        change = Rotation.from_matrix(turned(part.pieces, made.attitude) @ after.transpose(0, 2, 1)).as_rotvec()
+        own = made.numbers_of([place])
+        expected = part.columns[..., own] @ coefficients
+        if isinstance(made.reference, Gravity):
+            # Only the turn across gravity counts between rests: it moves the direction by change × up.
+            up = made.reference.directions(made.point[:9])
+            change = np.cross(change, up[made.reference.ends[0][:, 0]])
+            change = np.einsum("skp,sp->sk", made.reference.across(0, up), change)
+        else:
+            # What an effect adds to the mean at rest is taken out with it: its columns hold both.
+            expected = expected + part.columns[..., made.numbers_of([BIAS])] @ (made.at_rest[:, own] @ coefficients)
+        assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
+
+
+def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):
+    """The extended compensation, exported and run by the orchestrator: the attitude of the simulation inside."""
+    if usual_flavour() != "native":
+        pytest.skip("nothing compiles here")
+    found = inspect_record(clean(1))
+    made = linear_evidence(found, "nominal")
+    model = GyroModel(made.model.bias, made.model.scale_misalignment, {LATENCY: (0.004,), SENSITIVITY: (1e-4,) * 9})
+    fmus = {
+        "GyroCompensation": build("GyroCompensation", tmp_path, [LATENCY, SENSITIVITY], flavour="native"),
+        "AttitudeComputer": build("AttitudeComputer", tmp_path, flavour="native"),
+    }
+    inside = carried_attitude(made.motion, model, found.gravity)
+    assert np.array_equal(inside, carried_attitude(made.motion, model, found.gravity, fmus))
+
+
+def test_a_set_that_helps_shuffled_data_as_much_has_no_witness():
+    """Of a clean record an effect explains no more than its shuffles do, or does not help at all."""
+    made = simulated(8)
+    fit = made.refit([SENSITIVITY, EffectPlace("gyro-bias-drift", "gyro-block")])
+    assert any(EffectWitness.of(trial).objection is not None for trial in made.trials(fit))
+
+
+def test_classes_are_effects_whose_signatures_are_parallel():
+    made = simulated(9)
+    drift, asymmetry = (EffectPlace(f"gyro-{name}", "gyro-block") for name in ("bias-drift", "scale-asymmetry"))
+    own, other = made.numbers_of([drift]), made.numbers_of([asymmetry])
+    parts = []
+    for part in made.parts:
+        columns = part.columns.copy()
+        columns[..., other] = 2.0 * columns[..., own]
+        parts.append(replace(part, columns=columns))
+    assert replace(made, parts=tuple(parts)).classes.equivalents(drift) == (asymmetry,)
+
+
+def test_least_squares_and_the_search_agree_on_a_known_error():
+    """Errors made by one effect are explained by it exactly, and by no smaller set."""
+    made, size = simulated(10), 4e-3 * np.sin(np.arange(9.0))
+    own = made.numbers_of([SENSITIVITY])
+    made = made.with_errors([part.columns[..., own] @ size for part in made.parts])
+    assert made.falsified
+    assert (SENSITIVITY,) in [fit.places for fit in search(made).fits]
+    assert made.refit([SENSITIVITY]).radius == pytest.approx(0.0, abs=1e-6)
+    assert made.estimate([SENSITIVITY])[len(made.names) :] == pytest.approx(size, abs=1e-9)
+    for k in made.scored:
+        assert order_of_effects(made.of_length(k), [SENSITIVITY, LATENCY]).steps[0].place == SENSITIVITY
+
+
+def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
+    case = draw_block_case(BlockOptions(), 1, 17)
+    assert case.places == (LATENCY,)
+    found = diagnose(measure_block(case))
+    assert found.verdict == "explained"
+    assert [cause.place for cause in found.causes] == [LATENCY]
+    for gain in (found.gain, *found.gain.others):
+        assert np.isfinite(gain.before).all()
+        assert np.isfinite(gain.after).all()
+    assert found.gain.improves
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.05, "5 % too long"), (0.97, "3 % too short"), (1.0, None)])
+def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(factor, said):
+    """Rates times wrong intervals turn the block too far about every axis alike."""
+    record = clean(3, "truth")
+    found = diagnose(replace(record, time_s=factor * record.time_s), rerun=False)
+    assert [cause.place for cause in found.causes] == ([] if said is None else [SCALE])
+    assert any(said in text for text in found.warnings) if said else found.warnings == ()
+
+
+@pytest.mark.parametrize("index", [0, 2, 8])
+def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
+    """Accelerometers that lag by 200 rows belong to no block: the fit of one goes beyond its parameters' limits."""
+    record = clean(index)
+    found = diagnose(replace(record, specific_force=np.roll(record.specific_force, 200, axis=0)), rerun=False)
+    assert found.verdict == "unexplained"
+    assert any("would be" in text and "check units" in text for text in found.not_named)

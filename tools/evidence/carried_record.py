@@ -1,0 +1,429 @@
+"""From a record of a block that is carried to its evidence: refused, lacking something, or made.
+
+The simulation is run about the calibrated block, and once more about one large effect.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ..bounded.spaces import least_squares
+from ..errors import InputError
+from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
+from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
+from ..motion.inspect import LEAST_TURN, Inspection, inspect_record, meaning
+from ..motion.norm import LARGEST, NAMES, inputs_of
+from ..motion.rests import rest_warnings
+from ..motion.sampling import rates_of
+from ..records import StrapdownRecord
+from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
+from .carried_bounds import force_deviation, gyro_noise
+from .evidence import DETERMINED, Evidence, coefficient_count
+from .references import (
+    FEWEST_WINDOWS,
+    LENGTHS,
+    Gravity,
+    Run,
+    Truth,
+    Usable,
+    gravity_pieces,
+    has_truth,
+    integrals,
+    known_rows,
+    means_at_rest,
+    truth_windows,
+    windows_of,
+)
+
+BASELINES = ("calibrated", "nominal")
+RELINEARISATIONS = 2
+"""Runs of the simulation before the last one, each about the fit to the one before; one for long records."""
+LEAST_FORCE = 1e-9
+"""Bounds of means [g] are not taken for less."""
+MANY = 4.0
+"""Errors of so many bounds, root mean square over that of noise at its bound, may hold a second order that counts."""
+MOST_OF_IT = 3.0
+"""By so much an effect must lower the errors to be the main one."""
+JUMP, ROUNDS_OF_JUMPS = 12.0, 6
+"""A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""
+ROOM = 1.2
+"""A bound over the largest error that was seen: there are only so many windows."""
+FEWEST_MOVES = 8
+"""Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
+LEAST_SHARE = 0.5
+"""Part of the true turns that the gyros must show before a swap or a flip is believed."""
+RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
+WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
+LEFT_OUT = (
+    "the largest errors that all effects together leave in parts of the record that were left out: the noise at rest "
+    "is smaller, so the true attitude errs more in motion than at rest, or something is not in the catalogue"
+)
+
+
+def carried_evidence(
+    record: StrapdownRecord,
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    baseline: str | None = None,
+    rates: str = "instantaneous",
+) -> CarriedRecord:
+    """The evidence of a strapdown record; where nothing can be run, what it lacks.
+
+    With true attitude in the record the carried attitude is compared with it over windows of several lengths; without,
+    the direction of gravity is carried from rest to rest.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+    gravity : float
+        model value [m/s²]
+    baseline : "calibrated", "nominal" or None
+        whether the gyros' bias, scale factors and misalignments are free. None: calibrated where gravity is the
+        reference, nominal where the truth is known: the block as delivered, its mean at rest taken out
+    rates : "instantaneous" or "averaged"
+        what a rate in the record means
+
+    Raises
+    ------
+    InputError
+        a record whose gyros and accelerometers, or truth, cannot belong together: units, order or signs of axes
+    """
+    if baseline not in (None, *BASELINES):
+        raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")
+    found = inspect_record(record, gravity=gravity)
+    check_record(found)
+    block = baseline or ("nominal" if has_truth(found) else "calibrated")
+    if lacks := missing_things(found):
+        return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
+    return with_reference_errors(about_main_effect(linear_evidence(found, block, rates)))
+
+
+def warnings_of(found: Inspection) -> tuple[str, ...]:
+    """What a person should know of a record and its sampling."""
+    said = [
+        f"{name}: {rows} rows are saturated" + ("; moves with them are not used" if name.startswith("w") else "")
+        for name, rows in found.sampling.saturated.items()
+    ]
+    said += rest_warnings(found.rests, found.gravity)
+    if found.sampling.gaps:
+        said.append(
+            f"{len(found.sampling.gaps)} gaps, {found.sampling.missing} rows missing; moves over them are not used"
+        )
+    return (*found.record.warnings, *said)
+
+
+def gyro_places(motion: Motion, own: Sequence[EffectPlace]) -> list[EffectPlace]:
+    """Effects of the gyros that can be tried beside those of the model."""
+    told = [e for e in STRAPDOWN_EFFECTS.values() if "temperature" not in e.needs or motion.temperature is not None]
+    return [place for effect in told if effect.variants is None for place in effect.places if place not in own]
+
+
+def force_places(motion: Motion) -> list[EffectPlace]:
+    """Linear static effects of the accelerometers."""
+    told = [e for e in POSITION_EFFECTS.values() if "temperature" not in e.needs or motion.temperature is not None]
+    own = [e for e in told if e.component == "AccelerometerBlock" and e.variants is None and e.untold is None]
+    return [place for effect in own for place in effect.places]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A record with what its simulations are held against, and the gyros' part of the model's parameters."""
+
+    found: Inspection
+    block: str
+    rates: str
+    motion: Motion
+    reference: Gravity | Truth
+    own: tuple[EffectPlace, ...]
+
+    def evidence_about(self, x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
+        """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
+        motion, own, reference = self.motion, self.own, self.reference
+        gyros = gyro_places(motion, own) if tried else []
+        forces = force_places(motion) if tried and len(x) else []
+        attitude, at_rest = carried_attitude(motion, model, self.found.gravity), None
+        integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
+        if not own:
+            at_rest = added_at_rest(self.found, motion, model, gyros)
+            integral = integral - integral[..., _columns(gyros, [BIAS])] @ at_rest
+        run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
+        if isinstance(reference, Gravity):
+            parts = reference.parts(run, x, forces, motion.time_s)
+        else:
+            parts = reference.parts(run, motion.time_s)
+        names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
+        names += [(f"gyro {p.name}", p.unit) for place in own for p in CATALOGUE[place.effect].at(place).parameters]
+        point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
+        whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
+        record = (self.found, self.block, self.rates, warnings_of(self.found), ())
+        return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest)
+
+
+def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous") -> Carried:
+    """The evidence of a record about its calibrated block; against the true attitude where the record has it.
+
+    Parameters
+    ----------
+    found : Inspection
+        without true attitude: with a consistent or falsified norm calibration
+    block : "calibrated" or "nominal"
+        whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
+        where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else
+    rates : str
+        as for `motion_of`
+    """
+    motion = motion_of(found.record, found.sampling, found.gravity, rates)
+    x, model = np.zeros(0), GyroModel(bias=rest_mean(found))
+    if has_truth(found):
+        own: tuple[EffectPlace, ...] = (BIAS, SCALE) if block == "calibrated" else ()
+        setting = Setting(found, block, rates, motion, truth_reference(found), own)
+    else:
+        assert found.accelerometers is not None
+        assert found.accelerometers.least_squares is not None
+        x, own = found.accelerometers.least_squares, (BIAS, SCALE) if block == "calibrated" else (BIAS,)
+        setting = Setting(found, block, rates, motion, gravity_reference(found), own)
+    for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0):
+        # An hour's attitudes are large: those of one run go before the next.
+        x, model = refined(setting.evidence_about(x, model, tried=False))
+    return setting.evidence_about(x, model, tried=True)
+
+
+def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
+    """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
+    # Of true attitude the bounds may not be known yet.
+    weighed = made if isinstance(made.reference, Gravity) else made.unweighted()
+    step = least_squares(weighed.nominal, weighed.residual, DETERMINED)
+    model = with_parameters(made.model, made.own, step[made.of_forces :])
+    # Where a fit wants other scale factors, it is wrong.
+    model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
+    return (made.point + step)[: made.of_forces], model
+
+
+def gravity_reference(found: Inspection) -> Gravity:
+    """Gravity as the reference of a record whose accelerometers are calibrated by their norm."""
+    rests, calibration = found.rests, found.accelerometers
+    assert calibration is not None
+    assert calibration.least_squares is not None
+    reading = rests.force / found.gravity
+    noise = gyro_noise(found, inputs_of(calibration.least_squares, reading))
+    assert noise is not None
+    deviation = np.maximum(force_deviation(found) / found.gravity, LEAST_FORCE)
+    return Gravity(rests, reading, deviation, noise, *gravity_pieces(rests, Usable(found)))
+
+
+def truth_reference(found: Inspection) -> Truth:
+    """The true attitude of a record as the reference."""
+    assert found.record.attitude is not None
+    up = found.rests.force / found.gravity if len(found.rests) else None
+    return Truth(found.rests, found.record.attitude, gyro_noise(found, up), truth_windows(found, Usable(found)))
+
+
+def rest_mean(found: Inspection) -> NDArray[np.float64]:
+    """The gyros' mean reading over all rests (3,) [rad/s]; zeros where there are none."""
+    if not len(found.rests):
+        return np.zeros(3)
+    lengths = np.array([rows.stop - rows.start for rows in found.rests.rows], dtype=float)
+    return lengths @ found.rests.rate / lengths.sum()
+
+
+def added_at_rest(
+    found: Inspection, motion: Motion, model: GyroModel, places: Sequence[EffectPlace]
+) -> NDArray[np.float64]:
+    """What each coefficient (3, K) adds to the mean at rest that is taken out; that of the bias adds none."""
+    others = [place for place in places if place != BIAS]
+    added = np.zeros((3, sum(coefficient_count(place) for place in places)))
+    if others:
+        added[:, _columns(places, others)] = means_at_rest(motion, model, others, found.rests.rows)
+    return added
+
+
+def _columns(places: Sequence[EffectPlace], wanted: Sequence[EffectPlace]) -> NDArray[np.int_]:
+    """The columns of some of the effects."""
+    return Evidence((), (), np.zeros(0), tuple(places)).numbers_of(wanted)
+
+
+def about_main_effect(made: Carried) -> Carried:
+    """The evidence about the effect that makes most of its errors; as it is where none does.
+
+    Signatures are of first order. Where one effect makes nearly all of errors that are many times their bounds, its
+    second order may be above them too.
+    """
+    even = made
+    if not all((part.bound > 0.0).all() for part in made.parts):
+        least = float(np.median(np.abs(made.parts[0].error))) + 1e-12
+        even = made.with_bounds([np.maximum(part.bound, least) for part in made.parts])
+    place = main_effect(even)
+    if place is None:
+        return made
+    solution = even.estimate([place])
+    parameters = CATALOGUE[place.effect].at(place).parameters
+    values = even.values_of([place], solution)[place]
+    possible = all(p.possible(v) for p, v in zip(parameters, values, strict=True))
+    return about_effects(made, [place], solution) if possible else made
+
+
+def main_effect(made: Carried) -> EffectPlace | None:
+    """The gyros' effect that alone makes most of large errors; None where there is none."""
+    before = _rms_left(made, ())
+    if not before > MANY / np.sqrt(3.0):
+        return None
+    left = {place: _rms_left(made, (place,)) for place in made.places if is_of_gyros(place)}
+    best = min(left, key=lambda place: left[place], default=None)
+    return best if best is not None and MOST_OF_IT * left[best] < before else None
+
+
+def _rms_left(made: Carried, places: Sequence[EffectPlace]) -> float:
+    """Root mean square of what least squares leaves, in bounds."""
+    matrix = made.matrix(places)
+    left = made.residual - matrix @ made.estimate(places) if matrix.shape[1] else made.residual
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArray) -> Carried:
+    """The evidence about effects of the gyros of such sizes: the second order of their run is in the errors.
+
+    The errors are those of a run with the effects, and what these do to first order is added again: as if they acted
+    linearly.
+
+    Parameters
+    ----------
+    made : Carried
+    places : sequence of EffectPlace
+    solution : (P + k,) array
+        steps of the model's parameters and the effects' coefficients
+    """
+    count = len(made.names)
+    step, size = solution[:count], solution[count:]
+    model = made.gyros_with(step, made.values_of(places, solution), size)
+    attitude = carried_attitude(made.motion, model, made.found.gravity)
+    columns = np.concatenate([np.arange(count), count + made.numbers_of(places)])
+    errors = [
+        part.error
+        if part.pieces.kind == "norms"
+        else error + np.concatenate([part.nominal, part.columns], axis=-1)[..., columns] @ solution
+        for part, error in zip(made.parts, made.errors_along(attitude, step), strict=True)
+    ]
+    return made.with_errors(errors)
+
+
+def with_reference_errors(made: Carried) -> Carried:
+    """Evidence with bounds that the true attitude's own errors allow.
+
+    Where all effects together cannot bring the errors within the noise at rest, no set of them can: then what they
+    leave in blocks that are left out is the bound, for each length of windows. Windows with errors many times those of
+    the others, which nothing in the catalogue makes, are not used.
+    """
+    if isinstance(made.reference, Gravity):
+        return replace(made, bounds_from=RECORD_NOISE)
+    if all((part.bound > 0.0).all() for part in made.parts) and made.refit(made.places).radius <= made.limit:
+        return replace(made, bounds_from=WITH_TRUTH)
+    kept = [np.ones(len(part), dtype=bool) for part in made.parts]
+    for _ in range(ROUNDS_OF_JUMPS):
+        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(made, kept))]
+        far = [size > JUMP * np.median(size) for size in sizes]
+        if not any(mask.any() for mask in far):
+            break
+        for mine, mask in zip(kept, far, strict=True):
+            mine[np.flatnonzero(mine)[mask]] = False
+    said = tuple(
+        f"{np.count_nonzero(~mine)} windows of {part.label} are not used: gyros or truth jump there as no effect does"
+        for mine, part in zip(kept, made.parts, strict=True)
+        if not mine.all()
+    )
+    made = of_windows(made, kept)
+    largest = [ROOM * np.abs(error).max() for error in left_out_by_all(made)]
+    bounds = [np.maximum(part.bound, most) for part, most in zip(made.parts, largest, strict=True)]
+    return replace(made.with_bounds(bounds), bounds_from=LEFT_OUT, warnings=(*made.warnings, *said))
+
+
+def left_out_by_all(made: Carried) -> list[NDArray[np.float64]]:
+    """Errors (S, d) of each part that all effects together leave in blocks that are left out [rad]."""
+    even = made.unweighted()
+    return even.split(even.left_out(even.places, even.folds()))
+
+
+def of_windows(made: Carried, kept: Sequence[NDArray]) -> Carried:
+    """The windows that masks (S,) choose, of each length."""
+    parts = tuple(part.selected(mask) for part, mask in zip(made.parts, kept, strict=True))
+    scored = tuple(part.pieces for part in parts)
+    return replace(made, parts=parts, reference=replace(made.reference, scored=scored))
+
+
+def check_record(found: Inspection) -> None:
+    """Refuse a record whose parts cannot belong together.
+
+    Raises
+    ------
+    InputError
+        one line: gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves
+    """
+    path = found.record.path
+    said = truth_check(found) or found.turning.said
+    if said:
+        raise InputError(f"{path}: {'; '.join(said)}")
+    moves = len(found.moves) or bool(found.excitation.any())
+    dead = [name for name in found.sampling.dead if moves]
+    if dead:
+        raise InputError(f"{path}: {', '.join(dead)} never changes while the block moves: a dead channel")
+
+
+def truth_check(found: Inspection) -> tuple[str, ...]:
+    """What is wrong with the gyros beside the true attitude: units, order and signs of axes."""
+    record = found.record
+    known = known_rows(record)
+    if record.attitude is None or not len(known):
+        return ()
+    windows = windows_of(known, Usable(found), found.sampling.period, LENGTHS[0])
+    if len(windows) < FEWEST_TURNS:
+        return ()
+    rotation = Rotation.from_quat(np.roll(record.attitude[windows.first], -1, axis=1)).inv()
+    true = (rotation * Rotation.from_quat(np.roll(record.attitude[windows.last], -1, axis=1))).as_rotvec()
+    level = np.median(found.rests.rate, axis=0) if len(found.rests) else np.zeros(3)
+    step = np.concatenate([[found.sampling.period], np.diff(record.time_s)])
+    sums = np.cumsum((rates_of(record) - level) * step[:, None], axis=0)
+    turn = sums[windows.last] - sums[windows.first]
+    moving = np.linalg.norm(true, axis=1) > LEAST_TURN
+    if moving.sum() < FEWEST_TURNS:
+        return ()
+    design, target = turn[moving], true[moving]
+    singular = np.linalg.svd(design, compute_uv=False)
+    if singular[-1] < 0.02 * singular[0]:
+        return ()
+    matrix = np.linalg.lstsq(design, target, rcond=None)[0].T
+    left = target - design @ matrix.T
+    if float((left**2).sum()) > LEAST_SHARE * float((target**2).sum()):
+        return ("the gyros do not turn as the true attitude does: is it body to reference, scalar first?",)
+    error = np.sqrt(np.outer((left**2).mean(axis=0), np.diag(np.linalg.inv(design.T @ design))))
+    said = (text.replace("of the accelerometers", "of the true attitude") for text in meaning(matrix, error))
+    return tuple(text.replace("as gravity turns", "as the true attitude turns") for text in said)
+
+
+def missing_things(found: Inspection) -> tuple[str, ...]:
+    """What to add to a record that cannot be judged; nothing where it can."""
+    rests, calibration = found.rests, found.accelerometers
+    if has_truth(found):
+        if truth_windows(found, Usable(found)):
+            return ()
+        return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
+    if not len(rests):
+        return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
+    if rests.force_bound is None or rests.rate_bound is None or gyro_noise(found, None) is None:
+        return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
+    if calibration is None or calibration.least_squares is None:
+        poses = calibration.missing if calibration is not None else ()
+        return tuple(f"a rest with {pose}" for pose in poses) or ("rests in a dozen poses",)
+    if np.abs(calibration.least_squares).max() > 0.25:
+        return ("rests whose readings are those of gravity alone: no accelerometers fit the present ones",)
+    moves = gravity_pieces(rests, Usable(found))[1]
+    count = len(moves[0]) if moves else 0
+    if count < FEWEST_MOVES:
+        return (
+            f"{count} moves from rest to rest without a gap or a saturated gyro; at least {FEWEST_MOVES} are needed, "
+            "about every axis",
+        )
+    return ()

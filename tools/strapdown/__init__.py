@@ -1,1 +1,0 @@
-"""The diagnosis of records of gyros and accelerometers without a table."""
