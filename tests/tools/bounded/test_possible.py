@@ -1,0 +1,144 @@
+"""What bounded errors leave possible: no bound is too small, and each is nearly attained by something admissible."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from trihedron.tools.bounded.possible import BOUNDING, ENCLOSING, Possible, largest_length, polar_intervals
+from trihedron.tools.bounded.spaces import column_space, cosine, least_squares, same_space, spaces_beyond
+
+
+def problem(seed: int, rows: int = 24, columns: int = 4):
+    """Errors at a fit, within bounds of different sizes, and columns in very different units."""
+    rng = np.random.default_rng(seed)
+    bound = rng.uniform(1e-6, 1e-4, rows)
+    return (
+        rng.normal(size=(rows, columns)) * [1.0, 1e-4, 1e3, 1.0][:columns],
+        rng.uniform(-1.0, 1.0, rows) * bound,
+        bound,
+    )
+
+
+def farthest(jacobian, left, bound, weights) -> float:
+    """The greatest weights'x with |left - jacobian x| ≤ bound, by another solver."""
+    size, unit = np.abs(jacobian).max(axis=0), bound.min()
+    scaled = jacobian / size
+    a = np.vstack((scaled, -scaled))
+    b = np.concatenate((left + bound, bound - left)) / unit
+    found = linprog(-weights / size, A_ub=a, b_ub=b, bounds=[(None, None)] * len(weights), method="highs-ds")
+    return float(-found.fun * unit)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_ends_are_attained_and_nothing_is_beyond_them(seed):
+    jacobian, left, bound = problem(seed)
+    possible = Possible(jacobian, left, bound)
+    for k, unit in enumerate(np.eye(4)):
+        low, high = possible.ends(k)
+        assert high == pytest.approx(farthest(jacobian, left, bound, unit), rel=1e-6)
+        assert high >= farthest(jacobian, left, bound, unit) * (1.0 - 1e-12)
+        assert -low == pytest.approx(farthest(jacobian, left, bound, -unit), rel=1e-6)
+    direction = np.array([0.3, -0.8])
+    weights = np.array([0.0, *direction, 0.0])
+    reach = possible.among(np.array([1, 2]))(direction)
+    assert reach == pytest.approx(farthest(jacobian, left, bound, weights), rel=1e-6)
+
+
+def test_an_error_beyond_its_bound_is_allowed_as_much_and_no_more():
+    jacobian, left, bound = problem(7)
+    left[3] = 1.5 * bound[3]
+    wider = np.where(np.arange(24) == 3, 1.5 * bound, bound)
+    assert Possible(jacobian, left, bound).ends(0) == pytest.approx(Possible(jacobian, left, wider).ends(0), rel=1e-12)
+
+
+def test_fewer_rows_leave_more_possible():
+    jacobian, left, bound = problem(8, rows=300)
+    some, every = Possible(jacobian, left, bound, most_rows=40), Possible(jacobian, left, bound)
+    assert len(some.matrix) == 40
+    for k in range(4):
+        assert some.ends(k)[0] <= every.ends(k)[0] < every.ends(k)[1] <= some.ends(k)[1]
+
+
+def test_what_nothing_bounds_has_no_ends():
+    jacobian, left, bound = problem(9, columns=3)
+    possible = Possible(np.column_stack((jacobian, jacobian[:, 0], np.zeros(24))), left, bound)
+    assert possible.ends(1)[1] < math.inf
+    for column in (0, 3, 4):
+        assert possible.ends(column) == (-math.inf, math.inf)
+    assert polar_intervals(possible.among(np.array([3, 4])))[0] == (-math.inf, math.inf)
+
+
+def of_points(points: np.ndarray):
+    """How far a polygon with these corners (K, 2) reaches."""
+    return lambda direction: float((points @ direction).max())
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-math.pi, math.pi), st.floats(0.1, 10.0))
+def test_the_length_of_a_pair_is_bounded_whatever_its_direction(angle, length):
+    """A corner halfway between two directions is the worst: there the bound is attained."""
+    corner = length * np.array([[math.cos(angle), math.sin(angle)], [0.0, 0.0]])
+    bound = largest_length(of_points(corner))
+    assert length * (1.0 - 1e-12) <= bound <= length / math.cos(math.pi / BOUNDING) * (1.0 + 1e-12)
+
+
+def test_the_bound_of_a_length_is_attained_between_two_directions():
+    angle = math.pi / BOUNDING
+    corner = np.array([[math.cos(angle), math.sin(angle)], [0.0, 0.0]])
+    assert largest_length(of_points(corner)) == pytest.approx(1.0, rel=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-math.pi, math.pi), st.floats(0.5, 3.0), st.floats(1e-3, 0.4))
+def test_amplitude_and_phase_of_a_set_away_from_zero(angle, distance, size):
+    """A small square about a point: its corners are within the intervals, which are hardly wider than they."""
+    centre = distance * np.array([math.cos(angle), math.sin(angle)])
+    corners = centre + size * distance * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) / 2.0
+    (low, high), (begin, end) = polar_intervals(of_points(corners))
+    lengths = np.linalg.norm(corners, axis=1)
+    phases = [angle + math.remainder(math.atan2(y, x) - angle, 2.0 * math.pi) for x, y in corners]
+    turn = 2.0 * math.pi * round((0.5 * (begin + end) - angle) / (2.0 * math.pi))
+    assert lengths.max() <= high * (1.0 + 1e-12)
+    assert high <= lengths.max() + 2.0 * size * distance * (1.0 / math.cos(math.pi / ENCLOSING) - 1.0) * 4.0
+    # The nearest point of the square may lie on an edge.
+    edge = min(np.linalg.norm(a + t * (b - a)) for a, b in zip(corners, np.roll(corners, 1, 0), strict=True)
+               for t in np.linspace(0.0, 1.0, 101))  # fmt: skip
+    assert low <= edge * (1.0 + 1e-12)
+    turned = math.pi / ENCLOSING
+    assert low >= edge * math.cos(turned) - 1.5 * size * distance * math.sin(turned)
+    assert begin - turn <= min(phases) + 1e-12
+    assert end - turn >= max(phases) - 1e-12
+    assert end - begin <= (max(phases) - min(phases)) * 1.06 + 1e-9
+
+
+def test_a_set_that_holds_zero_has_any_phase():
+    square = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+    (low, high), phase = polar_intervals(of_points(square))
+    assert (low, phase) == (0.0, (-math.pi, math.pi))
+    assert high == pytest.approx(math.sqrt(2.0), rel=1e-12)
+
+
+def test_spaces_do_not_depend_on_units_and_know_what_is_imitated():
+    rng = np.random.default_rng(5)
+    columns = rng.normal(size=(30, 4))
+    assert same_space(column_space(columns), column_space(columns @ np.diag([1.0, 1e-6, 1e5, -1.0])))
+    assert not same_space(column_space(columns[:, :2]), column_space(columns[:, 1:3]))
+    assert column_space(np.column_stack((columns, columns[:, 0]))).shape == (30, 4)
+    mixed, inside = columns[:, [0]] + columns[:, [1]], 2.0 * columns[:, [0]]
+    beyond = spaces_beyond(columns[:, :1], [columns[:, [1]], mixed, inside])
+    assert cosine(beyond[0], beyond[1]) == pytest.approx(1.0, abs=1e-12)
+    assert beyond[2].shape == (30, 0)
+    assert cosine(beyond[0], beyond[2]) == 0.0
+
+
+def test_least_squares_leaves_what_nothing_determines_at_zero():
+    rng = np.random.default_rng(6)
+    matrix, x = rng.normal(size=(20, 3)) * [1.0, 1e-7, 1e6], np.array([1.0, -2e7, 5e-7])
+    padded = np.column_stack((matrix, np.zeros(20)))
+    np.testing.assert_allclose(least_squares(padded, matrix @ x), [*x, 0.0], rtol=1e-10)
+    twice = np.column_stack((matrix[:, 0], matrix[:, 0]))
+    np.testing.assert_allclose(least_squares(twice, matrix[:, 0]), [0.5, 0.5], rtol=1e-12)
