@@ -9,17 +9,18 @@ import pytest
 
 from bench_cases import draw_case, measure
 from browser import browser, browser_program
+from page_text import html_of
 from strapdown_records import strapdown_record
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.document.pdf import without_times, write_html
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning.plan import plan_targets
-from trihedron.tools.printing import without_times, write_report
-from trihedron.tools.report.calibration_page import calibration_page
-from trihedron.tools.report.diagnosis_sections import diagnosis_page
-from trihedron.tools.report.plan_page import plan_page
-from trihedron.tools.report.strapdown_page import strapdown_page
+from trihedron.tools.reports.calibration import calibration_page
+from trihedron.tools.reports.diagnosis import diagnosis_page
+from trihedron.tools.reports.plan import plan_page
+from trihedron.tools.reports.strapdown import strapdown_page
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 PROGRAM = browser_program()
@@ -55,12 +56,12 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     for verdict, record in measured.items():
         result = diagnose(record, noise_bound=NOISE_BOUND, rerun=verdict == "explained")
         assert result.verdict == verdict
-        texts[verdict] = diagnosis_page(result, record)
+        texts[verdict] = html_of(diagnosis_page, result, record)
     run = measured["consistent"]
-    texts["calibration"] = calibration_page(calibrate(run, noise_bound=NOISE_BOUND), run)
+    texts["calibration"] = html_of(calibration_page, calibrate(run, noise_bound=NOISE_BOUND), run)
     drift = strapdown_record(drift=np.array([0.5, -0.4, 0.3]), seed=3)
-    texts["strapdown"] = strapdown_page(diagnose(drift))
-    texts["plan"] = plan_page(plan_targets(("X4", "X6+X8"), grid=15.0))
+    texts["strapdown"] = html_of(strapdown_page, diagnose(drift))
+    texts["plan"] = html_of(plan_page, plan_targets(("X4", "X6+X8"), grid=15.0))
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
     return {name: folder / f"{name}.html" for name in texts}
@@ -106,7 +107,7 @@ def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path):
 @needs_browser
 def test_a_report_as_pdf_is_the_same_each_time(pages, tmp_path):
     for name in ("a.pdf", "b.PDF"):
-        write_report(tmp_path / name, pages["insufficient"].read_text(encoding="utf-8"))
+        write_html(tmp_path / name, pages["insufficient"].read_text(encoding="utf-8"))
     first, second = ((tmp_path / name).read_bytes() for name in ("a.pdf", "b.PDF"))
     assert first.startswith(b"%PDF")
     assert len(re.findall(rb"/Type\s*/Page\b", first)) >= 2
@@ -115,7 +116,7 @@ def test_a_report_as_pdf_is_the_same_each_time(pages, tmp_path):
 
 
 def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("trihedron.tools.printing.converter", lambda: None)
+    monkeypatch.setattr("trihedron.tools.document.pdf.converter", lambda: None)
     assert main(["calibrate", "no-such-record.csv", "--report", str(tmp_path / "out.pdf")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "no program here makes PDF" in line
@@ -124,9 +125,9 @@ def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, 
 
 
 def test_a_converter_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("trihedron.tools.printing.converter", lambda: shutil.which("false"))
+    monkeypatch.setattr("trihedron.tools.document.pdf.converter", lambda: shutil.which("false"))
     with pytest.raises(InputError, match="false did not print it"):
-        write_report(tmp_path / "out.pdf", "<!DOCTYPE html><title>t</title>")
+        write_html(tmp_path / "out.pdf", "<!DOCTYPE html><title>t</title>")
     assert list(tmp_path.iterdir()) == []
 
 

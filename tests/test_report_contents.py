@@ -11,21 +11,30 @@ import numpy as np
 import pytest
 
 from bench_cases import draw_case, measure
+from page_text import html_of
 from trihedron.models.effects import POSITION_EFFECTS, EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import likeness
+from trihedron.tools.document.equations import effect_formula, math
+from trihedron.tools.document.numbers import (
+    Bar,
+    Written,
+    bars,
+    minus,
+    outwards,
+    significant,
+    symbol_text,
+    to_bound,
+    typeset,
+    upwards,
+)
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.planning.plan import plan_targets
-from trihedron.tools.report.bars import Bar, bars
-from trihedron.tools.report.calibration_page import calibration_page
-from trihedron.tools.report.cells import Written, typeset
-from trihedron.tools.report.diagnosis_sections import diagnosis_page
-from trihedron.tools.report.equations import effect_formula, math
-from trihedron.tools.report.next_sections import next_positions_csv
-from trihedron.tools.report.plan_page import plan_page
-from trihedron.tools.report.rounding import minus, outwards, significant, symbol_text, to_bound, upwards
-from trihedron.tools.report.target_sections import target_section
+from trihedron.tools.reports.calibration import calibration_page, target_section
+from trihedron.tools.reports.diagnosis import diagnosis_page
+from trihedron.tools.reports.evidence import next_positions_csv
+from trihedron.tools.reports.plan import plan_page
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 MATH = "{http://www.w3.org/1998/Math/MathML}"
@@ -38,7 +47,7 @@ def clean():
 
 @pytest.fixture(scope="module")
 def page(clean):
-    return calibration_page(calibrate(clean, noise_bound=NOISE_BOUND), clean)
+    return html_of(calibration_page, calibrate(clean, noise_bound=NOISE_BOUND), clean)
 
 
 def headings(text: str) -> list[str]:
@@ -176,7 +185,7 @@ def test_a_record_that_leaves_targets_open_says_where_to_measure_and_carries_the
     few = clean.selected(np.arange(4))
     result = calibrate(few, noise_bound=NOISE_BOUND)
     assert result.verdict == "insufficient"
-    text = calibration_page(result, few)
+    text = html_of(calibration_page, result, few)
     assert "do not determine any of the targets" in text
     assert "<mi>?</mi>" in text
     (carried,) = re.findall(r'href="data:text/csv;charset=utf-8,([^"]*)" download="next-positions.csv"', text)
@@ -188,7 +197,7 @@ def test_a_record_that_leaves_targets_open_says_where_to_measure_and_carries_the
 def test_a_falsified_calibration_shows_the_readings_that_prove_it_and_no_guarantees():
     record = measure(draw_case(501, effects=["quadratic"]), 501)
     result = calibrate(record, noise_bound=NOISE_BOUND)
-    text = calibration_page(result, record)
+    text = html_of(calibration_page, result, record)
     table = text[text.index("the readings that prove it</h2>") :]
     at_best = re.findall(r'<td class="number">([+−]\d+\.\d\d)</td>\s*</tr>', table)
     assert len(at_best) == len(result.witness)
@@ -201,7 +210,7 @@ def test_a_falsified_calibration_shows_the_readings_that_prove_it_and_no_guarant
 def test_a_named_cause_stands_with_its_interval_its_equation_and_its_rivals():
     record = measure(draw_case(501, effects=["quadratic"]), 501)
     result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
-    text = diagnosis_page(result, record)
+    text = html_of(diagnosis_page, result, record)
     titles = headings(text)
     for title in ("The cause", "Evidence: which effect mends it", "Evidence: what could be taken for what"):
         assert title in titles
@@ -217,7 +226,7 @@ def test_a_named_cause_stands_with_its_interval_its_equation_and_its_rivals():
 
 
 def test_the_pages_repeat_to_the_byte_and_ask_nothing_of_the_network(page, clean):
-    again = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND), clean)
+    again = html_of(calibration_page, calibrate(clean, noise_bound=NOISE_BOUND), clean)
     assert again == page
     addresses = re.findall(r'(?:href|src)="([^"]*)"', page)
     assert all(address.startswith(("#", "data:")) for address in addresses)
@@ -233,7 +242,7 @@ def test_the_pages_repeat_to_the_byte_and_ask_nothing_of_the_network(page, clean
     ids=["A2", "symmetric", "asked"],
 )
 def test_pages_of_other_options(clean, options):
-    text = calibration_page(calibrate(clean, noise_bound=NOISE_BOUND, **options), clean)
+    text = html_of(calibration_page, calibrate(clean, noise_bound=NOISE_BOUND, **options), clean)
     assert text.count("<math ") >= 5
     assert all(expression.replace("-", "−") in text for expression in options.get("targets", ()))
 
@@ -243,11 +252,11 @@ def test_pages_of_several_mountings_whatever_they_are_called(clean):
     names = ("upright-1e5",) * half + ("elsewhere",) * (len(clean) - half)
     record = replace(clean, mounting=names)
     mounting = {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}
-    text = calibration_page(calibrate(record, noise_bound=NOISE_BOUND, mounting=mounting), record)
+    text = html_of(calibration_page, calibrate(record, noise_bound=NOISE_BOUND, mounting=mounting), record)
     assert "X8@upright-1e5" in text
     assert "X13@elsewhere" in text
     result = diagnose(record, noise_bound=NOISE_BOUND, mounting=mounting)
-    assert "X8@upright-1e5" in diagnosis_page(result, record)
+    assert "X8@upright-1e5" in html_of(diagnosis_page, result, record)
 
 
 def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers(clean):
@@ -267,7 +276,7 @@ def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers(clean):
 
 def test_a_plan_shows_its_estimator_and_carries_its_positions():
     plans = plan_targets(("X4",), grid=15.0)
-    text = plan_page(plans)
+    text = html_of(plan_page, plans)
     best = plans[0].optimum
     assert f"{best.cost:.6f} σ" in text
     for weight in best.weights:
@@ -293,7 +302,7 @@ def test_sets_that_remain_are_numbered_and_figures_with_effects_are_said_to_be_o
     record.specific_force[:, 1] += 9.80665 * 1.5e-4 * n[:, 1] ** 3
     result = diagnose(record, noise_bound=NOISE_BOUND)
     assert result.verdict == "ambiguous"
-    text = diagnosis_page(result, record)
+    text = html_of(diagnosis_page, result, record)
     for number, finding in enumerate(result.findings, start=1):
         sentence = "; ".join(cause.sentence for cause in finding.causes)
         assert f"Set {number}: {typeset(sentence)}." in text
@@ -311,5 +320,5 @@ def test_where_nothing_is_determined_the_table_has_no_empty_columns(clean):
 
 def test_warnings_of_the_record_are_on_the_page(clean):
     warned = replace(calibrate(clean, noise_bound=NOISE_BOUND), warnings=("row 7 <b>looks</b> odd",))
-    text = calibration_page(warned, clean)
+    text = html_of(calibration_page, warned, clean)
     assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in text

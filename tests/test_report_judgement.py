@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from bench_cases import draw_case, measure
+from page_text import html_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.report.diagnosis_sections import diagnosis_page
-from trihedron.tools.report.evidence_sections import refused_words
-from trihedron.tools.report.judgement_sections import judgement_sections, shares, structure_sections, target_sections
+from trihedron.tools.reports.diagnosis import diagnosis_page
+from trihedron.tools.reports.evidence import (
+    judgement_sections,
+    refused_words,
+    shares,
+    structure_sections,
+    target_sections,
+)
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 
@@ -38,7 +44,7 @@ def unexplained(strange_record):
 
 
 def test_the_page_of_a_cause_has_the_second_witness_and_what_it_does_to_the_calibration(explained, explained_record):
-    page = diagnosis_page(explained, explained_record)
+    page = html_of(diagnosis_page, explained, explained_record)
     assert "Left out, and shuffled" in page
     assert "Targets, and what the effects do to them" in page
     table = target_sections(explained)[0].table
@@ -58,7 +64,7 @@ def test_the_page_of_a_cause_has_the_second_witness_and_what_it_does_to_the_cali
 
 def test_the_page_without_a_cause_says_what_the_residual_depends_on(unexplained, strange_record):
     assert unexplained.verdict == "unexplained"
-    assert "What the residual depends on" in diagnosis_page(unexplained, strange_record)
+    assert "What the residual depends on" in html_of(diagnosis_page, unexplained, strange_record)
     assert judgement_sections(unexplained) == []
     assert target_sections(unexplained) == []
     first = unexplained.residual_structure[0]

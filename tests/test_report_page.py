@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from page_text import html_of
+from trihedron.tools.document.blocks import Page, Section, Table
+from trihedron.tools.document.pdf import write_html
 from trihedron.tools.errors import InputError
-from trihedron.tools.report import Section, Table, candidates, render_page, write_page
+from trihedron.tools.reports.pictures.residuals import candidates
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
 VOID = {"meta", "br", "hr", "img", "link"}
@@ -55,7 +58,8 @@ def full_page() -> str:
         [["X4", -1.5e-4, 3], ["X5", None, 12], ["X6+X8", float("nan"), 7], ["X9", -2.5e-15, 8]],
         caption="Estimates",
     )
-    return render_page(
+    return html_of(
+        Page,
         "The bench",
         "All 18 true values lie inside their intervals.",
         [
@@ -116,7 +120,7 @@ def test_numbers_stand_to_the_right_and_what_is_missing_is_a_dash() -> None:
     ],
 )
 def test_numbers_of_one_magnitude_are_written_alike(values: list[float], written: list[str]) -> None:
-    page = render_page("t", "v", [Section("s", table=Table(["a"], [[value] for value in values]))])
+    page = html_of(Page, "t", "v", [Section("s", table=Table(["a"], [[value] for value in values]))])
     assert re.findall(r"<td[^>]*>([^<]*)</td>", page) == written
 
 
@@ -129,7 +133,7 @@ def test_hostile_texts_are_shown_and_never_run() -> None:
         Table([HOSTILE], [[HOSTILE]], HOSTILE),
         [HOSTILE, "javascript:alert(1)", '" onclick="alert(1)'],
     )
-    page = render_page(HOSTILE, HOSTILE, [section], provenance={HOSTILE: HOSTILE})
+    page = html_of(Page, HOSTILE, HOSTILE, [section], provenance={HOSTILE: HOSTILE})
     reader = read(page)
     assert "script" not in reader.tags
     assert "img" not in reader.tags
@@ -142,7 +146,7 @@ def test_hostile_texts_are_shown_and_never_run() -> None:
 
 
 def test_a_page_of_nothing_is_a_page() -> None:
-    reader = read(render_page("Nothing", "Nothing was done.", []))
+    reader = read(html_of(Page, "Nothing", "Nothing was done.", []))
     assert "main" in reader.tags
     assert "footer" not in reader.tags
 
@@ -158,8 +162,8 @@ def test_a_table_whose_rows_do_not_fit_its_header_is_refused() -> None:
 
 
 def test_writing_the_page(tmp_path: Path) -> None:
-    write_page(tmp_path / "new" / "page.html", full_page())
+    write_html(tmp_path / "new" / "page.html", full_page())
     assert (tmp_path / "new" / "page.html").read_text(encoding="utf-8") == full_page()
     with pytest.raises(InputError, match="is a directory"):
-        write_page(tmp_path, full_page())
+        write_html(tmp_path, full_page())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new"]

@@ -12,14 +12,24 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from explanation_pictures import interval_picture, strips_picture
-from trihedron.tools.report import attitude_error, bench_tour, candidates, held_out, residuals
-from trihedron.tools.report.campaign_pictures import chance_of, distributions_picture
-from trihedron.tools.report.direction_pictures import next_directions, residuals_over_inputs
-from trihedron.tools.report.likeness_picture import likeness_picture
-from trihedron.tools.report.position_page import decimals_of
-from trihedron.tools.report.suite_pictures import confusion_picture, detection_picture, size_errors_picture
-from trihedron.tools.report.theme import COLOURS
-from trihedron.tools.report.time_pictures import MOST_POINTS, thinned
+from trihedron.tools.document.theme import COLOURS
+from trihedron.tools.reports.pictures.rankings import likeness_picture
+from trihedron.tools.reports.pictures.residuals import (
+    candidates,
+    held_out,
+    next_directions,
+    residuals,
+    residuals_over_inputs,
+)
+from trihedron.tools.reports.pictures.suites import (
+    chance_of,
+    confusion_picture,
+    detection_picture,
+    distributions_picture,
+    size_errors_picture,
+)
+from trihedron.tools.reports.pictures.time import MOST_POINTS, attitude_error, bench_tour, thinned
+from trihedron.tools.reports.plan import decimals_of
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "<script>alert('x')</script> & \"$\\frac{1}{$ ]]> \x00\x1b \ud800 漢字\n"

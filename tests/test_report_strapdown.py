@@ -7,18 +7,18 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from page_text import html_of
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.models.effects import STRAPDOWN_EFFECTS
 from trihedron.tools.bounded.spaces import cosine, spaces_beyond
 from trihedron.tools.diagnosis import Cause, diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
+from trihedron.tools.document.numbers import to_bound
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
-from trihedron.tools.report.rounding import to_bound
-from trihedron.tools.report.strapdown_excluded import in_words
-from trihedron.tools.report.strapdown_model import effect_lines, own_words
-from trihedron.tools.report.strapdown_page import strapdown_page, verdict_sentence
-from trihedron.tools.report.strapdown_sections import parameter_section
-from trihedron.tools.report.strapdown_text import sets_of
+from trihedron.tools.reports.excluded import in_words
+from trihedron.tools.reports.model import effect_lines, own_words
+from trihedron.tools.reports.strapdown import parameter_section, strapdown_page, verdict_sentence
+from trihedron.tools.reports.words import sets_of
 from trihedron.tools.trials.draw import BlockOptions, draw_block_case
 from trihedron.tools.trials.measure import measure_block
 
@@ -31,7 +31,7 @@ def explained():
 
 @pytest.fixture(scope="module")
 def page(explained):
-    return strapdown_page(explained)
+    return html_of(strapdown_page, explained)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_the_page_goes_from_the_record_to_the_cause_and_to_what_is_excluded(page
 
 
 def test_what_has_no_unit_is_printed_without_one(page, ambiguous, explained):
-    for text in (page, strapdown_page(ambiguous)):
+    for text in (page, html_of(strapdown_page, ambiguous)):
         units = [row["unit"] for row in table_with(text, "parameter", "estimate", "unit")]
         assert units
         assert "1" not in units
@@ -122,7 +122,7 @@ def test_it_says_on_what_it_rests_and_cites_what_was_used(page, explained):
 def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used():
     found = diagnose(strapdown_record(true_motion(POSES[:1])))
     assert found.verdict == "insufficient"
-    text = unescape(strapdown_page(found))
+    text = unescape(html_of(strapdown_page, found))
     assert "One rest of" in text
     assert all(thing in text for thing in found.missing)
     assert "Lawson" not in text
@@ -130,7 +130,7 @@ def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used(
 
 
 def test_sets_that_remain_are_numbered_and_all_named(ambiguous):
-    text = strapdown_page(ambiguous)
+    text = html_of(strapdown_page, ambiguous)
     rows = table_with(text, "set", "effect")
     assert [row["set"] for row in rows] == [str(k + 1) for k, causes in enumerate(sets_of(ambiguous)) for _ in causes]
     for causes in sets_of(ambiguous):
@@ -195,6 +195,6 @@ def test_effects_that_are_compared_begin_with_those_that_were_found(explained):
     compared = compared_places(explained.evidence.classes.places, [explained.findings[0].places], ranked)
     assert compared[0] == explained.causes[0].place
     assert np.diag(likeness(explained.evidence, compared)) == pytest.approx(1.0)
-    untried = strapdown_page(explained.model_copy(update={"tried": ()}))
+    untried = html_of(strapdown_page, explained.model_copy(update={"tried": ()}))
     assert "could be taken for what" not in untried
     assert "Björck" not in untried

@@ -17,18 +17,18 @@ from ..fmus import components
 from ..models.bench import ELEMENTARY, TARGETS, elementary, target_values
 from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
+from .document.blocks import Page, Section
+from .document.page import html
 from .evidence.gain import export_extended
 from .files import write_text
 from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
-from .report.diagnosis_sections import diagnosis_sections
-from .report.page import Section, render_page
-from .report.run_sections import attitude_section, run_section
-from .report.target_sections import calibration_section
+from .reports.calibration import calibration_section, calibration_summary
+from .reports.diagnosis import diagnosis_sections, diagnosis_summary
 from .reports.inspection import attitude_lines
-from .summaries import calibration_summary, diagnosis_summary
+from .reports.run import attitude_section, run_section
 from .trials.bench import NOISE_BOUND
 from .trials.draw import draw_alone
 from .trials.suite import write_hidden_record
@@ -123,9 +123,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     tone = "good" if named and inside == len(truth) else "attention"
     write_text(
         page,
-        render_page(
-            "Trihedron: the bench, end to end", sentence, sections, tone=tone, provenance=provenance, folder=out
-        ),
+        html(Page("Trihedron: the bench, end to end", sentence, sections, tone, provenance=provenance), folder=out),
     )
     print(f"\nwritten: {', '.join(str(path) for path in [*files, measured, *extended])}")
     print(f"page: {page.resolve()}")

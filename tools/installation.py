@@ -140,7 +140,7 @@ def _cache() -> Finding:
 
 
 def _printing() -> Finding:
-    from .printing import converter
+    from .document.pdf import converter
 
     program = converter()
     return Finding(

@@ -524,7 +524,7 @@ def run_campaign(
         Ctrl-C; the folder is whole, and `resume` goes on
     """
     from .campaign.execute import run_campaign as run
-    from .report.campaign_page import write_campaign_page
+    from .reports.campaign import write_campaign_page
 
     path, folder = Path(campaign), None if out is None else Path(out)
     done = run(path, folder, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=progress)
@@ -600,11 +600,10 @@ def doctor() -> "Installation":
 
 def _shown(result: Any, medium: str) -> str:
     """What a person sees of a result: text, or the page of a notebook."""
-    from .reports import text_of
-    from .shown import page_html
+    from .document.text import notebook, text
+    from .reports import document_of
 
-    text = text_of(result)
-    return text if medium == "text" else page_html(text.split("\n"), getattr(result, "to_polars", lambda: None)())
+    return (text if medium == "text" else notebook)(document_of(result))
 
 
 showing.shown = _shown

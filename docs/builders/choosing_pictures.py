@@ -7,8 +7,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trihedron.tools.report.svg import drawing, power_of_ten, svg_text
-from trihedron.tools.report.theme import ALERT, BAND, FIRST, INK, MUTED, SECOND, THIRD, WIDTH
+from trihedron.tools.document.theme import (
+    ALERT,
+    BAND,
+    FIRST,
+    INK,
+    MUTED,
+    SECOND,
+    THIRD,
+    WIDTH,
+    drawing,
+    power_of_ten,
+    svg_text,
+)
 
 LOOKS = (
     {"color": MUTED.light, "marker": "v", "linestyle": "solid"},

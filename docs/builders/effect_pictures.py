@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from trihedron.models.effects import POSITION_EFFECTS, Effect, EffectPlace
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
+from trihedron.tools.document.theme import AXES, DASHES, WIDTH, drawing, svg_text
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits, acted_on, signature_columns
-from trihedron.tools.report.svg import drawing, svg_text
-from trihedron.tools.report.theme import AXES, DASHES, WIDTH
 
 POINTS = 181
 COLUMNS = 4

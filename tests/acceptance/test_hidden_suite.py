@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trihedron.tools.calibration.mountings import PRESETS
-from trihedron.tools.report.suite_page import suite_text
+from trihedron.tools.reports.trials import suite_text
 from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND, Bench
 from trihedron.tools.trials.draw import draw_bench_case
 from trihedron.tools.trials.measure import BenchCase, measure_bench

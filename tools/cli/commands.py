@@ -102,10 +102,9 @@ def calibrate(
     result = library.calibrate(run, **options)
     said = answer(result, json)
     if report is not None:
-        from ..printing import write_report
-        from ..report.calibration_page import calibration_page
+        from ..reports import write_report
 
-        write_report(report, calibration_page(result, run))
+        write_report(report, result, run)
     if ssv is not None:
         from ..calibration.correction import write_parameter_set
 
@@ -135,7 +134,7 @@ def apply(
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
     from ..records import write_record
-    from ..summaries import application_summary
+    from ..reports.calibration import application_summary
 
     result = library.apply(calibration, record, noise_bound=noise_bound)
     text = application_summary(result, latitude_deg)
@@ -167,12 +166,9 @@ def diagnose(
     run = read_record(record, PositionRecord, StrapdownRecord)
     result = library.diagnose(run, **options, progress=True)
     if report is not None:
-        from ..printing import write_report
-        from ..report.diagnosis_sections import diagnosis_page
-        from ..report.strapdown_page import strapdown_page
+        from ..reports import write_report
 
-        page: Any = strapdown_page if isinstance(run, StrapdownRecord) else lambda r: diagnosis_page(r, run)
-        write_report(report, page(result))
+        write_report(report, result, run)
     files: list[Path] = []
     if export is not None and result.verdict == "explained":
         from ..evidence.gain import export_extended
@@ -194,7 +190,7 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
     found = library.inspect(record, **options)
     if allan is not None:
         from ..files import write_text
-        from ..report.allan_pictures import allan_picture
+        from ..reports.pictures.time import allan_picture
 
         write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))
     return answer(found, json)

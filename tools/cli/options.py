@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import Parameter
 
+from ..document.pdf import report_file
 from ..errors import InputError
 from ..files import ordinary_file, ordinary_folder
-from ..printing import report_file
 
 Command = TypeVar("Command", bound=Callable[..., object])
 

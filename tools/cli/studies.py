@@ -124,12 +124,12 @@ def plan(
     step = None if continuum else 1.0 if grid is None else grid
     plans = library.plan(*targets, grid=step, **options, progress=True)
     if report is not None or picture is not None:
+        from ..document.page import write_page
         from ..files import write_text
-        from ..printing import write_report
-        from ..report.plan_page import plan_page, plan_picture
+        from ..reports.plan import plan_page, plan_picture
 
         if report is not None:
-            write_report(report, plan_page(plans))
+            write_page(report, plan_page(plans))
         if picture is not None:
             write_text(picture, plan_picture(plans[0]))
     return answer(plans, json, plans.json_text())
@@ -176,10 +176,10 @@ def _request(common: PositionOptions, options: Mapping[str, Any]) -> Any:
 
 
 def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path | None, report: Path | None) -> Answer:
+    from ..document.page import write_page
     from ..planning.order import DWELL_S, checked_dwell
     from ..planning.plan import plan_positions
-    from ..printing import write_report
-    from ..report.position_page import operator_page
+    from ..reports.plan import operator_page
     from ..reports.plan_files import write_plan
 
     assert common.positions is not None
@@ -187,7 +187,7 @@ def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path |
     found = plan_positions(common.positions, _request(common, options), progress=True)
     files = write_plan(found, common.out, dwell_s=dwell) if common.out is not None else []
     if report is not None:
-        write_report(report, operator_page(found, dwell))
+        write_page(report, operator_page(found, dwell))
     return answer(found, json, found.json_text(), files=files)
 
 
@@ -361,7 +361,7 @@ def _strapdown_suite(record: Path | None, what: HiddenOptions, json: Path | None
 
 def _suite(options: "Options", cases: int, seed: int, what: HiddenOptions, json: Path | None) -> Answer:
     """Draw, measure, diagnose and count the cases of a suite."""
-    from ..report.suite_page import suite_text, write_suite
+    from ..reports.trials import suite_text, write_suite
     from ..trials.suite import run_suite
 
     done = run_suite(options, cases, seed, records=_records_folder(what.out), jobs=what.jobs, progress=True)
@@ -429,8 +429,8 @@ def campaign_report(
     from ..campaign.compare import compare
     from ..campaign.store import open_result
     from ..campaign.summary import summarise
-    from ..printing import write_report
-    from ..report.campaign_page import campaign_page
+    from ..document.page import write_page
+    from ..reports.campaign import campaign_page
 
     if gate and against is None:
         raise InputError("--gate: goes with --against, the campaign to compare with")
@@ -438,7 +438,7 @@ def campaign_report(
     comparison = None if against is None else compare(folder, against)
     page = folder / "index.html" if report is None else report
     summary = summarise(store)
-    write_report(page, campaign_page(store, manifest, comparison))
+    write_page(page, campaign_page(store, manifest, comparison))
     if comparison is None:
         return answer(summary, json, files=[page])
     worse = comparison.of("worse") if gate else ()

@@ -1,29 +1,65 @@
-"""What a person sees of each kind of result."""
+"""A document for each kind of result; what a kind needs is imported when its document is made."""
 
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from ..planning.check import SettingCheck
-from ..planning.plan import Curve, Plans, PositionPlan
+from ..document.blocks import Document
+from ..document.page import write_page
 from ..result import Result
-from ..summaries import text_of as text_of_others
-from .plan import check_lines, curve_lines, plan_lines, position_lines
 
-LINES = {Plans: plan_lines, PositionPlan: position_lines, Curve: curve_lines, SettingCheck: check_lines}
-LATE = {
-    "AttitudeComparison": ("inspection", "comparison_lines"),
-    "AttitudeRun": ("inspection", "attitude_lines"),
-    "CampaignResult": ("campaign_words", "campaign_lines"),
-    "Comparison": ("campaign_words", "change_lines"),
-    "Inspection": ("inspection", "inspection_lines"),
-    "PublishedCalibration": ("papers", "published_lines"),
-    "Reproduction": ("papers", "reproduction_lines"),
-    "WordLength": ("papers", "word_length_lines"),
+MAKERS: dict[str, tuple[str, str, str | None]] = {
+    "Application": ("calibration", "application_summary", None),
+    "AttitudeComparison": ("inspection", "comparison_lines", None),
+    "AttitudeRun": ("inspection", "attitude_lines", None),
+    "BenchSuite": ("trials", "suite_text", "suite_page"),
+    "BlockSuite": ("trials", "suite_text", "suite_page"),
+    "Calibration": ("calibration", "calibration_summary", "calibration_page"),
+    "CampaignResult": ("campaign", "campaign_lines", None),
+    "Check": ("check", "check_lines", None),
+    "Comparison": ("campaign", "change_lines", None),
+    "Curve": ("plan", "curve_lines", None),
+    "Diagnosis": ("diagnosis", "said", "page"),
+    "Inspection": ("inspection", "inspection_lines", None),
+    "Plans": ("plan", "plan_lines", "plan_page"),
+    "PositionPlan": ("plan", "position_lines", None),
+    "PublishedCalibration": ("papers", "published_lines", None),
+    "Reproduction": ("papers", "reproduction_lines", None),
+    "SettingCheck": ("plan", "setting_lines", None),
+    "Simulation": ("run", "simulation_lines", None),
+    "WordLength": ("papers", "word_length_lines", None),
 }
-"""Kinds whose words need what the others do not."""
+"""Kind of result -> module here, what makes its lines for a terminal, what makes its page."""
 
 
-def text_of(result: Result) -> str:
-    """What a person reads of a result; the first line is the verdict."""
-    name = LATE.get(type(result).__name__)
-    lines = LINES.get(type(result)) if name is None else getattr(import_module(f"{__name__}.{name[0]}"), name[1])
-    return text_of_others(result) if lines is None else "\n".join(lines(result))
+def document_of(result: Result, record: Any = None) -> Document:
+    """What a result has to say.
+
+    Parameters
+    ----------
+    result : Result
+    record : record, optional
+        that it was made from: its page shows it
+    """
+    module, lines, page = MAKERS[type(result).__name__]
+    makers = import_module(f"{__name__}.{module}")
+    said = getattr(makers, lines)(result)
+    given = () if record is None else (record,)
+    return Document(
+        said.split("\n") if isinstance(said, str) else said,
+        getattr(result, "to_polars", lambda: None),
+        None if page is None else lambda: getattr(makers, page)(result, *given),
+    )
+
+
+def write_report(path: Path, result: Result, record: Any = None) -> None:
+    """Write the page of a result as HTML, or as PDF where the name ends so.
+
+    Raises
+    ------
+    InputError
+        where the file cannot be written, or the page not be printed
+    """
+    page = document_of(result, record).page
+    assert page is not None
+    write_page(path, page())

@@ -1,7 +1,20 @@
-"""What a person reads of plans."""
+"""What plans say: text and pages."""
 
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..document.blocks import Download, Page, Section, Table
+from ..document.equations import math, signed
+from ..document.numbers import Cell, Written, minus, symbol_text
 from ..planning.check import SettingCheck
-from ..planning.plan import Curve, Plans, PositionPlan
+from ..planning.forms import clearance, sheets
+from ..planning.plan import Curve, Plan, Plans, PositionPlan
+from .evidence import next_positions_csv
+from .pictures.plans import STEP_DEG, admissible_positions, positions_picture
+from .record import common_plan_sources, plan_sources, versions
+from .words import physical_words
 
 UNCERTAIN = 1e-8
 """A relative gap above this is said in words."""
@@ -91,7 +104,7 @@ def curve_lines(curve: Curve) -> list[str]:
     return lines
 
 
-def check_lines(check: SettingCheck) -> list[str]:
+def setting_lines(check: SettingCheck) -> list[str]:
     """What errors of setting do to each target, and what to do about them."""
     lines = [
         f"largest error of setting {check.largest_error_deg:.4g}°; bias bounded by Σ|b| X^max, "
@@ -116,3 +129,176 @@ def check_lines(check: SettingCheck) -> list[str]:
             f"{check.lost_readings} readings of the plan have lost the certainty of their sign and are left out"
         )
     return lines
+
+
+def plan_picture(plan: Plan) -> str:
+    """The paper's figure for any target and mounting, as SVG."""
+    best = plan.optimum
+    return admissible_positions(
+        _fields(plan), best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights, plan.target
+    )
+
+
+def _fields(plan: Plan) -> list[tuple[int, NDArray]]:
+    """Clearance of each accelerometer over the square of angles, whichever sign its input has."""
+    angle = np.radians(np.arange(0.0, 360.0 + STEP_DEG / 2, STEP_DEG))
+    fields: dict[int, NDArray] = {}
+    for sheet in sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible):
+        here = clearance(sheet, angle[:, None], angle[None, :])
+        number = sheet.accelerometer + 1
+        fields[number] = np.maximum(fields[number], here) if number in fields else here
+    return sorted(fields.items())
+
+
+def plan_page(plans: Plans) -> Page:
+    """The page: costs of all targets, then each target's estimator, positions, weights and picture."""
+    first = plans[0]
+    where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
+    rows: list[list[Cell]] = [
+        [
+            symbol_text(p.target),
+            physical_words(p.name),
+            Written(f"{p.cost:.10f}"),
+            Written(f"{p.gap:.0e}"),
+            len(p.weights),
+        ]
+        for p in plans
+    ]
+    sections = [
+        Section(
+            "Guaranteed errors",
+            [
+                "A target is estimated by a sum of readings with weights Φ. Errors of readings within σ make it wrong "
+                f"by σ Σ|Φ| at most: its cost, in units of σ. Of all positions among {where}, and all weights without "
+                "bias, these cost least; no others cost less by more than the gap.",
+            ],
+            table=Table(["target", "meaning", "cost [σ]", "proven gap", "readings"], rows),
+            equations=[math("z = f/g − Q up(α, β)"), math("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
+        ),
+        *(section for plan in plans for section in plan_sections(plan)),
+    ]
+    verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
+    if len(plans) == 1:
+        verdict = (
+            f"{first.target}, {physical_words(first.name)}, can be estimated to {first.cost:.6f} σ, and no better."
+        )
+    rule = "(1.7) as printed" if first.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
+    (name, matrix), *_ = first.mounting.items()
+    provenance = {
+        "positions": where,
+        "signs certain by": f"{rule}; u = {first.bounds[0]:g}, v = {first.bounds[1]:g}",
+        f"mounting {name}": minus("; ".join(" ".join(f"{v:.6g}" for v in row) for row in matrix)),
+        "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
+        **versions(),
+    }
+    key = {"targets": len(plans), "largest cost": f"{max(p.cost for p in plans):.4f} σ"} if len(plans) > 1 else {}
+    return Page(
+        "Optimal plan",
+        verdict,
+        sections,
+        key=key,
+        provenance=provenance,
+        sources=plan_sources(proven=first.grid_deg is None),
+    )
+
+
+def plan_sections(plan: Plan) -> list[Section]:
+    """The estimator of one target, with its numbers."""
+    best = plan.optimum
+    readings = list(zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True))
+    rows: list[list[Cell]] = [
+        [int(p) + 1, Written(minus(f"{a:.8g}")), Written(minus(f"{b:.8g}")), Written(minus(f"{w:+.6f}"))]
+        for p, a, b, w in readings
+    ]
+    terms = [
+        signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)", first=k == 0)
+        for k, (p, a, b, w) in enumerate(readings)
+    ]
+    places = [
+        {"alpha_deg": float(a), "beta_deg": float(b)} for a, b in dict.fromkeys((a, b) for _, a, b, _ in readings)
+    ]
+    name = f"{plan.target}.csv"
+    return [
+        Section(
+            f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
+            svg=plan_picture(plan),
+            caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
+            table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
+            equations=[
+                math(f"{'' if k else _left(plan)}{' '.join(terms[k : k + 3])}") for k in range(0, len(terms), 3)
+            ],
+            download=Download(name, next_positions_csv(places), f"{name}, to take to the table"),
+        )
+    ]
+
+
+def _left(plan: Plan) -> str:
+    return f"'{symbol_text(plan.target)}' = "
+
+
+MOST_DECIMALS = 4
+"""Of the angles [deg]: finer than any table is set."""
+
+
+def decimals_of(angles: Sequence[float]) -> int:
+    """The fewest decimals that show all angles [deg] as they are, four at most."""
+    exact = (d for d in range(MOST_DECIMALS) if all(abs(round(a, d) - a) < 1e-7 for a in angles))
+    return next(exact, MOST_DECIMALS)
+
+
+def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
+    """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
+    several = len(plan.mountings) > 1
+    degrees = [(one.alpha_deg, one.beta_deg) for one in plan.positions]
+    places = decimals_of([angle for both in degrees for angle in both])
+    header = ["no.", "α [deg]", "β [deg]", *(["mounting"] if several else []), "dwell [s]", "remark", "done"]
+    rows: list[list[Cell]] = []
+    for number, at in enumerate(plan.programme, start=1):
+        one = plan.positions[at - 1]
+        first = plan.programme.index(at) + 1
+        remark = f"again no. {first}" if first < number else ""
+        mounting = [one.mounting] if several else []
+        angles = [Written(minus(f"{angle:z.{places}f}")) for angle in (one.alpha_deg, one.beta_deg)]
+        rows.append([number, *angles, *mounting, Written(f"{dwell_s:g}"), remark, "☐"])
+    minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
+    reserve = plan.reserve_deg
+    sections = [
+        Section(
+            "Programme",
+            [
+                "Bring the table to each position in this order, wait for the dwell, then go on. "
+                "Both axes may move at once. Angles are commands to the axes, within one turn.",
+                f"Set to {reserve:g}° or better; write the encoder readings down as they are."
+                if reserve
+                else "Write the encoder readings down as they are: what counts is where the table stands.",
+            ],
+            table=Table(header, rows),
+        ),
+        Section(
+            "Positions",
+            svg=positions_picture(*zip(*degrees, strict=True), [at - 1 for at in plan.programme]),
+            caption="Left: the angles, joined in the order of measurement. Right: the vertical in the inner frame.",
+        ),
+        Section(
+            "What it gives",
+            ["Guaranteed errors in units of σ, the bound of one averaged reading's error."],
+            table=Table(
+                ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
+                [
+                    [symbol_text(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (c, b, c / b))]
+                    for t, c, b in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True)
+                ],
+            ),
+        ),
+    ]
+    verdict = (
+        f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {minutes:.0f} minutes; "
+        f"no target costs more than {plan.worst_ratio:.4f} times its optimum."
+    )
+    provenance = {
+        "admissible": f"{plan.admissible}, u = {plan.bounds[0]:g}, v = {plan.bounds[1]:g}",
+        "mountings": ", ".join(plan.mountings),
+        "order": f"{plan.order}, seed {plan.seed}",
+        **versions(),
+    }
+    return Page("Positions to measure", verdict, sections, provenance=provenance, sources=common_plan_sources())

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+from ..document.page import html
 from ..files import whole_folder
 from ..planning.order import DWELL_S, checked_dwell
 from ..planning.plan import Curve, PlannedPosition, PositionPlan
-from ..report.position_page import operator_page
-from ..report.position_pictures import curve_picture, positions_picture
+from .pictures.plans import curve_picture, positions_picture
+from .plan import operator_page
 
 
 def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) -> list[Path]:
@@ -51,7 +52,7 @@ def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) ->
     planned = "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg"
     files["angles.csv"] = _csv(planned, [f"{row(one)},{row(one)}" for one in rows])
     files["plan.json"] = plan.json_text()
-    files["operator.html"] = operator_page(plan, dwell_s)
+    files["operator.html"] = html(operator_page(plan, dwell_s))
     files["positions.svg"] = positions_picture(
         [one.alpha_deg for one in plan.positions],
         [one.beta_deg for one in plan.positions],

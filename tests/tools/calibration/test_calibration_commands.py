@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from fmpy.ssp.ssd import read_ssv
 
+from page_text import html_of
 from simulated_bench import random_bench, simulated
 from table_runs import ARCSEC, PROGRAMME, Bench
 from trihedron.tools import cli
@@ -17,7 +18,7 @@ from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.rests import find_rests
-from trihedron.tools.report.calibration_page import calibration_page
+from trihedron.tools.reports.calibration import calibration_page
 
 SIGMA = 1e-5
 
@@ -110,7 +111,7 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
     alpha[creeping] += np.linspace(0, 60 * ARCSEC, creeping.stop - creeping.start)
     write_record(replace(raw, specific_force=force, alpha=alpha), tmp_path / "raw.csv")
     run_ = read_record(tmp_path / "raw.csv", PositionRecord)
-    page = calibration_page(calibrate(run_, noise_bound=SIGMA), run_)
+    page = html_of(calibration_page, calibrate(run_, noise_bound=SIGMA), run_)
     for text in ("Possible together: accelerometer 3", "What it bought", "Rests that were left out", "drifts linearly"):
         assert text in page
     # Where it was measured, residuals, what is possible jointly, rests.

@@ -23,7 +23,7 @@ from trihedron.tools.calibration.correction import (
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import read_record, write_record
 from trihedron.tools.records.kinds import StrapdownRecord
-from trihedron.tools.summaries import application_summary, correction_equation
+from trihedron.tools.reports.calibration import application_summary, correction_equation
 
 SIGMA = 1e-5
 

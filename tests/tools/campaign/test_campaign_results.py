@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 
 from campaign_runs import content
+from page_text import html_of
 from trihedron.tools import cli
 from trihedron.tools.campaign.compare import compare
 from trihedron.tools.campaign.design import Design, Order
@@ -16,7 +17,7 @@ from trihedron.tools.campaign.runs import Columns, Computed, Output, scalars_fil
 from trihedron.tools.campaign.store import Store, manifest_of
 from trihedron.tools.campaign.summary import Results, rate, summarise
 from trihedron.tools.errors import InputError
-from trihedron.tools.report.campaign_page import campaign_page
+from trihedron.tools.reports.campaign import campaign_page
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
 OUTPUTS = {
@@ -161,7 +162,7 @@ def test_the_page_has_a_picture_of_each_and_repeats(tmp_path, capsys):
     assert "it broke" in page
     assert "<script" not in page
     manifest = json.loads((tmp_path / "campaign.json").read_text(encoding="utf-8"))
-    assert campaign_page(store, manifest) == page
+    assert html_of(campaign_page, store, manifest) == page
 
 
 def worse(run, values, rng):

@@ -1,0 +1,146 @@
+"""What a result has to say, as blocks: verdict, figures, prose, tables, pictures, equations, downloads."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from .numbers import Cell
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+Tone = Literal["good", "attention", "neutral"]
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file that the page carries in itself.
+
+    Attributes
+    ----------
+    name : str
+        under which it is saved
+    text : str
+        its content
+    shown : str
+        what the link says
+    """
+
+    name: str
+    text: str
+    shown: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of results.
+
+    Attributes
+    ----------
+    header : sequence of str
+        names of the columns, with units
+    rows : sequence of sequences
+        text as it stands; numbers are set to six digits of the column's largest, None as a dash
+    caption : str
+        what it shows
+    """
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows, start=1):
+            if len(row) != len(self.header):
+                raise ValueError(f"row {number} has {len(row)} cells, the header {len(self.header)}")
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page: prose, equations, then its picture, its table and the files that belong to it.
+
+    Attributes
+    ----------
+    title : str
+    paragraphs : sequence of str
+        plain text
+    svg : str or None
+        a picture, SVG
+    caption : str
+        of the picture
+    table : Table or None
+    files : sequence of Path
+        linked relative to the page's folder
+    equations : sequence of str
+        MathML of `trihedron.tools.document.equations`
+    download : Download or None
+        a file that the page carries
+    """
+
+    title: str
+    paragraphs: Sequence[str] = ()
+    svg: str | None = None
+    caption: str = ""
+    table: Table | None = None
+    files: Sequence[Path | str] = field(default=())
+    equations: Sequence[str] = ()
+    download: Download | None = None
+
+    def __post_init__(self) -> None:
+        if self.svg is not None and not self.svg.startswith("<svg "):
+            raise ValueError("svg is not a picture: it begins with '<svg '")
+        if not all(equation.startswith("<math ") for equation in self.equations):
+            raise ValueError("an equation is not MathML: it begins with '<math '")
+
+
+@dataclass(frozen=True)
+class Page:
+    """What stands on the page of a result.
+
+    Attributes
+    ----------
+    title : str
+    verdict : str
+        the sentence that a person who reads no more should have read
+    sections : sequence of Section
+    tone : "good", "attention" or "neutral"
+        colour of the rule beside the verdict
+    key : mapping
+        a few figures below the verdict
+    provenance : mapping
+        what the results rest on: versions, content hashes; no time of day, so that the page repeats
+    sources : sequence of str
+        where the methods that were used are published
+    """
+
+    title: str
+    verdict: str
+    sections: Sequence[Section]
+    tone: Tone = "neutral"
+    key: Mapping[str, object] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
+    sources: Sequence[str] = ()
+
+
+def _no_table() -> None:
+    return None
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a result has to say.
+
+    Attributes
+    ----------
+    lines : sequence of str
+        what a terminal shows; the first is the verdict
+    table : callable
+        gives the table of the result, or None: a notebook shows it below the verdict
+    page : callable or None
+        gives what stands on its page, where it has one; pictures are drawn only then
+    """
+
+    lines: Sequence[str]
+    table: "Callable[[], DataFrame | None]" = _no_table
+    page: Callable[[], Page] | None = None

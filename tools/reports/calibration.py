@@ -1,0 +1,354 @@
+"""What a calibration says: text and page."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calibration import Calibration
+from ..calibration.correction import ARCSEC, Application, Correction, correction_of, face_readings, levelling
+from ..calibration.estimates import joint_sets
+from ..document.blocks import Page, Section, Table, Tone
+from ..document.numbers import (
+    Bar,
+    Cell,
+    bars,
+    outwards,
+    places_of,
+    significant,
+    symbol_text,
+    to_bound,
+    unit_of,
+    unit_text,
+    upwards,
+)
+from ..errors import InputError
+from ..records import PositionRecord
+from .evidence import centre_residual, next_sections, proved, witness_section
+from .model import calibrated_values, correction_lines, model_section
+from .pictures.residuals import joint_set, refused_rests, residuals
+from .record import calibration_sources, key_figures, measured_section, provenance
+from .words import VERDICTS, missing_lines, open_targets, physical_words, position_text, witness_lines
+
+TONES: dict[str, Tone] = {"consistent": "good"}
+
+
+def calibration_page(result: Calibration, record: PositionRecord) -> Page:
+    """The page as HTML: verdict, record, model, residuals, targets, evidence, what next, provenance."""
+    return Page(
+        f"Calibration of {record.path.name}",
+        calibration_verdict(result),
+        [
+            measured_section(record, result, rests=len(record.rests) if record.raw is not None else None),
+            model_section(result, calibrated_values(result)),
+            residual_section(result, record.position),
+            target_section(result),
+            *witness_section(result, record.position),
+            *next_sections(result.linearised, result.next_positions),
+            *levelling_sections(result),
+            *joint_set_sections(result),
+            *rest_sections(record),
+        ],
+        tone=TONES.get(result.verdict, "attention"),
+        key=key_figures(result),
+        provenance=provenance(result),
+        sources=calibration_sources(result),
+    )
+
+
+def calibration_verdict(result: Calibration) -> str:
+    """The verdict in a sentence with its figures."""
+    if result.verdict == "falsified":
+        return (
+            f"Falsified: no parameters of the model keep every reading within the noise bound; the best leave "
+            f"{result.radius:.3g} σ, and {len(result.witness)} readings alone prove it."
+        )
+    if result.verdict == "insufficient":
+        return f"Insufficient: the readings do not determine {open_targets(result)}."
+    worst = [e for e in result.parameters if e.estimate is not None and e.guaranteed_error is not None]
+    told = ""
+    if worst:
+        largest = max(e.guaranteed_error for e in worst if e.guaranteed_error is not None)
+        told = f", and all {len(worst)} targets are known, each to within {largest:.1e} or better"
+    return f"Consistent: the model explains every reading within {result.radius:.2g} σ{told}."
+
+
+def residual_section(result: Calibration, numbers: NDArray) -> Section:
+    """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
+    here = result.linearised
+    ideal = here.residual_at(np.zeros(len(here.point))).reshape(-1, 3)
+    left = centre_residual(result)
+    rms = [significant(float(np.sqrt(np.mean(values**2)))) for values in (ideal, left)]
+    most = [significant(float(np.abs(values).max())) for values in (ideal, left)]
+    texts = [value.text if value is not None else "–" for value in (*rms, *most)]
+    return Section(
+        "Residuals before and after",
+        [
+            f"Against an ideal bench without errors the readings are off by {texts[0]} g (root mean square), at most "
+            f"{texts[2]} g; against the calibrated one by {texts[1]} g, at most {texts[3]} g. The picture shows the "
+            "latter, in units of σ."
+        ],
+        residuals(
+            np.degrees(here.positions.alpha),
+            np.degrees(here.positions.beta),
+            left / here.bound.reshape(-1, 3),
+            None,
+            proved(result, numbers),
+        ),
+        "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
+    )
+
+
+TOGETHER = (
+    "Errors hang together: where a set is narrow and aslant, a combination is known better than each target by itself. "
+    "The sets are exact, of the model linearised at the fit."
+)
+
+
+def joint_set_sections(result: Calibration) -> list[Section]:
+    """Pairwise projections of the set of all parameters that the readings leave possible."""
+    if result.feasible is None:
+        return []
+    p = result.linearised.parametrisation
+    estimates = dict(zip(p.symbols, result.linearised.point.tolist(), strict=True))
+    estimates |= {e.symbol: e.estimate for e in result.parameters if e.estimate is not None}
+    return [
+        Section(
+            f"Possible together: {group}",
+            [TOGETHER] if k == 0 else [],
+            joint_set(pairs, estimates, result.noise_bound),
+            "Each pair of targets about its estimates, in units of σ; an estimate may lie outside, the truth does not.",
+        )
+        for k, (group, pairs) in enumerate(joint_sets(result.feasible).items())
+    ]
+
+
+def levelling_sections(result: Calibration) -> list[Section]:
+    """The correction as equations, and the error of the vertical before and after it, attitude by attitude."""
+    if not is_corrected(result):
+        return []
+    correction = correction_of(result.to_json(), "calibration")
+    names, reading = face_readings(correction)
+    gained = levelling(correction, reading)
+    rows: list[list[Cell]] = [
+        [name, significant(before / ARCSEC, 3), upwards(after / ARCSEC)]
+        for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
+    ]
+    return [
+        Section(
+            "What it bought",
+            [
+                "An inertial system that aligns itself by these accelerometers takes their readings for the vertical. "
+                "The errors below are those of the block at rest; the readings' own errors come on top.",
+                "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
+            ],
+            equations=correction_lines(correction, places_of(result.noise_bound)),
+            table=Table(
+                ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"],
+                rows,
+            ),
+        )
+    ]
+
+
+def rest_sections(record: PositionRecord) -> list[Section]:
+    """The rests of a raw record that were left out, each with its picture and its reason."""
+    if record.raw is None:
+        return []
+    refused = [rest for rest in record.rests if rest.refused is not None]
+    if not refused:
+        return []
+    kept = len(record.rests) - len(refused)
+    pictures = refused_rests(record.raw, record.rests)
+    duration = [float(np.ptp(record.raw.time_s[rest.first : rest.last + 1])) for rest in refused]
+    rows = [
+        [int(record.raw.row[rest.first]), int(record.raw.row[rest.last]), lasts, rest.refused]
+        for rest, lasts in zip(refused, duration, strict=True)
+    ]
+    first = Section(
+        "Rests that were left out",
+        [f"{len(record.rests)} rests were found, {kept} are used, {len(refused)} are not."],
+        pictures[0],
+        "Angles and readings, less their medians, during the rests that were refused.",
+        Table(["first row", "last row", "lasts [s]", "why"], rows),
+    )
+    more = [Section("Rests that were left out, continued", svg=picture) for picture in pictures[1:]]
+    return [first, *more]
+
+
+def calibration_section(
+    result: Calibration, truth: Mapping[str, float] | None = None, files: list[Path] | None = None
+) -> Section:
+    """The verdict in a sentence, and the targets."""
+    return Section(
+        "Calibration with guaranteed bounds",
+        [
+            VERDICTS[result.verdict].capitalize() + ".",
+            f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
+            f"({result.noise_bound_basis}); least possible largest residual {result.radius:.3f} σ.",
+            *missing_lines(result),
+        ],
+        table=target_table(result, truth),
+        files=files or [],
+    )
+
+
+def target_section(result: Calibration) -> Section:
+    """The targets on a page of their own."""
+    said = ["An estimate is never wrong by more than its guaranteed error; the truth lies between low and high."]
+    if result.verdict == "falsified":
+        said = [
+            "The estimates are those of a model that the readings contradict: no value is possible, and no error is "
+            "guaranteed. `trihedron diagnose` says what the model lacks."
+        ]
+    if result.missing:
+        said.append(
+            "Where there is no number the readings determine none: measure more, or say what is known by `--prior`."
+        )
+    return Section("Targets", said, table=target_table(result))
+
+
+def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
+    """Each target with its interval, drawn in units of σ about its estimate."""
+    known = truth or {}
+    sigma = result.noise_bound
+    falsified = result.verdict == "falsified"
+
+    def over(value: float | None, estimate: float | None) -> float | None:
+        return None if value is None or estimate is None else (value - estimate) / sigma
+
+    drawn, reach = bars(
+        [
+            Bar(
+                None if e.guaranteed_error is None or e.estimate is None or falsified else e.guaranteed_error / sigma,
+                over(e.low, e.estimate),
+                over(e.high, e.estimate),
+                over(known.get(e.symbol), e.estimate),
+            )
+            for e in result.parameters
+        ]
+    )
+    rows: list[list[Cell]] = []
+    for e, bar in zip(result.parameters, drawn, strict=True):
+        low, high = outwards(e.low, e.high, e.guaranteed_error)
+        error = None if e.estimate is None or falsified else upwards(e.guaranteed_error)
+        row: list[Cell] = [
+            symbol_text(e.symbol),
+            physical_words(e.name),
+            to_bound(e.estimate, e.guaranteed_error),
+            error,
+        ]
+        row += [bar, low, high, unit_text(e.unit)]
+        if truth is not None:
+            row.append(to_bound(known.get(e.symbol), e.guaranteed_error))
+        rows.append(row)
+    header = ["target", "meaning", "estimate", "guaranteed error", "interval", "low", "high", "unit"]
+    if truth is not None:
+        header.append("truth")
+    if falsified:
+        dropped = [k for k, name in enumerate(header) if name in ("guaranteed error", "interval", "low", "high")]
+        header = [name for k, name in enumerate(header) if k not in dropped]
+        rows = [[cell for k, cell in enumerate(row) if k not in dropped] for row in rows]
+        return Table(header, rows)
+    if reach == 0.0:
+        # Nothing is determined: columns without a number say nothing.
+        kept = [k for k in range(len(header)) if any(row[k] is not None for row in rows)]
+        return Table([header[k] for k in kept], [[row[k] for k in kept] for row in rows])
+    marks = "band: estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
+    if truth is not None:
+        marks += "; bar: truth"
+    return Table(header, rows, f"Drawn from −{reach:.2g} to {reach:.2g} σ about each estimate. {marks.capitalize()}.")
+
+
+LATITUDE_DEG = 55.75
+"""Where the azimuth's error is told when nothing else is asked for."""
+
+
+def calibration_summary(result: Calibration) -> str:
+    """Verdict and table of targets."""
+    lines = [
+        VERDICTS[result.verdict],
+        f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
+        f"({result.noise_bound_basis}), radius {result.radius:.3f}",
+        "",
+        f"{'target':<12} {'name':<34} {'estimate':>13} {'guaranteed':>11} {'low':>13} {'high':>13}  unit",
+    ]
+    for row in result.parameters:
+        if row.estimate is None or row.guaranteed_error is None:
+            lines.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
+            continue
+        ends = ["" if end is None else f"{end:+z.7f}" for end in (row.low, row.high)]
+        # Of a model that the readings contradict nothing is guaranteed.
+        error = "" if result.verdict == "falsified" else f"{row.guaranteed_error:.1e}"
+        lines.append(
+            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {error:>11} "
+            f"{ends[0]:>13} {ends[1]:>13}  {unit_of(row.unit)}".rstrip()
+        )
+    lines += levelling_lines(result)
+    lines += witness_lines(result)
+    lines += missing_lines(result)
+    lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    return "\n".join(lines)
+
+
+def is_corrected(result: Calibration) -> bool:
+    """Whether the calibration gives a correction of readings with a bound."""
+    return result.verdict == "consistent" and all(e.low is not None for e in result.reading_errors)
+
+
+def levelling_lines(result: Calibration) -> list[str]:
+    """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
+    if not is_corrected(result):
+        return []
+    correction = correction_of(result.to_json(), "calibration")
+    before, after = levelling(correction, face_readings(correction)[1]).worst
+    return [
+        f"levelling with an axis vertical: as read wrong by up to {before / ARCSEC:.2f} arcsec, "
+        f"corrected by at most {after / ARCSEC:.2f} (guaranteed; `trihedron apply` corrects)"
+    ]
+
+
+def application_summary(result: Application, latitude_deg: float = LATITUDE_DEG) -> str:
+    """The equation with its numbers, and what the correction is worth for an alignment.
+
+    Raises
+    ------
+    InputError
+        for a latitude at which there is no azimuth to find
+    """
+    if not abs(latitude_deg) <= 89.0:
+        raise InputError(f"--latitude-deg {latitude_deg:g}: must be from -89 to 89; there is no azimuth at a pole")
+    gained = result.levelling
+    worst = int(np.argmax(gained.before))
+    before, after = gained.worst
+    azimuth = abs(math.tan(math.radians(latitude_deg)))
+    lines = correction_equation(result.correction)
+    lines += [
+        f"{len(gained.before)} {result.levelled_at}; largest error of the vertical, in arcseconds:",
+        f"  as read {before / ARCSEC:.2f} ({result.levelled_at.removesuffix('s')} {worst + 1}), "
+        f"corrected at most {after / ARCSEC:.2f}, guaranteed",
+        f"  its part in the azimuth of a gyrocompass at latitude {latitude_deg:g}°: "
+        f"as read up to {azimuth * before / ARCSEC:.2f}, corrected at most {azimuth * after / ARCSEC:.2f}",
+    ]
+    if result.levelled_at == "rows":
+        lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    return "\n".join(lines)
+
+
+def correction_equation(correction: Correction) -> list[str]:
+    """The correction as equations with their numbers, readings f to inputs n."""
+    lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
+    for p in range(3):
+        terms = [f"f{p + 1}/g", _term(-correction.bias[p], "")]
+        terms += [_term(-correction.gamma[p, c], f" n{c + 1}") for c in range(p)]
+        plus, minus = (f"{scale[p]:.12g}" for scale in (correction.plus, correction.minus))
+        lines.append(f"n{p + 1} = ({' '.join(terms)}) / ({plus} where n{p + 1} > 0, {minus} elsewhere)")
+    return lines
+
+
+def _term(value: float, of: str) -> str:
+    return f"{'-' if value < 0.0 else '+'} {abs(value):.12g}{of}"

@@ -1,0 +1,308 @@
+"""What campaigns say: text and page."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..campaign.compare import CHANCE, Comparison
+from ..campaign.file import Campaign
+from ..campaign.store import PAGE, Store, open_result
+from ..campaign.summary import CampaignResult, Results, summarise
+from ..document.blocks import Page, Section, Table
+from ..document.numbers import Cell, minus, significant
+from ..files import write_text
+from ..trials.suite import named_suite
+from .pictures.suites import chance_of, confusion_picture, distributions_picture, rates_picture, sensitivity_picture
+from .record import versions
+
+MOST_ROWS = 24
+"""Lines of one table on a terminal; the page has all."""
+
+
+def campaign_lines(result: CampaignResult) -> list[str]:
+    """What was computed over all runs, and what it took."""
+    lines = [f"{result.runs} runs, {result.failed} failed"]
+    lines += [
+        f"  failed {entry.runs} times, first run {entry.first_run}: {entry.message}" for entry in result.failures[:5]
+    ]
+    for item in result.computed:
+        lines += ["", *_computed_lines(item)]
+    return lines if result.cost is None else [*lines, "", str(result.cost)]
+
+
+def _computed_lines(item: Mapping[str, Any]) -> list[str]:
+    result = item["result"]
+    if "quantiles" in item:
+        return _cut(_quantile_lines(result))
+    if "rate" in item:
+        head = f"{item['rate']} is {told_values(item)}"
+        if "against" not in item:
+            return [f"{head}: {rate_text(result[0])}"]
+        rows = [f"  {r['low']:>10.4g} to {r['high']:>10.4g}  {rate_text(r)}" for r in result if r["cases"]]
+        return _cut([f"{head}, by {item['against']}:", *rows])
+    if "confusion" in item:
+        rows = []
+        for true, row in result.items():
+            told = sorted(row.items(), key=lambda pair: -pair[1])
+            rows.append(f"  {true:<44} {', '.join(f'{n} {count}' for n, count in told)}")
+        return _cut([f"{item['of']}, and what {item['confusion']} was:", *rows])
+    lines = []
+    for name, found in result.items():
+        lines += _sensitivity(name, found)
+    return lines
+
+
+def _quantile_lines(result: Mapping[str, Any]) -> list[str]:
+    at = next((entry["quantiles"] for entry in result.values() if entry["runs"]), [])
+    lines = [f"{'':<24} {'mean':>11} " + " ".join(f"{q['at']:>10.4g}q" for q in at)]
+    for name, entry in result.items():
+        if entry["runs"]:
+            values = " ".join(f"{q['value']:>11.4g}" for q in entry["quantiles"])
+            lines.append(f"{name:<24} {entry['mean']:>11.4g} {values}")
+        else:
+            lines.append(f"{name:<24} no values")
+    return lines
+
+
+def _sensitivity(name: str, found: Mapping[str, Any]) -> list[str]:
+    sobol = found["method"] == "sobol"
+    key = "total" if sobol else "correlation"
+    rows = sorted(found["parameters"].items(), key=lambda pair: -abs(pair[1][key] or 0.0))
+    head = "Sobol indices, first order and total" if sobol else "rank correlations"
+    lines = [f"{name}: {head}"]
+    for parameter, entry in rows:
+        if entry[key] is None:
+            told = "no value"
+        elif sobol:
+            (low, high), (below, above) = entry["first_interval"], entry["total_interval"]
+            told = f"{entry['first']:7.3f} [{low:.3f}, {high:.3f}]  {entry['total']:7.3f} [{below:.3f}, {above:.3f}]"
+        else:
+            told = f"{entry['correlation']:+.3f}  (p {entry['p']:.2g})"
+        lines.append(f"  {parameter:<28} {told}")
+    return _cut(lines)
+
+
+def told_values(item: Mapping[str, Any]) -> str:
+    """The values that a rate counts, in words."""
+    return " or ".join(str(v).lower() if isinstance(v, bool) else str(v) for v in item["is"])
+
+
+def rate_text(entry: Mapping[str, Any]) -> str:
+    """A rate with its interval."""
+    if not entry["cases"]:
+        return "no cases"
+    low, high = entry["interval"]
+    return f"{entry['count']} of {entry['cases']} ({entry['rate']:.2%}, 95 % from {low:.2%} to {high:.2%})"
+
+
+def _cut(lines: list[str]) -> list[str]:
+    more = len(lines) - MOST_ROWS
+    return lines if more <= 0 else [*lines[:MOST_ROWS], f"  ... and {more} more"]
+
+
+def change_lines(comparison: Comparison) -> list[str]:
+    """What got better or worse."""
+    told = [change for change in comparison.changes if change.verdict != "same"]
+    counts = ", ".join(f"{len(comparison.of(kind))} {kind}" for kind in ("worse", "better", "changed", "same"))
+    how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
+    lines = [f"{len(comparison.changes)} scalars compared ({how}): {counts}"]
+    for change in sorted(told, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
+        before, after = ("no value" if value is None else f"{value:.6g}" for value in (change.before, change.after))
+        lines.append(f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {change.p:.2g})")
+    return lines
+
+
+KINDS = {
+    "calibration": "static calibrations",
+    "attitude": "attitude runs",
+    "simulation": "simulations of a scenario",
+    "hidden": "cases of hidden effects",
+}
+MOST_VALUES = 12
+"""Of a list of values that are shown."""
+LISTED = 200
+"""Rows of one table on the page."""
+SALTELLI = "Saltelli et al., Computer Physics Communications 181 (2010), 259–270: Sobol indices"
+
+
+def write_campaign_page(folder: Path, path: Path | None = None, comparison: Comparison | None = None) -> Path:
+    """Write the page of the campaign that a folder holds; returns its file, <folder>/index.html by default."""
+    store, manifest = open_result(folder)
+    page = folder / PAGE if path is None else path
+    write_text(page, campaign_page(store, manifest, comparison))
+    return page
+
+
+def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Comparison | None = None) -> Page:
+    """The page of a campaign that is complete.
+
+    Parameters
+    ----------
+    store, manifest
+        of `trihedron.tools.campaign.store.open_result`
+    comparison : Comparison or None
+        with another campaign
+    """
+    campaign, results = store.campaign, Results(store)
+    summary = summarise(store)
+    sections: list[Section] = []
+    if comparison is not None:
+        sections.append(_changes(comparison))
+    sections.append(_about(campaign))
+    sections += _computed(summary.computed, results)
+    if summary.failures:
+        rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
+        sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
+    failed = summary.failed
+    verdict = " ".join([f"{campaign.runs} {KINDS[campaign.kind]}, {failed or 'none'} failed.", *counted(summary)])
+    if comparison is not None:
+        verdict += f" {_sentence(comparison)}"
+    worse = comparison is not None and bool(comparison.of("worse"))
+    sobol = campaign.sampling.method == "saltelli" and any(item.sensitivity for item in campaign.compute)
+    return Page(
+        campaign.title or f"Campaign of {KINDS[campaign.kind]}",
+        verdict,
+        sections,
+        tone="attention" if failed or worse else "good" if comparison is not None else "neutral",
+        provenance={
+            "campaign, SHA-256": manifest["order_sha256"],
+            "code, SHA-256": manifest["code_sha256"],
+            "seed": campaign.seed,
+            **versions(),
+        },
+        sources=[SALTELLI] if sobol else [],
+    )
+
+
+def counted(summary: CampaignResult) -> list[str]:
+    """The rates of the whole campaign, each as a sentence."""
+    whole = [item for item in summary.computed if "rate" in item and "against" not in item]
+    return [
+        f"{item['rate'].capitalize()} was {told_values(item)} in {entry['count'] or 'none'} of {entry['cases']}."
+        for item in whole
+        for entry in item["result"][:1]
+        if entry["cases"]
+    ]
+
+
+def _sentence(comparison: Comparison) -> str:
+    worse, better = comparison.of("worse"), comparison.of("better")
+    if not worse and not better:
+        return "Nothing got better or worse beyond chance."
+    said = [f"{len(group)} {word}" for group, word in ((worse, "worse"), (better, "better")) if group]
+    return f"Beyond chance got {', '.join(said)}."
+
+
+def _changes(comparison: Comparison) -> Section:
+    order = {"worse": 0, "better": 1, "changed": 2, "same": 3}
+    changes = sorted(comparison.changes, key=lambda c: (order[c.verdict], 1.0 if c.p is None else c.p))
+    rows = [[c.name, c.verdict, c.what, c.before, c.after, c.p, c.runs] for c in changes[:LISTED]]
+    pairs = "Runs of the same number are held against each other: " if comparison.paired else "Two samples of runs: "
+    test = "Wilcoxon's and McNemar's tests." if comparison.paired else "the tests of Mann and Whitney, and of Fisher."
+    return Section(
+        "Against the other campaign",
+        [f"{pairs}{test} p is corrected for the number of scalars (Holm); beyond chance is p ≤ {CHANCE:g}."],
+        table=Table(["scalar", "verdict", "what", "before", "after", "p", "runs"], rows),
+    )
+
+
+def _about(campaign: Campaign) -> Section:
+    how = {
+        "random": "drawn at random",
+        "latin-hypercube": "drawn from a Latin hypercube",
+        "sobol": "a Sobol sequence",
+        "saltelli": "Saltelli's arrangement of a Sobol sequence",
+    }[campaign.sampling.method]
+    said = [f"{campaign.runs} {KINDS[campaign.kind]}; the seed of the campaign is {campaign.seed}."]
+    if campaign.hidden is not None and campaign.hidden.suite is not None:
+        suite = campaign.hidden.suite
+        said = [f"The first {campaign.runs} cases of the suite {suite}, seed {named_suite(suite).seed}."]
+    if campaign.distributions:
+        said.append(f"{campaign.samples} points, {how}.")
+    if campaign.repeats > 1 and campaign.hidden is None:
+        said.append(f"Each is run {campaign.repeats} times with other random errors.")
+    rows: list[list[str]] = []
+    for name, axis in campaign.parameters.items():
+        ((form, value),) = axis.model_dump(exclude_none=True).items()
+        shown = ", ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
+        rows.append([name, form.replace("_", " "), minus(shown) + (", ..." if len(value) > MOST_VALUES else "")])
+    table = Table(["parameter", "distribution", "of"], rows) if rows else None
+    return Section("What was run", [" ".join(said)], table=table)
+
+
+def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Section]:
+    sections: list[Section] = []
+    curves: dict[str, dict[str, Any]] = {}
+    for item in items:
+        found = item["result"]
+        if "quantiles" in item:
+            sections.append(_quantiles(item, results))
+        elif "against" in item:
+            label = f"{item['rate']}: {told_values(item)}"
+            curves.setdefault(item["against"], {})[label] = found
+        elif "rate" in item:
+            title = f"How often {item['rate']} is {told_values(item)}"
+            sections.append(Section(title, [rate_text(found[0]) + "."]))
+        elif "confusion" in item:
+            title = f"{item['of']}, and what {item['confusion']} was"
+            sections.append(Section(title, svg=confusion_picture(found), caption=f"Rows: {item['of']}."))
+        else:
+            sections += [
+                Section(
+                    f"What {name} depends on",
+                    svg=sensitivity_picture(name, entry, runs),
+                    caption=_method(entry, runs),
+                )
+                for name, entry in found.items()
+                for runs in [int(np.isfinite(results.numbers(name)).sum())]
+            ]
+    return [*(_rates(against, found) for against, found in curves.items()), *sections]
+
+
+def _method(entry: Mapping[str, Any], runs: int) -> str:
+    if entry["method"] == "sobol":
+        without = f" {entry['rows_with_failures']} had a run that failed." if entry["rows_with_failures"] else ""
+        indices = f"First-order and total Sobol indices from {entry['rows']} rows"
+        return f"{indices}, with bootstrapped intervals of 95 %.{without}"
+    return (
+        f"Spearman's rank correlation with each parameter. With no connection 95 % of the correlations of {runs} runs "
+        f"lie in the band, ±{chance_of(runs):.2g}."
+    )
+
+
+def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
+    first = next(iter(curves.values()))
+    header = ["from", "to", "runs", *curves]
+    rows: list[list[str | int]] = []
+    for k, entry in enumerate(first):
+        counts = [str(found[k]["count"]) for found in curves.values()]
+        if any(found[k]["cases"] for found in curves.values()):
+            rows.append([f"{entry['low']:g}", f"{entry['high']:g}", entry["cases"], *counts])
+    return Section(
+        f"Rates against {against}",
+        svg=rates_picture(curves, against),
+        caption="Lines are intervals of 95 % (Wilson).",
+        table=Table(header, rows),
+    )
+
+
+def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
+    found = item["result"]
+    there = {name: entry for name, entry in found.items() if entry["runs"]}
+    at = next((entry["quantiles"] for entry in there.values()), [])
+    header = ["scalar", "runs", "mean", *(f"{100.0 * q['at']:g} %" for q in at), "largest"]
+    rows: list[list[Cell]] = [
+        [
+            name,
+            entry["runs"],
+            *(significant(v, 4) for v in (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])),
+        ]
+        for name, entry in there.items()
+    ]
+    columns = {name: np.asarray(results.numbers(name)) for name in there}
+    marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
+    title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
+    svg = distributions_picture(columns, marks)
+    return Section(title, svg=svg, caption="Dashed lines are the quantiles.", table=Table(header, rows))

@@ -1,0 +1,15 @@
+"""What the check of a file says."""
+
+from ..check import Check
+
+
+def check_lines(result: Check) -> list[str]:
+    """The verdict, then every problem as `file:line: what`."""
+    said = [result.verdict]
+    for problem in result.problems:
+        place = "" if problem.line is None else f":{problem.line}"
+        said.append(f"{result.file}{place}: {problem.text}")
+    if result.not_listed:
+        said.append(f"... and {result.not_listed} more")
+    said += [f"  {line}" for line in result.summary]
+    return said + [f"warning: {warning}" for warning in result.warnings]
