@@ -250,18 +250,38 @@ def solver() -> highspy.Highs:
     return highs
 
 
+def linear_programme(
+    cost: NDArray,
+    ends: tuple[NDArray, NDArray],
+    matrix: tuple[NDArray, NDArray, NDArray],
+    row_ends: tuple[NDArray, NDArray],
+) -> highspy.HighsLp:
+    """The least cost'x with x between its ends and the rows between theirs, as HiGHS takes it.
+
+    Parameters
+    ----------
+    cost : (n,) array
+    ends : (n,) array, (n,) array
+    matrix : (n + 1,) array, (K,) array, (K,) array
+        column by column: where each begins, and the rows and values of its elements
+    row_ends : (M,) array, (M,) array
+    """
+    lp = highspy.HighsLp()
+    lp.num_col_, lp.num_row_ = len(cost), len(row_ends[0])
+    lp.col_cost_, (lp.col_lower_, lp.col_upper_) = cost, ends
+    lp.row_lower_, lp.row_upper_ = row_ends
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    lp.a_matrix_.start_, lp.a_matrix_.index_ = matrix[0].astype(np.int32), matrix[1].astype(np.int32)
+    lp.a_matrix_.value_ = matrix[2]
+    return lp
+
+
 def _model(
     cost: NDArray, lower: NDArray, upper: NDArray, matrix: NDArray, row_lower: NDArray, row_upper: NDArray
 ) -> highspy.Highs:
-    lp = highspy.HighsLp()
-    lp.num_row_, lp.num_col_ = matrix.shape
-    lp.col_cost_, lp.col_lower_, lp.col_upper_ = cost, lower, upper
-    lp.row_lower_, lp.row_upper_ = row_lower, row_upper
     columns, rows = np.nonzero(matrix.T)
-    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-    lp.a_matrix_.start_ = np.searchsorted(columns, np.arange(lp.num_col_ + 1)).astype(np.int32)
-    lp.a_matrix_.index_ = rows.astype(np.int32)
-    lp.a_matrix_.value_ = matrix.T[columns, rows]
+    starts = np.searchsorted(columns, np.arange(len(cost) + 1))
+    lp = linear_programme(cost, (lower, upper), (starts, rows, matrix.T[columns, rows]), (row_lower, row_upper))
     highs = solver()
     highs.setOptionValue("simplex_strategy", PRIMAL_SIMPLEX)
     if highs.passModel(lp) == highspy.HighsStatus.kError:

@@ -18,7 +18,7 @@ from .bounds import Bound, bound_positions, pool_of
 from .certificate import Optimum, UndeterminedError
 from .check import EffectDistance, detecting, named_effects
 from .continuum import Continuum, scaled_optimum
-from .forms import DEFAULT_BOUNDS, sheets
+from .forms import sheets
 from .grid import Grid
 from .order import measuring_order, unwound
 from .positions import Places, Request, Task, allowed, costs, stored_positions, task_of
@@ -125,51 +125,37 @@ def plan_targets(
     targets: Sequence[str] = (),
     *,
     grid: float | None = 1.0,
-    admissible: str = "paper",
-    bounds: tuple[float, float] = DEFAULT_BOUNDS,
-    convention: str = "A1",
-    baseline: str = "asymmetric",
     mounting: Mapping[str, ArrayLike] | str = "identity",
     progress: bool = False,
+    **options: Any,
 ) -> Plans:
     """The optimal plan of each target, with its proof.
 
     Parameters
     ----------
-    targets : sequence of str
-        linear combinations of X1..X18, as "X4-X5"; all targets of the convention when none is given
-    grid : float or None
-        step of the grid [deg] over [0, 360] × [0, 360]; None for all angles
-    admissible : {"paper", "tables"}
-        (1.7) as printed; with the bias rows, as the published tables
-    bounds : (float, float)
-        u^max [rad] and v^0max of (1.7)
-    convention : {"A1", "A2"}
-        which targets when none is given
-    baseline : {"asymmetric", "symmetric"}
-        two scale factors for each accelerometer, or one; with one every position is admissible
-    mounting : str or mapping of str to (3, 3) array
-        a preset, a TOML file with one mounting, or Q by name
-    progress : bool
-        show a bar on a terminal
+    targets, grid, mounting, progress
+        as of `trihedron.tools.library.plan`
+    options
+        admissible, bounds, convention, baseline of `Request`
 
     Raises
     ------
     InputError
         for options that cannot be used, and for a grid that cannot determine a target
     """
-    if convention not in ("A1", "A2"):
-        raise InputError(f"--convention {convention}: must be A1 or A2")
-    if baseline not in ("asymmetric", "symmetric"):
-        raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
+    request = Request(mountings=(mounting,), **options)
+    if request.convention not in ("A1", "A2"):
+        raise InputError(f"--convention {request.convention}: must be A1 or A2")
+    if request.baseline not in ("asymmetric", "symmetric"):
+        raise InputError(f"--baseline {request.baseline}: must be asymmetric or symmetric")
     if grid is not None and not isfinite(grid):
         raise InputError(f"--grid {grid}: must be a number of degrees")
-    p = parametrise(mountings_of(mounting), symmetric=baseline == "symmetric")
+    p = parametrise(mountings_of(mounting), symmetric=request.baseline == "symmetric")
     if len(p.mountings) != 1:
         names = ", ".join(p.mountings)
         raise InputError(f"--mounting: holds {len(p.mountings)} mountings ({names}); a plan is for one")
-    found = sheets(p, bounds=bounds, rule=admissible)
-    wanted = asked_targets(targets, p) if targets else convention_targets(p, convention)
+    found = sheets(p, bounds=request.bounds, rule=request.admissible)
+    wanted = asked_targets(targets, p) if targets else convention_targets(p, request.convention)
     everywhere = Continuum(found) if grid is None else Grid(found, grid)
     plans = []
     for target in tracked(wanted, "plans", show=progress):
@@ -189,9 +175,9 @@ def plan_targets(
                 gap=best.gap,
                 lower_bound=best.lower_bound,
                 grid_deg=None if grid is None else _plain(grid),
-                admissible=admissible,
-                bounds=bounds,
-                baseline=baseline,
+                admissible=request.admissible,
+                bounds=request.bounds,
+                baseline=request.baseline,
                 mounting={p.mountings[0]: p.matrices[0].tolist()},
                 weights=tuple(
                     PlannedReading(accelerometer=int(k) + 1, alpha_deg=_plain(a), beta_deg=_plain(b), weight=float(w))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from ..bounded.programmes import linear_programme
 from ..progress import progress_bar
 from .certificate import NO_WEIGHT
 from .forms import basis, slopes
@@ -254,18 +255,25 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(len(lower), column + 1)
     )
     down, up = freedom(task, places.angle, radius)
-    solved = _solve(
+    model = linear_programme(
         np.concatenate([*cost, np.zeros(2 * count), [1.0 if worst else LITTLE]]),
-        np.concatenate([np.zeros(weights_end), -down.ravel(), [0.0]]),
-        np.concatenate([np.full(weights_end, np.inf), up.ravel(), [np.inf]]),
-        matrix,
-        np.array(lower),
-        np.array(upper),
+        (
+            np.concatenate([np.zeros(weights_end), -down.ravel(), [0.0]]),
+            np.concatenate([np.full(weights_end, np.inf), up.ravel(), [np.inf]]),
+        ),
+        (matrix.indptr, matrix.indices, matrix.data),
+        (np.array(lower), np.array(upper)),
     )
-    if solved is None:
+    highs = highspy.Highs()
+    for name, option in (("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex")):
+        highs.setOptionValue(name, option)
+    if highs.passModel(model) == highspy.HighsStatus.kError:
         return None
-    values_of, promised = solved
-    return values_of[weights_end : weights_end + 2 * count].reshape(count, 2), promised
+    highs.run()
+    if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        return None
+    move = np.array(highs.getSolution().col_value)[weights_end : weights_end + 2 * count].reshape(count, 2)
+    return move, float(highs.getInfo().objective_function_value)
 
 
 def _by_angles(task: Task, here: Costs) -> NDArray:
@@ -340,29 +348,6 @@ def _mended(task: Task, here: Costs, angle: NDArray) -> NDArray:
             matrix, missing = np.array([line for line, _ in found]), np.array([amount for _, amount in found])
             angle[where] += np.linalg.lstsq(matrix, missing, rcond=1e-8)[0]
     return angle
-
-
-def _solve(
-    cost: NDArray, low: NDArray, high: NDArray, matrix: csc_matrix, row_low: NDArray, row_high: NDArray
-) -> tuple[NDArray, float] | None:
-    """Solve one step's programme; None where it has no solution."""
-    model = highspy.HighsLp()
-    model.num_row_, model.num_col_ = len(row_low), len(cost)
-    model.col_cost_, model.col_lower_, model.col_upper_ = cost, low, high
-    model.row_lower_, model.row_upper_ = row_low, row_high
-    model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-    model.a_matrix_.start_ = matrix.indptr.astype(np.int32)
-    model.a_matrix_.index_ = matrix.indices.astype(np.int32)
-    model.a_matrix_.value_ = matrix.data  # pyright: ignore[reportAttributeAccessIssue]
-    highs = highspy.Highs()
-    for name, option in (("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex")):
-        highs.setOptionValue(name, option)
-    if highs.passModel(model) == highspy.HighsStatus.kError:
-        return None
-    highs.run()
-    if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-        return None
-    return np.array(highs.getSolution().col_value), float(highs.getInfo().objective_function_value)
 
 
 def rounded(task: Task, found: Costs) -> Costs:

@@ -122,19 +122,27 @@ def test_wrong_options_are_said_in_one_line(
 
 
 @pytest.mark.parametrize(
-    ("matrix", "said"),
+    ("option", "text", "said"),
     [
-        ("[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\n[b]\nmatrix = [[0,1,0],[0,0,1],[1,0,0]]\n", "2 mountings"),
-        ("[a]\nmatrix = [[1,0,0],[0,1.1,0],[0,0,1]]\n", "not orthogonal"),
-        ("[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,-1]]\n", "reflection"),
+        (
+            "--mounting",
+            "[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\n[b]\nmatrix = [[0,1,0],[0,0,1],[1,0,0]]\n",
+            "2 mountings",
+        ),
+        ("--check", "alpha_deg,beta_deg\n1,2\n", "planned_alpha_deg"),
+        (
+            "--check",
+            "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg\n1,2,1,2\n3,4,3,1e17\n",
+            "row 3, column 'beta_deg': 1e+17 is outside -1e+06 to 1e+06",
+        ),
     ],
 )
-def test_mountings_that_cannot_be_used(
-    matrix: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_files_that_cannot_be_used(
+    option: str, text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "mounting.toml"
-    path.write_text(matrix, encoding="utf-8")
-    assert main(["plan", "--mounting", str(path)]) == 2
+    path = tmp_path / "given"
+    path.write_text(text, encoding="utf-8")
+    assert main(["plan", option, str(path)]) == 2
     assert said in capsys.readouterr().err
 
 
@@ -206,20 +214,6 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
     assert "largest error of setting 0.05°" in out
     assert "over all targets: tolerable" not in out
     assert "over all targets:" in out
-
-
-def test_a_check_file_without_its_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "angles.csv"
-    path.write_text("alpha_deg,beta_deg\n1,2\n", encoding="utf-8")
-    assert main(["plan", "--check", str(path)]) == 2
-    assert "planned_alpha_deg" in capsys.readouterr().err
-
-
-def test_a_check_file_with_angles_that_no_table_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "angles.csv"
-    path.write_text("planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg\n1,2,1,2\n3,4,3,1e17\n", encoding="utf-8")
-    assert main(["plan", "--check", str(path)]) == 2
-    assert "row 3, column 'beta_deg': 1e+17 is outside -1e+06 to 1e+06" in capsys.readouterr().err
 
 
 def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
