@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
@@ -38,25 +38,7 @@ DEGREES = {
 """Degrees of effects in the inputs, where they are not 0."""
 
 
-class Placed(Result):
-    """An effect at its place, as files write it."""
-
-    omitted: ClassVar[frozenset[str]] = frozenset({"order", "accelerometer", "axes"})
-    effect: str
-    where: str
-    order: int | None = None
-    accelerometer: int | None = None
-    axes: tuple[int, ...] = ()
-
-    @property
-    def place(self) -> EffectPlace:
-        """The place in the catalogue's terms."""
-        return EffectPlace(
-            self.effect, self.where, self.order, self.axes if self.accelerometer is None else (self.accelerometer,)
-        )
-
-
-class Secret(Placed):
+class Secret(NamedEffect):
     """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory.
 
     Attributes
@@ -93,7 +75,7 @@ class Outcome(Result):
         of the diagnosis
     outcome : str
         one of `KINDS`
-    named : tuple of Placed
+    named : tuple of NamedEffect
         the set that was named, or the best of those that remain
     inside : bool or None
         whether the true parameters are inside their intervals; None where the effect was not named by its own name
@@ -105,7 +87,7 @@ class Outcome(Result):
         case: int
         verdict: str
         outcome: str
-        named: tuple[Placed, ...]
+        named: tuple[NamedEffect, ...]
         inside: bool | None
 
     @property
@@ -169,7 +151,7 @@ class BenchOutcome(Outcome):
     radius: float
     verdict: str
     outcome: str
-    named: tuple[Placed, ...]
+    named: tuple[NamedEffect, ...]
     inside: bool | None
     errors: tuple[float, ...]
 
@@ -219,7 +201,7 @@ class BlockOutcome(Outcome):
     radius: float | None
     verdict: str
     outcome: str
-    named: tuple[Placed, ...]
+    named: tuple[NamedEffect, ...]
     inside: bool | None
     error: float | None
     why: str
@@ -227,9 +209,7 @@ class BlockOutcome(Outcome):
     @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What was hidden."""
-        names = Placed.model_fields
-        own = {key: value for key, value in (self.hidden or {}).items() if key in names}
-        return (Placed.model_validate(own).place,) if own else ()
+        return () if self.hidden is None else (NamedEffect.model_validate(self.hidden).place,)
 
     @property
     def size_errors(self) -> tuple[float, ...]:
@@ -297,8 +277,8 @@ def _secret(hidden: Hidden) -> Secret:
     )
 
 
-def _named(sets: Sequence[Sequence[Cause]]) -> tuple[Placed, ...]:
-    return tuple(Placed(**NamedEffect.keys(cause.place)) for cause in sets[0]) if sets else ()
+def _named(sets: Sequence[Sequence[Cause]]) -> tuple[NamedEffect, ...]:
+    return tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else ()
 
 
 def kind_of(
