@@ -87,7 +87,7 @@ def test_effects_that_the_catalogue_lacks_get_no_name(capsys):
     assert counts["unexplained"] >= 0.95 * counts.total()
 
 
-def measured_too(case: BenchCase, positions: Sequence[dict]) -> BenchCase:
+def measured_too(case: BenchCase, positions: Sequence[Any]) -> BenchCase:
     """The case with more positions at the end of its programme."""
     bench = case.bench
     alpha, beta = (np.radians([float(p[name]) for p in positions]) for name in ("alpha_deg", "beta_deg"))
@@ -96,7 +96,7 @@ def measured_too(case: BenchCase, positions: Sequence[dict]) -> BenchCase:
     for position in positions:
         name = position.get("mounting", names[0])
         if name not in names:
-            rng = np.random.default_rng([case.seed, case.index, len(names)])
+            rng = np.random.default_rng([case.seed, case.index or 0, len(names)])
             names.append(name)
             errors.append(tuple(rng.uniform(-STAND_BOUND, STAND_BOUND, 3).tolist()))
             assert name in PRESETS
@@ -121,7 +121,7 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
         if counts.total() == asked:
             break
         case = draw_bench_case(suite.options, suite.seed + 1, index)
-        first = diagnosed(case, measure_bench(case))
+        first: Any = diagnosed(case, measure_bench(case))
         if judged(case, first).outcome != "candidate" or not first.next_positions:
             continue
         longer = measured_too(case, first.next_positions)

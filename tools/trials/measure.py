@@ -190,7 +190,8 @@ def measure_bench(case: BenchCase, *, progress: bool = False) -> PositionRecord:
     decimals.
     """
     bench, alone = case.bench, case.index is None
-    seed = case.seed if alone else int(np.random.default_rng([case.seed, case.index, 0]).integers(2**31))
+    index = case.index or 0
+    seed = case.seed if alone else int(np.random.default_rng([case.seed, index, 0]).integers(2**31))
     runs = [
         record_of(bench_scenario(case, k, seed + k), every=not alone, progress=progress)
         for k in range(len(bench.mountings))
@@ -200,7 +201,7 @@ def measure_bench(case: BenchCase, *, progress: bool = False) -> PositionRecord:
     record = _joined(bench, runs)
     error = np.zeros((len(record), 3))
     if case.noise != "uniform":
-        rng = np.random.default_rng([case.seed, case.index or 0, BENCH_STREAM])
+        rng = np.random.default_rng([case.seed, index, BENCH_STREAM])
         error = NOISE_BOUND * drawn_errors(rng, case.noise, len(bench.alpha))
     for hidden in case.hidden:
         if hidden.place.effect == "outlier":
