@@ -29,7 +29,9 @@ def least_squares(matrix: NDArray, target: NDArray, determined: float = DETERMIN
     """
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
-    return np.linalg.lstsq(matrix / size, target, rcond=determined)[0] / size
+    u, values, directions = np.linalg.svd(matrix / size, full_matrices=False)
+    kept = values > determined * values.max(initial=0.0)
+    return (directions[kept].T @ ((u[:, kept].T @ target) / values[kept])) / size
 
 
 def column_space(columns: NDArray) -> NDArray[np.float64]:

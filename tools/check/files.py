@@ -16,6 +16,7 @@ from ...fmus.parameters import target_estimates
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
 from ..campaign.file import Campaign, campaign_problems
+from ..diagnosis import Diagnosis
 from ..errors import InputError, nearest, nearest_file
 from ..field_problems import field_problems
 from ..orchestrator.interface import interface_of
@@ -29,7 +30,7 @@ from ..records.rests import position_record_of
 from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, Problem, found_in
 from .lines import json_lines, toml_lines
-from .published import DiagnosisFile, PositionPlanFile, TargetPlanFile, TargetPlansFile
+from .published import PositionPlanFile, TargetPlanFile, TargetPlansFile
 from .scenario import check_scenario
 
 SCENARIO = "trihedron.scenario/1"
@@ -302,7 +303,7 @@ def _model(kind: str, content: Mapping[str, Any]) -> type[BaseModel]:
     if kind == "plan":
         return TargetPlansFile if "plans" in content else TargetPlanFile if "target" in content else PositionPlanFile
     if kind == "diagnosis":
-        return DiagnosisFile
+        return Diagnosis
     return Calibration
 
 
@@ -312,7 +313,7 @@ def _check_content(path: Path, text: str, content: dict[str, Any], kind: str) ->
     known = [field.alias or name for name, field in model.model_fields.items()]
     warnings: list[str] = []
     try:
-        model.model_validate(content)
+        model.model_validate_json(text, strict=True)
     except ValidationError as error:
         for problem in field_problems(error, model):
             meant = ""

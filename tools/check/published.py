@@ -1,8 +1,8 @@
 """The published objects as models: what a file of results must have. Keys beside these are let through."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -16,52 +16,6 @@ class TablePosition(_Object):
 
     alpha_deg: Number
     beta_deg: Number
-
-
-class EffectParameter(_Object):
-    """A parameter of a cause; an end is null where nothing bounds it."""
-
-    name: str
-    unit: str
-    estimate: Number
-    low: Number | None
-    high: Number | None
-
-
-class Cause(_Object):
-    """An effect at its place."""
-
-    effect: str
-    where: str
-    equivalents: list[dict[str, Any]]
-    parameters: list[EffectParameter]
-
-
-class Baseline(_Object):
-    """The nominal model's fit; of a strapdown record null where it could not be tried."""
-
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
-    falsified: bool | None
-    witness: list[Any] = []
-
-
-class DiagnosisFile(_Object):
-    """Schema trihedron.diagnosis/1."""
-
-    schema_: Literal["trihedron.diagnosis/1"] = Field(alias="schema")
-    verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
-    baseline_model: str
-    baseline: Baseline
-    causes: list[Cause]
-    next_positions: list[dict[str, Any]] = []
-    alternatives: list[list[Cause]] = []
-
-    @model_validator(mode="after")
-    def _agree(self) -> "DiagnosisFile":
-        named = self.verdict in ("explained", "ambiguous")
-        if named != bool(self.causes):
-            raise ValueError(f"verdict {self.verdict} {'needs' if named else 'goes without'} causes")
-        return self
 
 
 class PlannedReading(_Object):

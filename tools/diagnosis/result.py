@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_serializer
+from pydantic import Field, model_serializer, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import CATALOGUE, EffectPlace
@@ -86,8 +86,8 @@ class Cause(NamedEffect):
     parameters : tuple of SizedParameter
     """
 
-    equivalents: tuple[NamedEffect, ...] = ()
-    parameters: tuple[SizedParameter, ...] = ()
+    equivalents: tuple[NamedEffect, ...]
+    parameters: tuple[SizedParameter, ...]
 
     @staticmethod
     def found(
@@ -285,7 +285,7 @@ class BaselineParameter(Result):
 class Baseline(Told):
     """The simulation without effects: least largest error over its bound, and what proves it false."""
 
-    radius: Number | None
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
     falsified: bool | None
     witness: tuple[Reading, ...] | None = None
     parameters: tuple[BaselineParameter, ...] | None = None
@@ -428,7 +428,7 @@ class Diagnosis(Told):
     noise_bound_from: str | None = None
     baseline_model: str
     baseline: Baseline
-    causes: tuple[Cause, ...] = ()
+    causes: tuple[Cause, ...]
     extended: Extended | None = None
     gain: Gain | None = None
     lengths: tuple[Length, ...] | None = None
@@ -452,6 +452,13 @@ class Diagnosis(Told):
     evidence: Any = Field(default=None, exclude=True)
     findings: tuple[Any, ...] = Field(default=(), exclude=True)
     tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)
+
+    @model_validator(mode="after")
+    def _agree(self) -> "Diagnosis":
+        named = self.verdict in ("explained", "ambiguous")
+        if named != bool(self.causes):
+            raise ValueError(f"verdict {self.verdict} {'needs' if named else 'goes without'} causes")
+        return self
 
     @property
     def equal_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
