@@ -4,9 +4,10 @@ import hashlib
 import math
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
+
+from pydantic import Field
 
 from ..fmus import build, component_names, components
 from ..fmus.component import Component, Variable, can_extend, extend
@@ -16,14 +17,12 @@ from ..models.effects import CATALOGUE, EffectPlace
 from .errors import InputError, nearest
 from .files import whole_folder
 from .progress import tracked
-from .shown import Shown
+from .result import Result
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
 Flavour = Literal["python", "native"]
-SCHEMA = "trihedron.export/1"
-
 STEPS = 200
 MOST_OUTPUTS = 9
 """With the time, ten columns."""
@@ -32,8 +31,7 @@ SWINGS = {"rad": 0.01, "m/s2": 10.0, "degC": 5.0}
 """How far an input swings, by its unit."""
 
 
-@dataclass(frozen=True)
-class ExportedFmu:
+class ExportedFmu(Result):
     """An FMU that was written.
 
     Attributes
@@ -41,7 +39,7 @@ class ExportedFmu:
     component, file : str
     fmi : int
     flavour : str
-    platforms : tuple of str
+    platforms : list of str
         the folders of its binaries
     sha256 : str
     """
@@ -50,64 +48,36 @@ class ExportedFmu:
     file: str
     fmi: int
     flavour: str
-    platforms: tuple[str, ...]
+    platforms: list[str]
     sha256: str
 
 
-@dataclass(frozen=True, repr=False)
-class Exported(Shown):
+class Exported(Result):
     """FMUs that were written, and by which effects they were extended."""
 
-    fmus: tuple[ExportedFmu, ...]
-    effects: tuple[str, ...] = ()
+    schema_: Literal["trihedron.export/1"] = Field(default="trihedron.export/1", alias="schema")
+    effects: list[str]
+    fmus: list[ExportedFmu]
 
     @property
     def files(self) -> list[Path]:
         """The FMUs."""
         return [Path(fmu.file) for fmu in self.fmus]
 
-    def lines(self) -> list[str]:
-        """Their names."""
-        return [fmu.file for fmu in self.fmus]
-
     def to_polars(self) -> "DataFrame":
         """A row for each FMU."""
         import polars as pl
 
-        return pl.DataFrame([{**vars(fmu), "platforms": ", ".join(fmu.platforms)} for fmu in self.fmus])
-
-    def to_json(self) -> dict[str, Any]:
-        """The object of schema trihedron.export/1."""
-        fmus = [{**vars(fmu), "platforms": list(fmu.platforms)} for fmu in self.fmus]
-        return {"schema": SCHEMA, "effects": list(self.effects), "fmus": fmus}
-
-
-def export(
-    *components: str,
-    out: str | Path = "fmus-exported",
-    flavour: Flavour = "python",
-    fmi: int = 2,
-    platform: str | None = None,
-    effects: Sequence[str] = (),
-) -> Exported:
-    """Write components as FMUs into a folder; all of them when none is named.
-
-    Parameters are those of `export_components`.
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.export("AccelerometerBlock", out="fmus", effects=["quadratic accelerometer-3"])  # doctest: +SKIP
-    """
-    paths = export_components(components, Path(out), flavour, fmi, platform, effects)
-    return Exported(tuple(_described(path, flavour, fmi) for path in paths), tuple(effects))
+        return pl.DataFrame([fmu.to_json() | {"platforms": ", ".join(fmu.platforms)} for fmu in self.fmus])
 
 
 def _described(path: Path, flavour: str, fmi: int) -> ExportedFmu:
     with zipfile.ZipFile(path) as archive:
         folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return ExportedFmu(path.stem, str(path), fmi, flavour, tuple(sorted(folders)), digest)
+    return ExportedFmu(
+        component=path.stem, file=str(path), fmi=fmi, flavour=flavour, platforms=sorted(folders), sha256=digest
+    )
 
 
 def effect_places(titles: Sequence[str]) -> list[EffectPlace]:
@@ -132,7 +102,7 @@ def export_components(
     fmi: int = 2,
     platform: str | None = None,
     effects: Sequence[str] = (),
-) -> list[Path]:
+) -> Exported:
     """Write components as FMUs into a folder; native ones with reference results beside them.
 
     Parameters
@@ -149,11 +119,6 @@ def export_components(
         of the native flavour: "host" (the default), "all" or a name
     effects : sequence of str
         titles of effects that extend the components
-
-    Returns
-    -------
-    list of Path
-        the FMUs
 
     Raises
     ------
@@ -190,7 +155,8 @@ def export_components(
                     write_reference(extend(table[name], own), beside, fmi)
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
-    return [out / f"{name}.fmu" for name in chosen]
+    described = [_described(out / f"{name}.fmu", flavour, fmi) for name in chosen]
+    return Exported(effects=list(effects), fmus=described)
 
 
 def swing(variable: Variable, element: int, step: int) -> float:

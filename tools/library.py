@@ -144,9 +144,9 @@ def export(
     >>> import trihedron as th
     >>> th.export("AccelerometerBlock", out="fmus", effects=["quadratic accelerometer-3"])  # doctest: +SKIP
     """
-    from .exporting import export as write
+    from .exporting import export_components
 
-    return write(*components, out=out, flavour=flavour, fmi=fmi, platform=platform, effects=effects)
+    return export_components(components, Path(out), flavour, fmi, platform, effects)
 
 
 def plan(

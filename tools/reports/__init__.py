@@ -20,6 +20,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Comparison": ("campaign", "change_lines", None),
     "Curve": ("plan", "curve_lines", None),
     "Diagnosis": ("diagnosis", "said", "page"),
+    "Exported": ("check", "exported_lines", None),
     "Inspection": ("inspection", "inspection_lines", None),
     "Plans": ("plan", "plan_lines", "plan_page"),
     "PositionPlan": ("plan", "position_lines", None),

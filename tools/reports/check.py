@@ -1,6 +1,7 @@
 """What the check of a file says."""
 
 from ..check import Check
+from ..exporting import Exported
 
 
 def check_lines(result: Check) -> list[str]:
@@ -13,3 +14,8 @@ def check_lines(result: Check) -> list[str]:
         said.append(f"... and {result.not_listed} more")
     said += [f"  {line}" for line in result.summary]
     return said + [f"warning: {warning}" for warning in result.warnings]
+
+
+def exported_lines(result: Exported) -> list[str]:
+    """The FMUs that were written, a line each."""
+    return [fmu.file for fmu in result.fmus]

@@ -61,7 +61,7 @@ def test_other_platforms_give_the_same_bits_but_for_sin_and_cos(name, target, tm
     component = components()[name]
     for file, content in native_sources(component, 2).items():
         (tmp_path / file).write_bytes(content)
-    shutil.copy(Path(__file__).with_name("native_host.c"), tmp_path / "host.c")
+    shutil.copy(Path(__file__).parents[1] / "native_host.c", tmp_path / "host.c")
     output = "host.exe" if "windows" in target else "host"
     static = [] if "windows" in target else ["-static"]
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *static, "-o", output]

@@ -12,7 +12,7 @@ from effect_readings import readings, true_bench
 from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, Effect
 
-GUIDE = Path(__file__).resolve().parents[1] / "docs" / "add-an-effect.md"
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
 
 
 @pytest.fixture

@@ -52,7 +52,7 @@ def blamed(said: str, binary: Path) -> list[str]:
     return re.findall(rf".*(?:{re.escape(binary.name)}|\b(?:model|component|values|state|fmi[23]\w*)\.c:).*", said)
 
 
-PROGRAM = Path(__file__).with_name("native_checks.py")
+PROGRAM = Path(__file__).parents[1] / "native_checks.py"
 
 
 @pytest.mark.acceptance
