@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from trihedron.tools.records import PositionRecord, RawRecord
-from trihedron.tools.records.rests import average_rests, find_rests
+from trihedron.tools.records.rests import position_record_of
 
 GRAVITY = 9.80665
 ARCSEC = np.deg2rad(1 / 3600)
@@ -65,8 +66,8 @@ class Bench:
         return RawRecord(time, angle[:, 0], angle[:, 1], GRAVITY * force), np.array(truth)
 
 
-def averaged(raw: RawRecord) -> PositionRecord:
-    return average_rests(raw, find_rests(raw))
+def averaged(raw: RawRecord) -> Any:
+    return position_record_of(raw)
 
 
 def mean_errors(record: PositionRecord, truth: np.ndarray, drift_per_hour: float = 0.0) -> np.ndarray:

@@ -27,6 +27,8 @@ Array: TypeAlias = Annotated[
     WithJsonSchema({"type": "array"}),
 ]
 """An array of a result: nested lists in its JSON."""
+ABSENT: Any = None
+"""Default of a field for the program alone, in a result that came back from its JSON."""
 
 
 class _Published(GenerateJsonSchema):

@@ -16,7 +16,7 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
-from ..result import Array, Result
+from ..result import ABSENT, Array, Result
 from .attitude_error import attitude_error, heading_and_tilt, rotation_of
 from .sampling import GAP, check_meaning, check_turns, mean_rates
 
@@ -86,11 +86,11 @@ class AttitudeRun(Result):
     final: float | None = Field(alias="error_at_end_rad")
     drift: float | None = Field(alias="drift_radps")
     files: tuple[Path, ...] = ()
-    row: Array = Field(default=None, exclude=True)
-    time_s: Array = Field(default=None, exclude=True)
-    attitude: Array = Field(default=None, exclude=True)
-    error_rad: Array = Field(default=None, exclude=True)
-    error_angle: Array = Field(default=None, exclude=True)
+    row: Array = Field(default=ABSENT, exclude=True)
+    time_s: Array = Field(default=ABSENT, exclude=True)
+    attitude: Array = Field(default=ABSENT, exclude=True)
+    error_rad: Array = Field(default=ABSENT, exclude=True)
+    error_angle: Array = Field(default=ABSENT, exclude=True)
     heading: Array | None = Field(default=None, exclude=True)
     tilt: Array | None = Field(default=None, exclude=True)
     provenance: dict[str, Any] = Field(default_factory=dict, exclude=True)
@@ -340,14 +340,14 @@ def attitude_of_record(
         record=record.path,
         algorithm=algorithm,
         rates="increments" if record.increment is not None else rates,
-        gyro_bias=None if gyro_bias is None else tuple(np.asarray(gyro_bias).tolist()),
-        period=increments.period,
+        gyro_bias_radps=None if gyro_bias is None else tuple(np.asarray(gyro_bias).tolist()),
+        period_s=increments.period,
         updates=len(index) - 1,
         judged_updates=int(known.sum()),
-        rms=float(np.sqrt(np.mean(known_angle**2))) if told else None,
-        maximum=float(known_angle.max()) if told else None,
-        final=float(known_angle[-1]) if told else None,
-        drift=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
+        error_rms_rad=float(np.sqrt(np.mean(known_angle**2))) if told else None,
+        error_max_rad=float(known_angle.max()) if told else None,
+        error_at_end_rad=float(known_angle[-1]) if told else None,
+        drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
         files=run.files,
         row=record.row[index],
         time_s=time,

@@ -170,7 +170,7 @@ def carrying_scenario(motion: Motion, model: GyroModel, gravity: float, fmus: Ma
     """
     increments, count = motion.increments, len(motion) - 1
     ends = motion.period * np.arange(1, count + 1)
-    columns = dict(zip(INCREMENT, increments.T, strict=True))
+    columns: dict[str, NDArray] = dict(zip(INCREMENT, increments.T, strict=True))
     driven = {f"compensation.increment_reading[{p}]": name for p, name in enumerate(INCREMENT, start=1)}
     # Only effects depend on anything but the increments.
     if reads(model.effects, "INPUT"):

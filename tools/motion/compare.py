@@ -121,14 +121,22 @@ def compare_algorithms(
         reference = attitude_of_record(record, algorithm=REFERENCE, rates=rates)
         advance(1)
         for algorithm in algorithms:
-            known = {"algorithm": algorithm.name, "order": algorithm.order, "samples": algorithm.samples}
+            known: dict[str, Any] = {
+                "algorithm": algorithm.name,
+                "order": algorithm.order,
+                "samples": algorithm.samples,
+            }
             try:
                 run = attitude_of_record(record, algorithm=algorithm.name, rates=rates, rate_divisor=rate_divisor)
             except InputError as error:
-                rows.append(ComparedAlgorithm(**known, refused=str(error)))
+                rows.append(ComparedAlgorithm(**known, not_taken=str(error)))
             else:
-                apart, figures = _apart(run, reference), {"rms": run.rms, "maximum": run.maximum}
-                rows.append(ComparedAlgorithm(**known, updates=run.updates, apart=apart, **figures))
+                figures = {"error_rms_rad": run.rms, "error_max_rad": run.maximum}
+                rows.append(
+                    ComparedAlgorithm(
+                        **known, updates=run.updates, from_reference_rad=_apart(run, reference), **figures
+                    )
+                )
             advance(1)
     if all(row.refused for row in rows):
         raise InputError(rows[0].refused)

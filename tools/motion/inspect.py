@@ -11,7 +11,7 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.turntable import EARTH_RATE
 from ..bounded.programmes import chebyshev_radius
 from ..records import StrapdownRecord
-from ..result import Array, Result
+from ..result import ABSENT, Array, Result
 from .norm import NormCalibration, calibrate_by_norm, inputs_of
 from .rests import Rests, find_rests
 from .sampling import Sampling, rates_of, sampling_of
@@ -165,7 +165,7 @@ class Inspection(Result):
     turning: TurningCheck
     accelerometers: NormCalibration | None
     gyros: GyrosAtRest | None = Field(alias="gyros_at_rest")
-    measured: StrapdownRecord = Field(default=None, exclude=True)
+    measured: StrapdownRecord = Field(default=ABSENT, exclude=True)
 
     @property
     def record(self) -> StrapdownRecord:
@@ -215,19 +215,19 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         limits = np.maximum(rests.rate_bound, LEAST_BOUND)
         gyros = gyros_at_rest(rests.time_s, rests.rate, limits, up, rests.temperature)
     return Inspection(
-        seen=RecordSeen(rows=len(record), sha256=record.sha256, warnings=record.warnings),
+        record=RecordSeen(rows=len(record), sha256=record.sha256, warnings=record.warnings),
         measured=record,
-        gravity=gravity,
+        gravity_mps2=gravity,
         input="rates" if record.rate is not None else "increments",
         sampling=sampling,
         temperature=record.temperature is not None,
         true_attitude=record.attitude is not None,
         rests=rests,
         moves=_moves(record, rests, rate - level),
-        excitation=excitation,
+        rate_rms_radps=excitation,
         turning=check_turning(record.time_s, rate - level, record.specific_force, noise),
         accelerometers=calibration,
-        gyros=gyros,
+        gyros_at_rest=gyros,
     )
 
 
@@ -237,7 +237,7 @@ def _moves(record: StrapdownRecord, rests: Rests, rate: NDArray) -> tuple[Move, 
     steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(record.time_s)
     between = [(a.stop - 1, b.start) for a, b in pairwise(rests.rows)]
     return tuple(
-        Move(length_s=record.time_s[last] - record.time_s[first], turn_rad=steps[first:last].sum())
+        Move(length_s=float(record.time_s[last] - record.time_s[first]), turn_rad=float(steps[first:last].sum()))
         for first, last in between
     )
 
@@ -292,9 +292,9 @@ def gyros_at_rest(
         if fits:
             standing = sum(model.stands for model in fits)
             verdict = "constant" if not size else ("wandering", "named", "ambiguous")[min(standing, 2)]
-            return GyrosAtRest(verdict=verdict, tried=tuple(tried), not_tried=tuple(not_tried))
+            return GyrosAtRest(verdict=verdict, models=tuple(tried), not_tried=tuple(not_tried))
     verdict = "wandering" if tried else "insufficient"
-    return GyrosAtRest(verdict=verdict, tried=tuple(tried), not_tried=tuple(not_tried))
+    return GyrosAtRest(verdict=verdict, models=tuple(tried), not_tried=tuple(not_tried))
 
 
 def _by_chance(design: NDArray, rate: NDArray, bound: NDArray, radius: float) -> float:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
-from ..result import Array, Result
+from ..result import ABSENT, Array, Result
 from .sampling import GAP, Sampling, rates_of, runs_of
 
 WINDOW = 0.5
@@ -87,10 +87,10 @@ class Rests(Result):
     force_bound: Array | None = Field(alias="force_bound_mps2")
     rate_bound: Array | None = Field(alias="rate_bound_radps")
     rows: tuple[slice, ...] = Field(default=(), exclude=True)
-    force: Array = Field(default=None, exclude=True)
-    rate: Array = Field(default=None, exclude=True)
+    force: Array = Field(default=ABSENT, exclude=True)
+    rate: Array = Field(default=ABSENT, exclude=True)
     temperature: Array | None = Field(default=None, exclude=True)
-    noise: Array = Field(default=None, exclude=True)
+    noise: Array = Field(default=ABSENT, exclude=True)
 
     def __len__(self) -> int:
         return self.count
@@ -233,13 +233,13 @@ def _averaged(
     step, off = reading_steps(record.specific_force, rows) if rows else (np.zeros(3), np.zeros(3))
     return Rests(
         count=len(rows),
-        turning=turning,
-        clipped=clipped,
-        step=step,
+        slow_turns_left_out=turning,
+        clipped_left_out=clipped,
+        reading_step_mps2=step,
         time_s=means(record.time_s),
         length_s=length * sampling.period,
-        force_bound=None if force_bound is None else force_bound + off,
-        rate_bound=bounds(rate),
+        force_bound_mps2=None if force_bound is None else force_bound + off,
+        rate_bound_radps=bounds(rate),
         rows=rows,
         force=means(record.specific_force),
         rate=means(rate),

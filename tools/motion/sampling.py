@@ -114,13 +114,13 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     channels |= {f"f{i + 1}": v for i, v in enumerate(record.specific_force.T)}
     saturated = {name: int(np.count_nonzero(saturated_mask(values))) for name, values in channels.items()}
     return Sampling(
-        period=period,
-        jitter_rms=float(np.sqrt(np.mean(off**2))),
-        jitter_max=float(np.abs(off).max()),
+        period_s=period,
+        jitter_rms_s=float(np.sqrt(np.mean(off**2))),
+        jitter_max_s=float(np.abs(off).max()),
         gaps=tuple(Gap(time_s=record.time_s[k], length_s=between[k]) for k in np.flatnonzero(is_gap)),
-        missing=int(np.sum(np.round(between[is_gap] / period) - 1.0)),
-        saturated={name: rows for name, rows in saturated.items() if rows},
-        dead=tuple(name for name, values in channels.items() if np.ptp(values) == 0.0),
+        missing_rows=int(np.sum(np.round(between[is_gap] / period) - 1.0)),
+        saturated_rows={name: rows for name, rows in saturated.items() if rows},
+        dead_channels=tuple(name for name, values in channels.items() if np.ptp(values) == 0.0),
     )
 
 

@@ -115,7 +115,7 @@ class PublishedRow:
 
 def published_rows() -> tuple[PublishedRow, ...]:
     """All published rows, in the order of the paper."""
-    text = files(__package__).joinpath("attitude.csv").read_text(encoding="utf-8")
+    text = files("trihedron.tools.papers").joinpath("attitude.csv").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     return tuple(
         PublishedRow(

@@ -73,7 +73,7 @@ class PublishedCalibration(Result):
 
 def published_calibration() -> dict[str, list[dict[str, float]]]:
     """The tables' readings by target: accelerometer, alpha_deg, beta_deg, weight, cost_printed."""
-    text = files(__package__).joinpath("calibration.csv").read_text(encoding="utf-8")
+    text = files("trihedron.tools.papers").joinpath("calibration.csv").read_text(encoding="utf-8")
     rows: dict[str, list[dict[str, float]]] = {}
     for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
         rows.setdefault(row.pop("target"), []).append({name: float(cell) for name, cell in row.items()})

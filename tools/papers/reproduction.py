@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 from ..motion.attitude_error import angle_errors
 from ..motion.compare import run_algorithm, sample_motion
 from ..progress import progress_bar
-from ..result import Result
+from ..result import ABSENT, Result
 from .attitude import ANGLES, CAUSES, EXACT, PAPER, UNEXPLAINED, Conditions, PublishedRow, paper_motion, published_rows
 
 DURATION = 600.0
@@ -80,7 +80,7 @@ class ReproducedRow(Result):
     method_error_deg: Angles
     not_reproduced: tuple[str, ...]
     remark: str
-    printed: PublishedRow = Field(default=None, exclude=True)
+    printed: PublishedRow = Field(default=ABSENT, exclude=True)
 
 
 class Effect(Result):
@@ -167,7 +167,7 @@ def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool =
     found = tuple(_reproduced(row, errors[row, PAPER], errors[row, EXACT]) for row in rows)
     return Reproduction(
         rows=found,
-        effects=tuple(
+        causes=tuple(
             Effect(
                 cause=cause.switch,
                 sentence=cause.sentence,
@@ -192,7 +192,7 @@ def _reproduced(row: PublishedRow, reproduced: NDArray, method: NDArray) -> Repr
         table=row.table,
         algorithm=row.print_name,
         h_s=row.step,
-        nodes=row.nodes,
+        M=row.nodes,
         motion=row.motion,
         published_deg=row.error_deg,
         reproduced_deg=np.degrees(reproduced),

@@ -131,7 +131,7 @@ def word_length_errors(
                     error = float(angle_between(attitudes, reference).max())
                     found.append(WordLengthError(motion=motion, arithmetic=arithmetic, rounding=rounding, error=error))
                     advance(1)
-    return WordLength(errors=tuple(found))
+    return WordLength(errors_rad=tuple(found))
 
 
 def _increments(motion: str, duration: float, period: float) -> np.ndarray:

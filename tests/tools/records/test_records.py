@@ -1,19 +1,20 @@
-"""Records from files: each kind, in SI and radians, from CSV and Parquet; real ones where they are."""
+"""Records from files and to them: each kind, in SI and radians, from CSV and Parquet; real ones where they are."""
 
+import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader
-from trihedron.tools.records import (
-    PositionRecord,
-    RawRecord,
-    StrapdownRecord,
-    read_record,
-)
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import PositionRecord, RawRecord, StrapdownRecord, read_record, write_record
+from trihedron.tools.records.kinds import degrees_that_read_back
 from trihedron.tools.records.read import significant_digits, written_resolution
 
 
@@ -35,19 +36,9 @@ def test_a_position_record_is_read_in_si_and_radians(record_of):
     assert record.temperature is None
     assert record.mounting is None
     assert record.warnings == ()
-
-
-def test_the_ideal_bench_of_the_contract_reads_as_predicted(record_of):
-    record = record_of(VALID)
-    assert isinstance(record, PositionRecord)
-    up = np.stack(
-        [
-            np.sin(record.alpha) * np.sin(record.beta),
-            np.sin(record.alpha) * np.cos(record.beta),
-            np.cos(record.alpha),
-        ],
-        axis=1,
-    )
+    # the ideal bench of the contract
+    a, b = record.alpha, record.beta
+    up = np.stack([np.sin(a) * np.sin(b), np.sin(a) * np.cos(b), np.cos(a)], axis=1)
     assert np.abs(record.specific_force - 9.80665 * up).max() < 0.03
 
 
@@ -81,24 +72,19 @@ def test_line_ends_marks_comments_blanks_and_quotes(record_of, end, mark):
 
 
 def test_each_kind_is_recognised_by_its_columns(record_of):
-    raw = record_of(f"{RAW_HEADER}\n0.0,20,0,0,0,9.8\n0.1,20,0,0,0,9.8\n")
-    assert isinstance(raw, RawRecord)
+    assert isinstance(record_of(f"{RAW_HEADER}\n0.0,20,0,0,0,9.8\n0.1,20,0,0,0,9.8\n"), RawRecord)
     rates = record_of(f"{STRAPDOWN_HEADER},q0,q1,q2,q3\n0.0,1,2,3,0,0,9.8,,,,\n0.1,1,2,3,0,0,9.8,0,-1.0005,0,0\n")
-    assert isinstance(rates, StrapdownRecord)
     assert rates.increment is None
-    assert rates.rate is not None
     assert rates.rate[0].tolist() == [1.0, 2.0, 3.0]
-    assert rates.attitude is not None
     assert np.isnan(rates.attitude[0]).all()
     assert rates.attitude[1].tolist() == [0.0, -1.0, 0.0, 0.0]
     increments = record_of(
-        "time_s,dtheta1_rad,dtheta2_rad,dtheta3_rad,f1_mps2,f2_mps2,f3_mps2\n1,0.1,0.2,0.3,0,0,9.8\n"
+        STRAPDOWN_HEADER.replace("radps", "rad").replace("w", "dtheta") + "\n1,0.1,0.2,0.3,0,0,9.8\n"
     )
     assert isinstance(increments, StrapdownRecord)
-    assert increments.rate is None
+    assert increments.rate is increments.attitude is None
     assert increments.increment is not None
     assert increments.increment[0].tolist() == [0.1, 0.2, 0.3]
-    assert increments.attitude is None
 
 
 def test_parquet_is_read_like_csv(record_of, tmp_path):
@@ -153,15 +139,36 @@ def test_written_digits_are_counted(text, digits):
 @pytest.mark.parametrize(
     ("form", "half_digit"), [("%.5f", 0.5e-5), ("%.9f", 0.5e-9), ("%.6g", 0.5e-5), ("%.4e", 0.5e-4), ("%.9g", 0.5e-8)]
 )
-def test_resolution_is_half_a_last_digit_of_the_largest_reading(form, half_digit):
-    values = np.random.default_rng(1).uniform(-9.80665, 9.80665, 50)
+def test_resolution_is_half_a_last_digit_of_the_largest_reading_and_some_reading_is_off_by_it(form, half_digit):
+    values = np.random.default_rng(1).uniform(-9.80665, 9.80665, 500)
     texts = [form % value for value in values]
-    stripped = [text.rstrip("0") if "e" not in text else text for text in texts]
-    for written in (texts, stripped):
+    error = max(abs(float(text) - value) for text, value in zip(texts, values, strict=True))
+    for written in (texts, [text.rstrip("0") if "e" not in text else text for text in texts]):
         resolution = written_resolution(float(np.abs(values).max()), max(map(significant_digits, written)))
         assert resolution == pytest.approx(half_digit, rel=1e-12)
-        error = max(abs(float(text) - value) for text, value in zip(written, values, strict=True))
-        assert error <= resolution * (1 + 1e-9)
+        assert 0.95 * resolution < error <= resolution * (1 + 1e-9)
+
+
+def test_what_rounding_does_to_readings_and_angles_is_nearly_what_is_allowed_for_it(tmp_path):
+    """Angles of nine digits and readings of six, rounded as unluckily as can be."""
+    rng = np.random.default_rng(2)
+    count = 300
+    off = np.where(rng.random((count, 5)) < 0.5, -1.0, 1.0) * 0.499
+    angles = np.deg2rad((np.round(rng.uniform(0, 359, (count, 2)) * 1e6) + off[:, :2]) * 1e-6)
+    force = (np.round(rng.uniform(-5, 5, (count, 3)) * 1e5) + off[:, 2:]) * 1e-5
+    force[:, 2] += np.copysign(5.0, force[:, 2])
+    true = PositionRecord(np.arange(1, count + 1), 1.0 * np.arange(count), angles[:, 0], angles[:, 1], force)
+    columns = {name: np.round(v, 5 if name in force_columns else 6) for name, v in true.columns().items()}
+    pl.DataFrame(columns).write_csv(tmp_path / "r.csv")
+    back = read_record(tmp_path / "r.csv", PositionRecord)
+    done = np.abs(back.specific_force - true.specific_force).max()
+    assert 0.99 * back.resolution < done <= back.resolution
+    turned = np.abs(np.stack([back.alpha - true.alpha, back.beta - true.beta])).max()
+    assert 0.99 * back.angle_resolution < turned <= back.angle_resolution
+    assert back.written_to(9.8) >= done / 9.8 + turned
+
+
+force_columns = RAW_HEADER.split(",")[3:]
 
 
 @pytest.mark.parametrize(("angle", "expected"), [("359.9999999", 0.5e-7), ("12.34", 0.0), ("90", 0.0)])
@@ -181,7 +188,7 @@ def test_arrays_of_different_lengths_are_no_record():
 
 
 def real_record(name: str) -> Path:
-    folder = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[1] / ".." / "shared" / "data"))
+    folder = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[3] / ".." / "shared" / "data"))
     path = folder / f"{name}.strapdown.csv"
     if not path.exists():
         pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
@@ -204,3 +211,83 @@ def test_a_real_record_without_truth():
     assert isinstance(record, StrapdownRecord)
     assert record.attitude is None
     assert np.median(np.linalg.norm(record.specific_force, axis=1)) == pytest.approx(9.81, rel=0.03)
+
+
+def some_record(rng: np.random.Generator, count: int) -> Any:
+    return PositionRecord(
+        position=np.arange(1, count + 1),
+        time_s=np.cumsum(rng.uniform(1, 2, count)),
+        alpha=np.deg2rad(np.round(rng.uniform(-400, 400, count), 4)),
+        beta=np.deg2rad(rng.uniform(-400, 400, count)),
+        specific_force=rng.uniform(-9, 9, (count, 3)),
+        temperature=rng.uniform(15, 25, count),
+        approach_alpha=rng.choice([-1.0, 1.0], count),
+        approach_beta=rng.choice([-1.0, 1.0], count),
+        mounting=tuple(rng.choice(["flat", 'on "edge", up'], count)),
+    )
+
+
+def test_a_position_record_written_reads_back_bit_for_bit(tmp_path):
+    record = some_record(np.random.default_rng(2), 50)
+    path, again = tmp_path / "folder" / "record.csv", tmp_path / "again.csv"
+    write_record(record, path)
+    back = read_record(path, PositionRecord)
+    for name in ("position", "time_s", "alpha", "specific_force", "temperature", "approach_alpha"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(record, name))
+    # an angle that no number of degrees gives is the nearest one
+    np.testing.assert_allclose(back.beta, record.beta, rtol=2.3e-16, atol=0)
+    assert back.mounting == record.mounting
+    write_record(back, again)
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_decimals_are_as_asked_for(tmp_path):
+    record = some_record(np.random.default_rng(3), 5)
+    write_record(record, tmp_path / "record.csv", decimals=6)
+    line = (tmp_path / "record.csv").read_text().splitlines()[1].split(",")
+    assert all(len(field.split(".")[1]) == 6 for field in line[1:7])
+    back = read_record(tmp_path / "record.csv", PositionRecord)
+    assert np.abs(back.specific_force - record.specific_force).max() <= back.resolution * (1 + 1e-9)
+    assert back.resolution == pytest.approx(0.5e-6, rel=1e-12)
+
+
+def test_a_raw_record_written_reads_back(tmp_path):
+    rng = np.random.default_rng(4)
+    angles = np.deg2rad(np.round(rng.uniform(0, 360, (2, 100)), 6))
+    raw = RawRecord(0.1 * np.arange(100), angles[0], angles[1], rng.uniform(-9, 9, (100, 3)))
+    write_record(raw, tmp_path / "raw.csv")
+    back = read_record(tmp_path / "raw.csv")
+    assert isinstance(back, RawRecord)
+    for name in ("time_s", "alpha", "beta", "specific_force"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(raw, name))
+
+
+def test_what_could_not_be_read_again_is_not_written(tmp_path):
+    raw = RawRecord(np.array([0.001, 0.002]), np.zeros(2), np.zeros(2), np.full((2, 3), 5.0))
+    with pytest.raises(InputError, match="time_s does not grow"):
+        write_record(raw, tmp_path / "raw.csv", decimals=2)
+    raw.specific_force[0, 1] = math.nan
+    with pytest.raises(InputError, match="f2_mps2"):
+        write_record(raw, tmp_path / "raw.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+@given(st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=20))
+def test_degrees_read_back_to_the_same_radians(degrees):
+    radians = np.deg2rad(np.array(degrees))
+    np.testing.assert_array_equal(np.deg2rad(degrees_that_read_back(radians)), radians)
+
+
+def test_degrees_are_as_short_as_they_were():
+    degrees = np.array([0.1, 20.1, 65.0, 359.999, 12.3456])
+    assert degrees_that_read_back(np.deg2rad(degrees)).tolist() == degrees.tolist()
+
+
+def test_rows_are_selected_in_the_order_asked_for():
+    record = some_record(np.random.default_rng(5), 6)
+    chosen = record.selected(np.array([4, 1]))
+    assert chosen.position.tolist() == [5, 2]
+    assert chosen.row.tolist() == [5, 2]
+    assert chosen.mounting == (record.mounting[4], record.mounting[1])
+    np.testing.assert_array_equal(chosen.specific_force, record.specific_force[[4, 1]])
+    assert len(record.selected(record.alpha > 1e9)) == 0

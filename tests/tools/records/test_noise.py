@@ -1,12 +1,18 @@
-"""The noise bound taken from a record: it covers the true bound, and is not taken where nothing shows it."""
+"""The noise bound taken from a record covers the true one, and is not taken where nothing shows it; Allan deviation."""
 
 import numpy as np
 import pytest
 
+from table_runs import GRAVITY, PROGRAMME, Bench, averaged
 from trihedron.tools.records import PositionRecord
-from trihedron.tools.records.noise import noise_bound_from, uniform_range_quantile
+from trihedron.tools.records.noise import (
+    NoiseBound,
+    allan_deviation,
+    deviation_at_dwell,
+    noise_bound_from,
+    uniform_range_quantile,
+)
 
-GRAVITY = 9.80665
 SIGMA = 1e-5
 
 
@@ -20,6 +26,12 @@ def record_with(rng, alpha, beta, noise=SIGMA, mounting=None, **more) -> Positio
     return PositionRecord(count, 30.0 * count, alpha, beta, GRAVITY * force, mounting=mounting, **more)
 
 
+def bound_of(record: PositionRecord) -> NoiseBound:
+    bound = noise_bound_from(record)
+    assert bound is not None
+    return bound
+
+
 ALPHA = np.deg2rad([20 + 45 * k for k in range(8)] * 3)
 BETA = np.deg2rad(np.repeat([25, 145, 265], 8))
 
@@ -29,8 +41,7 @@ def test_the_bound_from_repeats_covers_the_true_one_as_often_as_it_says():
     for seed in range(200):
         rng = np.random.default_rng(seed)
         repeated = np.concatenate([np.arange(24), [0, 5, 9, 14]])
-        bound = noise_bound_from(record_with(rng, ALPHA[repeated], BETA[repeated]))
-        assert bound is not None
+        bound = bound_of(record_with(rng, ALPHA[repeated], BETA[repeated]))
         covered += bound.value >= SIGMA
         assert "8 visits to 4 repeated positions" in bound.basis
         values.append(bound.value)
@@ -45,8 +56,7 @@ def test_repeats_may_differ_by_arcseconds():
     for seed in range(50):
         rng = np.random.default_rng(seed)
         off = rng.uniform(-20, 20, (2, 48)) * np.deg2rad(1 / 3600)
-        bound = noise_bound_from(record_with(rng, ALPHA[repeated] + off[0], BETA[repeated] + off[1]))
-        assert bound is not None
+        bound = bound_of(record_with(rng, ALPHA[repeated] + off[0], BETA[repeated] + off[1]))
         values.append(bound.value)
     # uncorrected, 40 arcsec would be 2e-4
     assert max(values) < 1.3 * SIGMA
@@ -58,12 +68,10 @@ def test_repeats_are_found_a_whole_turn_apart_and_across_zero():
     rng = np.random.default_rng(4)
     alpha = np.append(ALPHA, [ALPHA[0] + 2 * np.pi, ALPHA[3] - 2 * np.pi])
     beta = np.append(BETA, [BETA[0], BETA[3] + 2 * np.pi])
-    bound = noise_bound_from(record_with(rng, alpha, beta))
-    assert bound is not None
+    bound = bound_of(record_with(rng, alpha, beta))
     assert "4 visits to 2 repeated positions" in bound.basis
     alpha[[0, 24]] = [1e-6, 2 * np.pi - 1e-6]
-    bound = noise_bound_from(record_with(rng, alpha, beta))
-    assert bound is not None
+    bound = bound_of(record_with(rng, alpha, beta))
     assert "4 visits to 2 repeated positions" in bound.basis
 
 
@@ -76,8 +84,7 @@ def test_another_mounting_is_no_repeat():
 
 def test_few_positions_still_give_a_bound_that_covers():
     rng = np.random.default_rng(6)
-    bound = noise_bound_from(record_with(rng, [0.3, 0.3, 0.3], [0.5, 0.5, 0.5]))
-    assert bound is not None
+    bound = bound_of(record_with(rng, [0.3, 0.3, 0.3], [0.5, 0.5, 0.5]))
     assert bound.value > SIGMA
     assert "1 repeated position:" in bound.basis
 
@@ -90,8 +97,7 @@ def test_without_repeats_and_scatter_there_is_none():
 
 def test_scatter_alone_says_what_it_does_not_show():
     scatter = np.full((24, 3), 2e-6 * GRAVITY)
-    bound = noise_bound_from(record_with(np.random.default_rng(8), ALPHA, BETA, scatter=scatter))
-    assert bound is not None
+    bound = bound_of(record_with(np.random.default_rng(8), ALPHA, BETA, scatter=scatter))
     assert bound.value == pytest.approx(6e-6, rel=1e-12)
     assert "does not show" in bound.basis
 
@@ -99,8 +105,7 @@ def test_scatter_alone_says_what_it_does_not_show():
 def test_repeats_outweigh_a_smaller_scatter():
     repeated = np.concatenate([np.arange(24), np.arange(24)])
     scatter = np.full((48, 3), 1e-7 * GRAVITY)
-    bound = noise_bound_from(record_with(np.random.default_rng(9), ALPHA[repeated], BETA[repeated], scatter=scatter))
-    assert bound is not None
+    bound = bound_of(record_with(np.random.default_rng(9), ALPHA[repeated], BETA[repeated], scatter=scatter))
     assert "repeated positions" in bound.basis
     assert bound.value > SIGMA
 
@@ -110,10 +115,19 @@ def test_a_record_without_errors_has_no_bound_but_its_last_digit():
     exact = record_with(np.random.default_rng(10), alpha, beta, noise=0.0)
     assert noise_bound_from(exact) is None
     written = record_with(np.random.default_rng(10), alpha, beta, noise=0.0, resolution=5e-6)
-    bound = noise_bound_from(written)
-    assert bound is not None
+    bound = bound_of(written)
     assert bound.value == pytest.approx(5e-6 / GRAVITY, rel=1e-12)
     assert "last digit" in bound.basis
+
+
+def test_readings_that_rounding_makes_equal_have_half_a_last_digit_for_their_bound_and_it_is_nearly_attained():
+    digit = 1e-5
+    alpha, beta = np.full(4, 0.3), np.full(4, 0.5)
+    true = record_with(np.random.default_rng(10), alpha, beta, noise=0.0)
+    force = digit * (np.floor(true.specific_force[:1] / digit) + 0.4999) * np.ones((4, 1))
+    written = np.round(force / digit) * digit
+    bound = bound_of(PositionRecord(true.position, true.time_s, alpha, beta, written, resolution=0.5 * digit))
+    assert 0.99 * bound.value < np.abs(written - force).max() / GRAVITY <= bound.value
 
 
 @pytest.mark.parametrize("counts", [[2], [2, 2, 2], [5], [2, 3, 8, 8]])
@@ -123,3 +137,57 @@ def test_the_quantile_of_ranges_against_simulation(counts):
     below = np.mean(np.max(half_ranges, axis=0) < uniform_range_quantile(np.array(counts), 0.05))
     # four standard deviations of a share of 5 % in 20 000
     assert below == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 20_000))
+
+
+def test_the_deviation_by_its_definition():
+    rng = np.random.default_rng(1)
+    pieces = [rng.normal(size=(n, 2)) for n in (10, 17, 3)]
+    squares = [
+        (piece[k + 3 : k + 6].mean(axis=0) - piece[k : k + 3].mean(axis=0)) ** 2
+        for piece in pieces
+        for k in range(len(piece) - 5)
+    ]
+    found = allan_deviation(pieces, 3)
+    assert found is not None
+    np.testing.assert_allclose(found, np.sqrt(np.mean(squares, axis=0) / 2), rtol=1e-12)
+    assert allan_deviation(pieces, 9) is None
+
+
+@pytest.mark.parametrize("rows", [40, 41, 400])
+def test_white_noise_at_the_dwell_is_its_deviation_over_the_root_of_the_rows(rows):
+    rng = np.random.default_rng(2)
+    found = deviation_at_dwell([rng.normal(size=(rows, 3)) for _ in range(200)])
+    assert found is not None
+    np.testing.assert_allclose(found, rows**-0.5, rtol=0.12)
+
+
+def test_flicker_and_walks_do_not_average_out():
+    rng = np.random.default_rng(3)
+    walks = [np.cumsum(rng.normal(size=(400, 1)), axis=0) for _ in range(100)]
+    # the deviation of a walk over τ rows grows as sqrt(τ/3)
+    found = deviation_at_dwell(walks)
+    assert found is not None
+    np.testing.assert_allclose(found, (400 / 3) ** 0.5, rtol=0.15)
+
+
+def test_too_short_or_equal_readings():
+    assert deviation_at_dwell([]) is None
+    assert deviation_at_dwell([np.zeros((3, 3))] * 5) is None
+    equal = deviation_at_dwell([np.full((9, 3), 0.1)] * 5)
+    assert equal is not None
+    assert equal.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_noise_bound_of_a_run_without_repeats_names_it():
+    bound = bound_of(averaged(Bench(white=5e-6).run(PROGRAMME)[0]))
+    assert not bound.complete
+    # 5e-6 / sqrt(3) of 198 rows, three times; the largest of three that 24 pairs of halves tell
+    assert 0.8 < bound.value / (3 * 5e-6 / 3**0.5 / 198**0.5) < 1.6
+    assert "scatter within 24 rests: 3 times the Allan deviation at their dwell of 19.8 s" in bound.basis
+
+
+def test_many_rests_tell_the_noise_of_a_mean():
+    record = averaged(Bench(white=5e-6).run(PROGRAMME * 6)[0])
+    assert record.dwell_noise is not None
+    assert record.dwell_noise.dwell_s == pytest.approx(19.8)
+    np.testing.assert_allclose(np.array(record.dwell_noise.deviation) / GRAVITY, 5e-6 / 3**0.5 / 198**0.5, rtol=0.2)

@@ -1,7 +1,9 @@
-"""What a strapdown record supports, on simulated records whose truth is known, and on hostile ones."""
+"""What a strapdown record supports: simulated records whose truth is known, hostile ones, measured ones."""
 
 import json
+import os
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -14,7 +16,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.motion.rests import reading_steps
 from trihedron.tools.motion.sampling import sampling_of
-from trihedron.tools.records import StrapdownRecord, write_record
+from trihedron.tools.records import StrapdownRecord, read_record, write_record
 from trihedron.tools.reports.pictures.time import allan_curve, allan_picture
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
@@ -23,14 +25,18 @@ TRUTH = np.concatenate([GAMMA[np.tril_indices(3)], BIAS])
 GYRO_BIAS = np.array([0.01, -0.02, 0.005])
 
 
+def inspected(record: StrapdownRecord, **more: Any) -> Any:
+    """The inspection of a record, with other columns; what may be None is asserted by its use."""
+    return inspect_record(replace(record, **more))
+
+
 def chosen(record: StrapdownRecord, rows: np.ndarray) -> StrapdownRecord:
     """The record with some of its rows."""
-    assert record.rate is not None
     return StrapdownRecord(record.time_s[rows], record.rate[rows], None, record.specific_force[rows])
 
 
 def test_rests_moves_and_excitation_are_those_of_the_motion():
-    found = inspect_record(strapdown_record(gyro_bias=GYRO_BIAS))
+    found = inspected(strapdown_record(gyro_bias=GYRO_BIAS))
     assert len(found.rests) == len(POSES)
     assert found.rests.force == pytest.approx(G * POSES, abs=0.01)
     assert found.rests.time_s == pytest.approx(1.5 + 4.5 * np.arange(len(POSES)), abs=0.15)
@@ -43,13 +49,8 @@ def test_rests_moves_and_excitation_are_those_of_the_motion():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_accelerometers_are_calibrated_within_their_guaranteed_ends(seed):
-    found = inspect_record(strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS)).accelerometers
-    assert found is not None
+    found = inspected(strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS)).accelerometers
     assert found.verdict == "consistent"
-    assert found.low is not None
-    assert found.high is not None
-    assert found.least_squares is not None
-    assert found.standard_error is not None
     assert np.all(found.low <= TRUTH)
     assert np.all(found.high >= TRUTH)
     assert np.abs((found.least_squares - TRUTH) / found.standard_error).max() < 5.0
@@ -59,10 +60,8 @@ def test_accelerometers_are_calibrated_within_their_guaranteed_ends(seed):
 def test_an_effect_that_nine_parameters_cannot_hold_falsifies_them():
     time, rate, n = true_motion()
     record = strapdown_record((time, rate, n + 0.02 * n**3 * np.array([0.0, 0.0, 1.0]) + 0.02 * n**2))
-    found = inspect_record(record).accelerometers
-    assert found is not None
+    found = inspected(record).accelerometers
     assert found.verdict == "falsified"
-    assert found.radius is not None
     assert found.radius > 1.0
     assert found.low is None
 
@@ -70,8 +69,7 @@ def test_an_effect_that_nine_parameters_cannot_hold_falsifies_them():
 def test_missing_poses_are_named_and_mend_it():
     """The block was never turned over: third axis up only, by and large."""
     few = POSES[POSES[:, 2] > 0.5]
-    found = inspect_record(strapdown_record(true_motion(few))).accelerometers
-    assert found is not None
+    found = inspected(strapdown_record(true_motion(few))).accelerometers
     assert found.verdict == "insufficient"
     assert any("down" in pose for pose in found.missing)
     signs = {"up": 1.0, "down": -1.0}
@@ -80,15 +78,13 @@ def test_missing_poses_are_named_and_mend_it():
         words = pose.replace(",", "").split()
         pairs = [(int(words[i + 1]) - 1, signs[words[i + 2]]) for i, word in enumerate(words) if word == "axis"]
         added.append(sum(sign * np.eye(3)[p] for p, sign in pairs) / np.sqrt(len(pairs)))
-    mended = inspect_record(strapdown_record(true_motion(np.vstack([few, added])))).accelerometers
-    assert mended is not None
+    mended = inspected(strapdown_record(true_motion(np.vstack([few, added])))).accelerometers
     assert mended.verdict == "consistent"
 
 
 def test_constant_gyros_are_constant_and_nothing_is_named_on_clean_records():
     for seed in range(10):
-        gyros = inspect_record(strapdown_record(seed=seed, gyro_bias=GYRO_BIAS)).gyros
-        assert gyros is not None
+        gyros = inspected(strapdown_record(seed=seed, gyro_bias=GYRO_BIAS)).gyros
         assert gyros.verdict == "constant"
         assert np.array(gyros.standing[0].coefficients)[:, 0] == pytest.approx(GYRO_BIAS, abs=3e-4)
 
@@ -107,8 +103,7 @@ def test_what_the_gyros_depend_on_at_rest_is_named(name: str, effect: dict[str, 
     warmth = 25.0 + 4.0 * np.sin(time / 9.0)
     if name == "temperature":
         effect = {"gyro_bias": (warmth - 20.0)[:, None] * np.array([1e-3, 0.0, -5e-4])}
-    gyros = inspect_record(strapdown_record(motion, temperature=warmth, **effect)).gyros
-    assert gyros is not None
+    gyros = inspected(strapdown_record(motion, temperature=warmth, **effect)).gyros
     assert gyros.verdict == "named"
     assert gyros.standing[0].terms == (name,)
     assert gyros.standing[0].by_chance == 0.0
@@ -118,8 +113,7 @@ def test_biases_that_change_from_rest_to_rest_are_given_no_cause():
     """Nothing in the record explains them, so nothing is named."""
     motion = true_motion()
     steps = np.repeat(np.random.default_rng(8).normal(0.0, 1e-3, (len(POSES), 3)), 450, axis=0)[: len(motion[0])]
-    gyros = inspect_record(strapdown_record(motion, gyro_bias=steps)).gyros
-    assert gyros is not None
+    gyros = inspected(strapdown_record(motion, gyro_bias=steps)).gyros
     assert gyros.verdict == "wandering"
     assert gyros.standing == ()
 
@@ -134,22 +128,20 @@ def test_biases_that_change_from_rest_to_rest_are_given_no_cause():
 )
 def test_wrong_units_signs_and_orders_of_the_gyros_are_said(change, said):
     record = strapdown_record()
-    assert record.rate is not None
-    found = inspect_record(replace(record, rate=change(record.rate)))
+    found = inspected(record, rate=change(record.rate))
     assert any(said in line for line in found.turning.said)
     assert said in str(found)
 
 
 def test_gaps_jitter_dead_and_saturated_channels_are_stated():
     record = strapdown_record()
-    assert record.rate is not None
     rate = np.clip(record.rate, -1.0, 1.0)
     rate[:, 2] = 0.0
     rows = np.ones(len(record), dtype=bool)
     rows[1000:1200] = False
     time = record.time_s + np.random.default_rng(1).uniform(-1e-3, 1e-3, len(record))
     hurt = chosen(StrapdownRecord(time, rate, None, record.specific_force), rows)
-    found = inspect_record(hurt)
+    found = inspected(hurt)
     assert found.sampling.missing == 200
     gap = found.sampling.gaps[0]
     assert (gap.time_s, gap.length_s) == pytest.approx((10.0, 2.01), abs=0.01)
@@ -165,10 +157,9 @@ def test_gaps_jitter_dead_and_saturated_channels_are_stated():
 
 def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_rates():
     record = strapdown_record()
-    assert record.rate is not None
     assert sampling_of(record).saturated == {}
     summed = StrapdownRecord(record.time_s, None, record.rate * PERIOD, record.specific_force)
-    one, other = inspect_record(record), inspect_record(summed)
+    one, other = inspected(record), inspected(summed)
     assert other.rests.rows == one.rests.rows
     assert other.rests.rate == pytest.approx(one.rests.rate, rel=1e-9, abs=1e-12)
 
@@ -176,7 +167,7 @@ def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_
 def test_with_thirty_percent_of_the_rows_missing_no_wrong_thing_is_named():
     record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     keep = np.sort(np.random.default_rng(2).permutation(len(record))[: int(0.7 * len(record))])
-    found = inspect_record(chosen(record, keep))
+    found = inspected(chosen(record, keep))
     assert found.sampling.missing == pytest.approx(0.3 * len(record), rel=0.02)
     assert found.gyros is None or found.gyros.verdict in ("constant", "insufficient")
     assert found.accelerometers is None or found.accelerometers.verdict != "falsified"
@@ -190,7 +181,7 @@ def test_a_record_without_rests_has_none():
         [np.sin(1.1 * t), np.cos(1.1 * t) * np.sin(0.7 * t), np.cos(1.1 * t) * np.cos(0.7 * t)], axis=1
     )
     noisy = force + 0.03 * rng.standard_normal(force.shape)
-    found = inspect_record(StrapdownRecord(t, rate + 1e-3 * rng.standard_normal(rate.shape), None, noisy))
+    found = inspected(StrapdownRecord(t, rate + 1e-3 * rng.standard_normal(rate.shape), None, noisy))
     assert len(found.rests) == 0
     assert found.accelerometers is None
     assert "no rests" in str(found)
@@ -199,24 +190,20 @@ def test_a_record_without_rests_has_none():
 def test_a_record_of_one_rest_is_insufficient():
     rng = np.random.default_rng(0)
     force = np.array([0.0, 0.0, G]) + 0.03 * rng.standard_normal((6000, 3))
-    found = inspect_record(
-        StrapdownRecord(PERIOD * np.arange(6000), 1e-3 * rng.standard_normal((6000, 3)), None, force)
-    )
+    found = inspected(StrapdownRecord(PERIOD * np.arange(6000), 1e-3 * rng.standard_normal((6000, 3)), None, force))
     assert len(found.rests) == 1
-    assert found.accelerometers is not None
     assert found.accelerometers.verdict == "insufficient"
-    assert found.gyros is not None
     assert found.gyros.verdict == "insufficient"
     assert found.turning.said == ()
 
 
 def test_a_record_without_noise_and_one_of_few_rows():
     force = np.tile([0.0, 0.0, G], (3000, 1))
-    found = inspect_record(StrapdownRecord(PERIOD * np.arange(3000), np.zeros((3000, 3)), None, force))
+    found = inspected(StrapdownRecord(PERIOD * np.arange(3000), np.zeros((3000, 3)), None, force))
     assert len(found.sampling.dead) == 6
     assert found.accelerometers is None or found.accelerometers.verdict == "insufficient"
     with pytest.raises(InputError, match="at least 16"):
-        inspect_record(chosen(strapdown_record(), np.arange(8)))
+        inspected(chosen(strapdown_record(), np.arange(8)))
 
 
 def test_the_allan_curve_of_white_noise_falls_as_its_root():
@@ -244,7 +231,7 @@ def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
 
 def test_the_picture_of_a_record_without_rests_says_so():
     record = chosen(strapdown_record(), np.arange(40))
-    assert "no rests" in allan_picture(record, inspect_record(record).rests, PERIOD)
+    assert "no rests" in allan_picture(record, inspected(record).rests, PERIOD)
 
 
 @pytest.mark.parametrize("limit", [0.6, 0.9, 0.999])
@@ -252,17 +239,16 @@ def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
     """Their means would falsify the norm calibration; the others give the true parameters."""
     record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     force = np.array(record.specific_force)
-    whole = inspect_record(record).rests
+    whole = inspected(record).rests
     level = limit * force[:, 2].max() if limit > 0.95 else limit * G
     force[:, 2] = np.clip(force[:, 2], -level, level)
-    found = inspect_record(replace(record, specific_force=force))
+    found = inspected(record, specific_force=force)
     surely = int((np.abs(whole.force[:, 2]) > level).sum())
     assert found.rests.clipped >= surely
     assert surely > 0 or limit > 0.95
     assert len(found.rests) == len(POSES) - found.rests.clipped
     assert (found.rests.clipped > 0) == (f"its limit: {found.rests.clipped}, left out" in str(found))
     calibration = found.accelerometers
-    assert calibration is not None
     assert calibration.verdict != "falsified"
 
 
@@ -271,7 +257,7 @@ def test_no_rest_of_a_sound_record_counts_as_clipped():
     for step in (0.0, 0.02, 0.05, 0.2):
         record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=2)
         force = record.specific_force if step == 0.0 else step * np.round(record.specific_force / step)
-        assert inspect_record(replace(record, specific_force=force)).rests.clipped == 0
+        assert inspected(record, specific_force=force).rests.clipped == 0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -281,15 +267,12 @@ def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
     record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=3e-3, seed=seed)
     force = np.array(record.specific_force)
     force[:, 1] = step_g * G * np.round(force[:, 1] / (step_g * G))
-    found = inspect_record(replace(record, specific_force=force))
+    found = inspected(record, specific_force=force)
     assert found.rests.step[1] == pytest.approx(step_g * G, rel=1e-6)
     assert found.rests.step[[0, 2]] == pytest.approx(0.0, abs=0.0)
     assert f"f2 reads in steps of {step_g:.2g} g" in str(found)
     calibration = found.accelerometers
-    assert calibration is not None
     assert calibration.verdict == "consistent"
-    assert calibration.low is not None
-    assert calibration.high is not None
     assert np.all((calibration.low <= TRUTH) & (calibration.high >= TRUTH))
 
 
@@ -298,10 +281,9 @@ def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
     """Each rest has one value, as with coarse steps; but the values have no divisor in common."""
     record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
     force = record.specific_force if decimals is None else np.round(record.specific_force, decimals)
-    found = inspect_record(replace(record, specific_force=force))
+    found = inspected(record, specific_force=force)
     assert len(found.rests) == len(POSES)
     assert not found.rests.step.any()
-    assert found.rests.force_bound is not None
     assert found.rests.force_bound.max() < 1e-5 * G
 
 
@@ -318,9 +300,8 @@ def test_a_step_is_found_though_no_two_rests_are_one_apart():
 def test_noise_wider_than_the_steps_averages_them_out():
     record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=4)
     stepped = replace(record, specific_force=0.01 * np.round(record.specific_force / 0.01))
-    plain, found = inspect_record(record), inspect_record(stepped)
+    plain, found = inspected(record), inspected(stepped)
     assert not found.rests.step.any()
-    assert plain.rests.force_bound is not None
     assert found.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)
 
 
@@ -328,15 +309,46 @@ def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_g
     """Accelerometers do not see the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
     sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
     record = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
-    whole = inspect_record(record)
+    whole = inspected(record)
     assert len(whole.rests) == len(POSES)
     assert whole.rests.turning == 0
-    assert record.rate is not None
     rate, turned = np.array(record.rate), (4, 9)
     for k in turned:
         middle = round(whole.rests.time_s[k] / PERIOD)
         rate[middle - 170 : middle + 170] += 0.1 * POSES[k] / np.linalg.norm(POSES[k])
-    found = inspect_record(replace(record, rate=rate))
+    found = inspected(record, rate=rate)
     assert found.rests.turning >= len(turned)
     others = np.delete(whole.rests.time_s, turned)
     assert found.rests.time_s == pytest.approx(others, abs=0.2)
+
+
+def measured(name: str) -> Any:
+    folder = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[3] / ".." / "shared" / "data"))
+    path = folder / f"{name}.strapdown.csv"
+    if not path.exists():
+        pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
+    return inspect_record(read_record(path, StrapdownRecord))
+
+
+@pytest.mark.parametrize("name", ["mpu9150-0", "mpu9150-1", "mpu9150-2"])
+def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyros_is_named(name):
+    found = measured(name)
+    assert 15 <= len(found.rests) <= 25
+    assert found.sampling.period == pytest.approx(0.01)
+    assert found.turning.said == ()
+    assert found.accelerometers.verdict == "consistent"
+    assert abs(found.accelerometers.least_squares).max() < 0.05
+    assert found.gyros.verdict in ("constant", "wandering", "insufficient")
+
+
+def test_the_rests_of_broad_03_are_those_before_and_after_the_motion():
+    """Slow rotation from 45.7 to 166.1 s, by the source's description; two poses calibrate nothing."""
+    found = measured("broad-03")
+    assert len(found.rests) == 2
+    ends = [found.record.time_s[[rows.start, rows.stop - 1]] for rows in found.rests.rows]
+    assert ends[0][1] < 45.7
+    assert ends[1][0] > 166.1
+    assert found.turning.said == ()
+    assert found.accelerometers.verdict == "insufficient"
+    assert len(found.accelerometers.missing) >= 5
+    assert found.gyros.verdict == "insufficient"

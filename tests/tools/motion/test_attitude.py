@@ -1,0 +1,419 @@
+"""The attitude of a record: what the attitude computer makes of its gyros, how far that is from the truth and why."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from trihedron.models.attitude_algorithms import ALGORITHMS
+from trihedron.tools.cli import main
+from trihedron.tools.demo import WHERE_TO_GET, find_record
+from trihedron.tools.errors import InputError
+from trihedron.tools.motion.attitude import AttitudeRun, attitude_of_record, rate_at_rest
+from trihedron.tools.motion.attitude_error import (
+    angle_errors,
+    attitude_error,
+    heading_and_tilt,
+    rotation_of,
+    split_error,
+)
+from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
+from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.records import StrapdownRecord, read_record
+
+BROAD = find_record("broad-03.strapdown.csv")
+GRAVITY = 9.80665
+
+
+def scalar_first(rotation: Rotation) -> np.ndarray:
+    return np.roll(rotation.as_quat(), 1, axis=-1)
+
+
+def steady_record(rate: tuple[float, float, float], count: int = 41, period: float = 0.05, begin: float = 3.0) -> Any:
+    """A block that turns at a constant rate, with its true attitude; the reference's third axis is up."""
+    time = begin + period * np.arange(count)
+    start = Rotation.from_rotvec([0.3, -0.2, 0.5])
+    true = start * Rotation.from_rotvec(np.outer(time - begin, rate))
+    up = true.inv().apply([0.0, 0.0, GRAVITY])
+    return StrapdownRecord(time, np.tile(rate, (count, 1)), None, up, scalar_first(true), path=Path("steady.csv"))
+
+
+def test_a_constant_rate_is_followed_exactly() -> None:
+    run: Any = attitude_of_record(steady_record((0.4, -0.3, 0.2)), algorithm="mean-rate")
+    assert len(run.time_s) == 41
+    assert run.maximum < 1e-13
+    assert run.error_angle[0] < 1e-15
+
+
+def test_only_updates_of_the_two_sample_algorithm_are_judged() -> None:
+    record = steady_record((0.4, -0.3, 0.2), count=42)
+    run: Any = attitude_of_record(record)
+    assert run.row.tolist() == list(range(1, 43, 2))
+    np.testing.assert_allclose(run.time_s, record.time_s[::2], rtol=0, atol=1e-12)
+    # Equation (22) leaves out phi^5/1920 of each step's quarter-angle tangent, four times that in the angle.
+    turn = 0.1 * math.sqrt(0.29)
+    assert run.final < 20 * 4 * 1.1 * turn**5 / 1920 + 1e-14
+
+
+def test_a_gyro_bias_drifts_at_its_own_rate_and_about_its_own_axis() -> None:
+    still = steady_record((0.0, 0.0, 0.0), count=201)
+    bias = np.array([0.0, 0.0, 0.01])
+    record = replace(still, rate=still.rate + bias)
+    run: Any = attitude_of_record(record, algorithm="mean-rate")
+    elapsed = run.time_s - run.time_s[0]
+    np.testing.assert_allclose(run.error_angle, 0.01 * elapsed, rtol=0, atol=1e-12)
+    axis = Rotation.from_rotvec([0.3, -0.2, 0.5]).apply(bias)
+    np.testing.assert_allclose(run.error_rad, np.outer(elapsed, axis), rtol=0, atol=1e-12)
+    assert run.drift == pytest.approx(0.01, rel=1e-9)
+    assert run.rms == pytest.approx(float(np.sqrt(np.mean((0.01 * elapsed[1:]) ** 2))), rel=1e-9)
+    mended: Any = attitude_of_record(record, algorithm="mean-rate", gyro_bias=bias)
+    assert mended.maximum < 1e-12
+    assert "bias" in str(mended)
+
+
+def test_rates_averaged_over_the_interval_and_increments_are_the_same_thing() -> None:
+    steady = steady_record((0.0, 0.0, 0.0), count=33)
+    rate = np.random.default_rng(5).normal(0.0, 0.5, (33, 3))
+    averaged = attitude_of_record(replace(steady, rate=rate), rates="averaged")
+    increments = attitude_of_record(replace(steady, rate=None, increment=0.05 * rate))
+    np.testing.assert_allclose(averaged.attitude, increments.attitude, rtol=0, atol=1e-15)
+    instantaneous = attitude_of_record(replace(steady, rate=rate))
+    assert np.abs(instantaneous.attitude - averaged.attitude).max() > 1e-3
+
+
+def test_the_run_begins_where_the_truth_begins_and_judges_only_where_it_is_known() -> None:
+    record = steady_record((0.1, 0.2, 0.3), count=31)
+    true = record.attitude.copy()
+    true[:7] = np.nan
+    true[15:20] = np.nan
+    run: Any = attitude_of_record(replace(record, attitude=true), algorithm="mean-rate")
+    assert run.row[0] == 8
+    assert np.isnan(run.error_angle[8:13]).all()
+    assert run.judged.sum() == 31 - 7 - 5 - 1
+    assert run.maximum < 1e-13
+
+
+def test_without_truth_the_attitude_begins_at_the_identity_and_nothing_is_claimed() -> None:
+    record = replace(steady_record((0.1, 0.2, 0.3)), attitude=None)
+    run: Any = attitude_of_record(record, algorithm="mean-rate")
+    assert run.attitude[0].tolist() == [1.0, 0.0, 0.0, 0.0]
+    expected = Rotation.from_rotvec(2.0 * np.array([0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(run.attitude[-1], scalar_first(expected), rtol=0, atol=1e-13)
+    assert run.rms is run.maximum is run.final is run.drift is None
+    assert run.heading is run.tilt is None
+    assert "no true attitude" in str(run)
+
+
+def test_heading_and_tilt_put_the_error_together_again() -> None:
+    generator = np.random.default_rng(2)
+    error = Rotation.from_quat(generator.normal(0.0, 1.0, (200, 4))).as_rotvec()
+    heading, tilt = heading_and_tilt(error)
+    up = Rotation.from_rotvec(error).apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(tilt, np.arccos(np.clip(up[:, 2], -1, 1)), rtol=0, atol=1e-7)
+    turned = Rotation.from_rotvec(error) * Rotation.from_rotvec(np.outer(heading, [0.0, 0.0, 1.0])).inv()
+    np.testing.assert_allclose(turned.as_rotvec()[:, 2], 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(turned.magnitude(), tilt, rtol=0, atol=1e-12)
+    small = generator.normal(0.0, 1e-6, (20, 3))
+    heading, tilt = heading_and_tilt(small)
+    np.testing.assert_allclose(heading, small[:, 2], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(tilt, np.hypot(small[:, 0], small[:, 1]), rtol=0, atol=1e-11)
+
+
+def test_heading_is_not_spoken_of_where_the_third_axis_is_not_vertical() -> None:
+    record = steady_record((0.1, 0.2, 0.3))
+    assert attitude_of_record(record).heading is not None
+    lying = rotation_of(np.array([1.0, 1.0, 0.0, 0.0]) / math.sqrt(2.0)) * rotation_of(record.attitude)
+    assert attitude_of_record(replace(record, attitude=scalar_first(lying))).heading is None
+
+
+def test_error_of_no_rows() -> None:
+    assert attitude_error(np.zeros((0, 4)), np.zeros((0, 4))).shape == (0, 3)
+
+
+def test_a_gap_is_refused_by_its_row() -> None:
+    record = steady_record((0.1, 0.2, 0.3))
+    time = record.time_s + 0.1 * (np.arange(len(record)) >= 20)
+    with pytest.raises(InputError, match=r"steady\.csv, row 25, column 'time_s': a gap of 0\.15 s"):
+        attitude_of_record(replace(record, time_s=time, row=np.arange(5, 46)))
+
+
+def test_a_time_off_the_grid_is_refused_by_its_row() -> None:
+    record = steady_record((0.1, 0.2, 0.3))
+    time = record.time_s.copy()
+    time[20] += 0.02 * 0.05
+    with pytest.raises(InputError, match=r"steady\.csv, row 21, column 'time_s': .* 2 % of the period"):
+        attitude_of_record(replace(record, time_s=time))
+    time[20] -= 0.0105 * 0.05
+    assert attitude_of_record(replace(record, time_s=time)).final is not None
+
+
+def test_rates_in_degrees_are_refused_before_they_wrap() -> None:
+    with pytest.raises(InputError, match=r"steady\.csv, row 2: a turn of 5 rad .* rad/s\?"):
+        attitude_of_record(steady_record((60.0, 80.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"algorithm": "two-samples-rodrigues"}, "did you mean 'two-sample-rodrigues'"),
+        ({"rates": "average"}, "did you mean 'averaged'"),
+        ({"gyro_bias": [0.1, 0.2]}, "three finite numbers"),
+        ({"gyro_bias": [0.1, 0.2, math.nan]}, "three finite numbers"),
+    ],
+)
+def test_options_that_are_not_known_are_refused(options: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        attitude_of_record(steady_record((0.1, 0.2, 0.3)), **options)
+
+
+def test_a_record_that_ends_where_its_truth_begins_is_refused() -> None:
+    record = steady_record((0.1, 0.2, 0.3))
+    true = np.full_like(record.attitude, np.nan)
+    true[-1] = record.attitude[-1]
+    with pytest.raises(InputError, match="row 41: the first known attitude is that of the last row"):
+        attitude_of_record(replace(record, attitude=true))
+    one = StrapdownRecord(np.zeros(1), np.zeros((1, 3)), None, np.zeros((1, 3)))
+    with pytest.raises(InputError, match="at least two"):
+        attitude_of_record(one)
+
+
+def test_rate_at_rest_is_that_of_the_beginning_only() -> None:
+    generator = np.random.default_rng(4)
+    count, bias = 2000, np.array([0.01, -0.02, 0.005])
+    rate = bias + generator.uniform(-1e-3, 1e-3, (count, 3))
+    rate[520:1500] += generator.normal(0.0, 1.0, (980, 3))
+    rate[1500:] += 0.5
+    record = StrapdownRecord(0.01 * np.arange(count), rate, None, np.zeros((count, 3)))
+    found = rate_at_rest(record)
+    np.testing.assert_array_equal(found, rate[:500].mean(axis=0))
+    assert rate_at_rest(replace(record, rate=rate[::-1].copy())) is not None
+    rate[:30] += generator.normal(0.0, 1.0, (30, 3))
+    assert rate_at_rest(replace(record, rate=rate)) is None
+
+
+def test_the_run_is_written_and_repeats_to_the_byte(tmp_path: Path) -> None:
+    record = steady_record((0.1, 0.2, 0.3))
+    first = attitude_of_record(record, out=tmp_path / "a")
+    again = attitude_of_record(record, out=tmp_path / "b")
+    assert [file.name for file in first.files] == ["run.parquet", "run.json"]
+    for one, other in zip(first.files, again.files, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+    assert set(first.provenance["fmus"]) == {"computer"}
+
+
+def test_records_are_looked_for_where_the_variable_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.strapdown.csv").write_text("")
+    monkeypatch.setenv("TRIHEDRON_DATA", str(tmp_path))
+    assert find_record("mine.strapdown.csv") == tmp_path / "mine.strapdown.csv"
+    assert find_record("no-such-record.csv") is None
+
+
+@pytest.fixture(scope="module")
+def broad() -> Any:
+    if BROAD is None:
+        pytest.skip(WHERE_TO_GET)
+    return read_record(BROAD, StrapdownRecord)
+
+
+def composed(record: Any, run: AttitudeRun, bias: np.ndarray) -> Rotation:
+    """The attitude at each update by scipy: each pair of intervals as one rotation vector s + (2/3) g' x g''."""
+    rate = record.rate[int(run.row[0]) - 2 :] - bias
+    step = 0.0035 * 0.5 * (rate[:-1] + rate[1:])
+    step = step[: len(step) // 2 * 2].reshape(-1, 2, 3)
+    turns = Rotation.from_rotvec(step.sum(axis=1) + 2.0 / 3.0 * np.cross(step[:, 0], step[:, 1]))
+    attitude = [rotation_of(record.attitude[int(run.row[0]) - 2])]
+    for turn in turns:
+        attitude.append(attitude[-1] * turn)
+    return Rotation.concatenate(attitude)
+
+
+def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None:
+    run: Any = attitude_of_record(broad)
+    other = composed(broad, run, np.zeros(3))
+    assert len(other) == len(run.row) == 27654
+    assert float((other.inv() * rotation_of(run.attitude)).magnitude().max()) < 1e-6
+
+
+def test_the_measured_record_drifts_by_its_gyros_bias(broad: Any) -> None:
+    raw: Any = attitude_of_record(broad)
+    bias = rate_at_rest(broad)
+    # Half a degree a second stands in the gyros at rest; the error cannot grow faster than that by much.
+    assert 25.0 < 60.0 * math.degrees(float(np.linalg.norm(bias))) < 45.0
+    assert math.degrees(raw.rms) == pytest.approx(44.2, abs=0.5)
+    assert raw.drift < float(np.linalg.norm(bias)) * 1.1
+    mended: Any = attitude_of_record(broad, gyro_bias=bias)
+    assert math.degrees(mended.rms) == pytest.approx(2.7, abs=0.2)
+    assert mended.judged.sum() == np.isfinite(mended.tilt[1:]).sum()
+
+
+BY_NAME = {a.name: a for a in ALGORITHMS}
+CHOSEN = [BY_NAME[n] for n in ("mean-rate", "two-sample-rodrigues", "panov", "panov-cut-off", "adaptive-degree")]
+
+
+def harmonic_record(count: int = 401, motion: str = "2") -> Any:
+    """A motion of Table 1 at 100 Hz as a record of exact increments, with its true attitude."""
+    period = 0.01
+    taken = sample_motion(paper_motion(motion, EXACT), period, count - 1)
+    angle = np.vstack((np.zeros(3), taken.angles))
+    true = Rotation.from_euler("YZX", angle)
+    return StrapdownRecord(
+        period * np.arange(count),
+        None,
+        np.vstack((np.zeros(3), taken.increments)),
+        true.inv().apply([0.0, 9.80665, 0.0]),
+        np.roll(true.as_quat(), 1, axis=-1),
+        path=Path("harmonic.csv"),
+    )
+
+
+def test_algorithms_stand_side_by_side_with_their_errors() -> None:
+    rows = compare_algorithms(harmonic_record(motion="5"), algorithms=CHOSEN).algorithms
+    by_name = {row.algorithm: row for row in rows}
+    assert [row.updates for row in rows] == [400, 200, 100, 0, 50]
+    # 60 degrees at 1 Hz turn by more than Panov's cut-off series takes.
+    assert "panov-cut-off is valid to 0.07 rad" in by_name["panov-cut-off"].refused
+    errors = [by_name[a.name].maximum for a in CHOSEN if a.name != "panov-cut-off"]
+    apart = [by_name[a.name].apart for a in CHOSEN if a.name != "panov-cut-off"]
+    assert all(error is not None for error in errors)
+    assert errors[0] > errors[2] > errors[1] > 1e3 * errors[3]
+    assert errors[3] < 1e-9
+    # The distance from the best is the error, where the best errs by nothing.
+    assert apart[0] == pytest.approx(errors[0], rel=0.2)
+    assert apart[3] == 0.0
+
+
+def test_a_slower_gyro_is_the_same_record_with_increments_added_up() -> None:
+    record = harmonic_record()
+    slow: Any = attitude_of_record(record, algorithm="panov", rate_divisor=5)
+    assert slow.period == pytest.approx(0.05, rel=1e-12)
+    assert slow.row.tolist() == [1 + 20 * k for k in range(21)]
+    np.testing.assert_allclose(slow.time_s, 0.2 * np.arange(21), rtol=0, atol=1e-12)
+    added = record.increment[1:].reshape(-1, 5, 3).sum(axis=1)
+    rarer = StrapdownRecord(
+        record.time_s[::5],
+        None,
+        np.vstack((np.zeros(3), added)),
+        record.specific_force[::5],
+        record.attitude[::5],
+        path=record.path,
+    )
+    np.testing.assert_allclose(slow.attitude, attitude_of_record(rarer, algorithm="panov").attitude, rtol=0, atol=1e-14)
+    fast: Any = attitude_of_record(record, algorithm="panov")
+    # Fourth order: five times the step, about 625 times the error.
+    assert 300.0 < slow.maximum / fast.maximum < 1000.0
+
+
+@pytest.mark.parametrize("divisor", [0, -1, 401])
+def test_a_divisor_that_leaves_no_sample_is_refused(divisor: int) -> None:
+    with pytest.raises(InputError, match="--rate-divisor"):
+        attitude_of_record(harmonic_record(), rate_divisor=divisor)
+
+
+def test_a_turn_beyond_the_range_is_refused_by_its_row() -> None:
+    record = harmonic_record()
+    record.increment[37] = [0.0, 0.7, 0.0]
+    with pytest.raises(InputError, match=r"row 38: a turn of 0\.7 rad in one sample; two-sample-rodrigues is valid"):
+        attitude_of_record(record)
+
+
+def test_the_comparison_is_written_and_shown() -> None:
+    found = compare_algorithms(harmonic_record(motion="5"), algorithms=CHOSEN)
+    text = str(found)
+    assert [line.split()[0] for line in text.splitlines()[1:]] == [a.name for a in CHOSEN]
+    table = found.to_polars()
+    assert table["algorithm"].to_list() == [a.name for a in CHOSEN]
+    assert table["error_max_deg"][0] == pytest.approx(math.degrees(found.algorithms[0].maximum or 0.0))
+    assert table["error_max_deg"][3] is None
+
+
+def test_the_command_takes_an_algorithm_a_divisor_and_compares(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = harmonic_record(41)
+    columns = {"time_s": record.time_s}
+    columns |= {f"dtheta{i + 1}_rad": record.increment[:, i] for i in range(3)}
+    columns |= {f"f{i + 1}_mps2": record.specific_force[:, i] for i in range(3)}
+    path = tmp_path / "record.csv"
+    pl.DataFrame(columns).write_csv(path)
+    assert main(["attitude", str(path), "--algorithm", "panov", "--rate-divisor", "2"]) == 0
+    assert "50.0 Hz, algorithm panov" in capsys.readouterr().out
+    assert main(["attitude", str(path), "--compare", "--out", str(tmp_path / "out")]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in shown[1:]] == [a.name for a in ALGORITHMS]
+    assert (tmp_path / "out" / "comparison.csv").is_file()
+    assert main(["attitude", str(path), "--algorithm", "panof"]) == 2
+    assert "did you mean 'panov'?" in capsys.readouterr().err
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(0.5, 4.0),
+    st.floats(0.0, 6.0),
+    st.tuples(st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)),
+    st.floats(0.1, 1.0),
+)
+def test_a_line_and_a_wave_come_apart(period: float, phase: float, drift: tuple, amplitude: float) -> None:
+    time = np.arange(0.0, 100.0, 0.04)
+    wave = amplitude * np.sin(2 * np.pi * time / period + phase)
+    error = np.column_stack((drift[0] * time + wave, 1.0 + drift[1] * time + 0.3 * wave))
+    for given_period in (period, None):
+        split = split_error(time, error, given_period)
+        assert split.period == pytest.approx(period, rel=1e-3)
+        np.testing.assert_allclose(split.rate, drift, rtol=0, atol=5e-5 * amplitude)
+        np.testing.assert_allclose(split.amplitude, [amplitude, 0.3 * amplitude], rtol=5e-3)
+        np.testing.assert_allclose(split.slow + split.periodic, error, rtol=0, atol=1e-12)
+
+
+def test_the_period_of_the_paper_is_two_seconds() -> None:
+    """Harmonics of 1 Hz beside a weaker one of 0.5 Hz: what repeats is the 2 s of ϑ, as the paper says."""
+    time = np.arange(0.0, 60.0, 0.01)
+    error = 2e-6 * time + np.sin(2 * np.pi * time) + 0.3 * np.sin(np.pi * time)
+    assert split_error(time, error).period == pytest.approx(2.0, rel=1e-3)
+
+
+def test_the_drift_of_an_algorithm_is_the_growth_between_equal_phases() -> None:
+    """The first motion repeats every 2 s, so the error's growth over whole periods is the drift, exactly."""
+    algorithm = BY_NAME["mean-rate"]
+    taken = sample_motion(paper_motion("1", EXACT), 0.01, 6000)
+    attitudes = run_algorithm(algorithm, taken.increments, renormalise=True)
+    true = run_algorithm(BY_NAME["functional-iteration-8"], taken.increments, renormalise=True)
+    error = attitude_error(attitudes[7::8], true)
+    time = 0.08 * (1 + np.arange(len(error)))
+    split = split_error(time, error, 2.0)
+    expected = (error[700] - error[75]) / (time[700] - time[75])
+    np.testing.assert_allclose(split.rate, expected, rtol=1e-3, atol=1e-9)
+    # The largest error that the paper prints is drift and wave together.
+    largest = angle_errors(attitudes, taken.angles_at_steps(algorithm), normalised=True)
+    assert np.linalg.norm(largest) <= 1.2 * np.linalg.norm(np.abs(split.slow).max(axis=0) + split.amplitude)
+
+
+def test_what_does_not_grow_has_no_drift_and_what_only_grows_has_no_wave() -> None:
+    time = np.arange(0.0, 50.0, 0.05)
+    still = split_error(time, np.zeros_like(time))
+    assert still.rate[0] == 0.0
+    assert still.amplitude[0] == 0.0
+    growing = split_error(time, 3e-4 * time)
+    assert growing.rate[0] == pytest.approx(3e-4, rel=1e-9)
+    assert growing.amplitude[0] < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("time", "error", "period", "said"),
+    [
+        (np.arange(5.0), np.zeros(5), None, "at least eight"),
+        (np.arange(20.0), np.full(20, np.nan), None, "finite"),
+        (np.zeros(20), np.zeros(20), None, "growing"),
+        (np.arange(20.0), np.zeros(20), 10.0, "shorter than two periods"),
+        (np.arange(20.0), np.zeros(20), 0.0, "shorter than two periods"),
+    ],
+)
+def test_what_cannot_be_split_is_refused(time: np.ndarray, error: np.ndarray, period: float | None, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        split_error(time, error, period)
