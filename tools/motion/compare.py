@@ -121,22 +121,16 @@ def compare_algorithms(
         reference = attitude_of_record(record, algorithm=REFERENCE, rates=rates)
         advance(1)
         for algorithm in algorithms:
-            known: dict[str, Any] = {
-                "algorithm": algorithm.name,
-                "order": algorithm.order,
-                "samples": algorithm.samples,
-            }
+            known: dict[str, Any] = {"algorithm": algorithm.name, "order": algorithm.order}
+            known["samples"] = algorithm.samples
             try:
                 run = attitude_of_record(record, algorithm=algorithm.name, rates=rates, rate_divisor=rate_divisor)
             except InputError as error:
                 rows.append(ComparedAlgorithm(**known, not_taken=str(error)))
             else:
-                figures = {"error_rms_rad": run.rms, "error_max_rad": run.maximum}
-                rows.append(
-                    ComparedAlgorithm(
-                        **known, updates=run.updates, from_reference_rad=_apart(run, reference), **figures
-                    )
-                )
+                known |= {"updates": run.updates, "from_reference_rad": _apart(run, reference)}
+                known |= {"error_rms_rad": run.rms, "error_max_rad": run.maximum}
+                rows.append(ComparedAlgorithm(**known))
             advance(1)
     if all(row.refused for row in rows):
         raise InputError(rows[0].refused)
