@@ -276,7 +276,7 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
         ),
         Section(
             "Positions",
-            svg=positions_picture(*zip(*degrees, strict=True), [at - 1 for at in plan.programme]),
+            svg=positions_picture([a for a, _ in degrees], [b for _, b in degrees], [at - 1 for at in plan.programme]),
             caption="Left: the angles, joined in the order of measurement. Right: the vertical in the inner frame.",
         ),
         Section(
