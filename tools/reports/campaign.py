@@ -12,7 +12,7 @@ from ..campaign.store import PAGE, Store, open_result
 from ..campaign.summary import CampaignResult, Results, summarise
 from ..document.blocks import Page, Section, Table
 from ..document.numbers import Cell, minus, significant
-from ..files import write_text
+from ..document.page import write_page
 from ..trials.suite import named_suite
 from .pictures.suites import chance_of, confusion_picture, distributions_picture, rates_picture, sensitivity_picture
 from .record import versions
@@ -131,7 +131,7 @@ def write_campaign_page(folder: Path, path: Path | None = None, comparison: Comp
     """Write the page of the campaign that a folder holds; returns its file, <folder>/index.html by default."""
     store, manifest = open_result(folder)
     page = folder / PAGE if path is None else path
-    write_text(page, campaign_page(store, manifest, comparison))
+    write_page(page, campaign_page(store, manifest, comparison))
     return page
 
 

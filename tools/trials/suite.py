@@ -22,7 +22,6 @@ from ..files import write_text
 from ..progress import tracked
 from ..records import PositionRecord, write_record
 from ..result import Result
-from ..shown import Shown
 from ..workers import completed, started
 from .draw import BenchOptions, Options, draw_alone, draw_case
 from .measure import RECORD_DECIMALS, BenchCase, Case, measure, measure_bench
@@ -40,15 +39,17 @@ MOST_CASES, MOST_JOBS = 100_000, 64
 
 
 @dataclass(frozen=True, repr=False)
-class HiddenRecord(Shown):
+class HiddenRecord:
     """A "measured" record, and what was hidden in it; printed, it keeps its secret."""
 
     record: PositionRecord
     secret: dict[str, Any]
 
-    def lines(self) -> Sequence[str]:
-        """The record alone."""
-        return str(self.record).split("\n")
+    def __repr__(self) -> str:
+        return repr(self.record)
+
+    def _repr_html_(self) -> str | None:
+        return self.record._repr_html_()
 
     def to_polars(self) -> "DataFrame":
         """The record."""
