@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog
 
+from other_solver import farthest
 from trihedron.tools.bounded.possible import BOUNDING, ENCLOSING, Possible, largest_length, polar_intervals
 from trihedron.tools.bounded.spaces import column_space, cosine, least_squares, same_space, spaces_beyond
 
@@ -21,16 +21,6 @@ def problem(seed: int, rows: int = 24, columns: int = 4):
         rng.uniform(-1.0, 1.0, rows) * bound,
         bound,
     )
-
-
-def farthest(jacobian, left, bound, weights) -> float:
-    """The greatest weights'x with |left - jacobian x| ≤ bound, by another solver."""
-    size, unit = np.abs(jacobian).max(axis=0), bound.min()
-    scaled = jacobian / size
-    a = np.vstack((scaled, -scaled))
-    b = np.concatenate((left + bound, bound - left)) / unit
-    found = linprog(-weights / size, A_ub=a, b_ub=b, bounds=[(None, None)] * len(weights), method="highs-ds")
-    return float(-found.fun * unit)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,13 +1,17 @@
 """The evidence of a bench: what was left out, what another mounting tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bench_cases import HiddenCase, draw_case, measure
+from other_solver import farthest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.calibration.mountings import PRESETS
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.judge import excluded_sizes
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence.bench import _predicted_errors, bench_evidence
 from trihedron.tools.evidence.bench_probe import second_mounting
@@ -91,3 +95,44 @@ def test_a_mounting_is_proposed_for_sets_that_remain_or_not_at_all():
     if result.second_mounting is not None:
         assert result.verdict == "ambiguous"
         assert set(result.second_mounting.separates) <= {finding.title for finding in result.findings}
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    """A clean bench whose readings are written to 3e-6 g."""
+    record = measure(draw_case(31, effects=[]), 31)
+    force = 9.80665 * 3e-6 * np.round(record.specific_force / 9.80665 / 3e-6)
+    rounded = replace(record, specific_force=force, resolution=0.5 * 9.80665 * 3e-6)
+    return bench_evidence(rounded, noise_bound=NOISE_BOUND, bounds=(3e-3, 0.0))
+
+
+def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
+    """In 96 directions of amplitude and phase, by another solver, with all that rounding adds to the bounds."""
+    fit, room = coarse.baseline, 1.5e-6 + 2e-15
+    assert coarse.room(fit) == pytest.approx(room, rel=1e-9)
+    above = {(e["effect"], e["where"], e.get("order")): e["above"] for e in excluded_sizes(coarse, fit)}
+    for place, columns in coarse.beside(fit):
+        if place not in (ENCODER, CUBIC, ODD):
+            continue
+        directions = (
+            [np.ones(1)]
+            if columns.shape[1] == 1
+            else [np.array([np.cos(t), np.sin(t)]) for t in 2.0 * np.pi * np.arange(96) / 96]
+        )
+        reached = 0.0
+        for direction in (*directions, *(-d for d in directions)):
+            jacobian = np.column_stack((fit.jacobian, columns @ direction))
+            unit = np.eye(jacobian.shape[1])[-1]
+            reached = max(reached, farthest(jacobian, fit.left, fit.bound + room, unit))
+        said = above[place.effect, place.where, place.order]
+        assert reached <= said * (1.0 + 1e-9)
+        assert said <= reached / np.cos(np.pi / 16) * (1.0 + 1e-3)
+
+
+def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more():
+    """Inputs are told up to the factor 1 − Δg/g: at its largest the ends are the true coefficients."""
+    bench = bench_evidence(measure(draw_case(31, effects=[]), 31), noise_bound=NOISE_BOUND)
+    error = bench.bounds[1]
+    low, high = bench.told(CUBIC, [(2e-4, 3e-4)])[0]
+    assert low == pytest.approx(2e-4 / (1.0 + error) ** 3, rel=1e-12)
+    assert high == pytest.approx(3e-4 / (1.0 - error) ** 3, rel=1e-12)
