@@ -179,7 +179,8 @@ def object_code(machine: Any, name: str) -> bytes:
         something of Python remains
     """
     pointers = [types.CPointer(kind) for kind in (types.int64, types.float64, types.int64, types.int64, types.float64)]
-    made: Any = numba.cfunc(types.int64(*pointers), nopython=True, error_model="numpy")(loop_of(_Machine))
+    options: dict[str, Any] = {"nopython": True, "error_model": "numpy"}
+    made: Any = numba.cfunc(types.int64(*pointers), **options)(loop_of(_Machine))
     module = llvm.parse_assembly(made.inspect_llvm())
     inner = made.native_name.removeprefix("cfunc.")
     for function in module.functions:

@@ -19,10 +19,12 @@ MANY_ITEMS = 6
 SAME = 1e-6
 """Factors of one unit that agree so far are the same: some tools write few digits."""
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-_NUMBERS = (
-    *(np.float64, np.float32, np.int8, np.uint8, np.int16, np.uint16, np.int32, np.uint32, np.int64, np.uint64),
-)
-"""In the order of their codes in a program."""
+_NUMBERS: dict[str, Any] = {
+    "Float64": np.float64,
+    "Float32": np.float32,
+    **{f"{sign}Int{n}": np.dtype(f"{sign.lower()}int{n}").type for n in (8, 16, 32, 64) for sign in ("", "U")},
+}
+"""FMI 3.0's, in the order of their codes in a program."""
 
 
 class ValueType(NamedTuple):
@@ -37,7 +39,7 @@ class ValueType(NamedTuple):
     @property
     def code(self) -> int:
         """How a program's operations name it."""
-        return _NUMBERS.index(np.dtype(self.dtype).type)
+        return [*_NUMBERS.values()].index(self.dtype)
 
     @property
     def whole_span(self) -> tuple[int, int]:
@@ -46,21 +48,11 @@ class ValueType(NamedTuple):
 
 
 VALUE_TYPES = {
+    **{name: ValueType("Real" if name.startswith("F") else "Integer", dtype) for name, dtype in _NUMBERS.items()},
+    "Boolean": ValueType("Boolean", np.uint8),
     "Real": ValueType("Real", np.float64),
     "Integer": ValueType("Integer", np.int32),
     "Boolean2": ValueType("Boolean", np.int32),
-    "Float64": ValueType("Real", np.float64),
-    "Float32": ValueType("Real", np.float32),
-    "Int8": ValueType("Integer", np.int8),
-    "UInt8": ValueType("Integer", np.uint8),
-    "Int16": ValueType("Integer", np.int16),
-    "UInt16": ValueType("Integer", np.uint16),
-    "Int32": ValueType("Integer", np.int32),
-    "UInt32": ValueType("Integer", np.uint32),
-    "Int64": ValueType("Integer", np.int64),
-    "UInt64": ValueType("Integer", np.uint64),
-    "Boolean": ValueType("Boolean", np.uint8),
-    # An FMU may reuse the memory of its strings at the next call: they come last.
     "String": ValueType("String", np.uint64),
 }
 """Every type by its name; FMI 2.0's Boolean, which is an int, is Boolean2."""
@@ -365,13 +357,14 @@ def interface_of(name: str, label: str, description: ModelDescription) -> Interf
                 raise InputError(f"{label}: modelDescription.xml has two variables '{variable.name}'")
             variables[variable.name] = variable
     scales = {}
-    for unit in (unit for unit in description.unitDefinitions if unit.baseUnit is not None):
+    for unit in description.unitDefinitions:
         base = unit.baseUnit
+        if base is None:
+            continue
         try:
             exponents = {key: int(getattr(base, key) or 0) for key in BASE_UNITS}
-            factor, offset = (
-                default if text is None else float(text) for text, default in ((base.factor, 1.0), (base.offset, 0.0))
-            )
+            factor = 1.0 if base.factor is None else float(base.factor)
+            offset = 0.0 if base.offset is None else float(base.offset)
         except ValueError as error:
             raise InputError(f"{label}: modelDescription.xml, unit '{unit.name}': {error}") from error
         scales[str(unit.name)] = scale_of(exponents, factor, offset)

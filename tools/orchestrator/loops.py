@@ -213,8 +213,8 @@ class _Loop:
         self.state[:], self.clock[:] = state, clock
         return status
 
-    def refuse(self, status: int, slaves: Mapping[str, Slave], when: str | None = None) -> NoReturn:
-        """Say which FMU failed, when (else at its step) and why."""
+    def refuse(self, status: int, slaves: Mapping[str, Slave], *, started: bool = True) -> NoReturn:
+        """Say which FMU failed, when (before the first step where the run has not started) and why."""
         at, step = int(self.state[op.AT]), int(self.state[op.STEP])
         place, grid = self.program.places[at], self.grid
         begin, end = grid.time(step), grid.time(step) + grid.step
@@ -222,14 +222,14 @@ class _Loop:
         if status == op.NOT_SETTLED and place.group is not None:
             self.refuse_unsettled(place.group, f"in {int(self.state[op.ITERATION])} iterations at {begin:.9g} s")
         if status == op.NOT_FINITE and place.port is not None:
-            time = grid.start if when else grid.time(step + 1)
+            time = grid.time(step + 1) if started else grid.start
             slave.refuse_not_finite(place.port.variables, place.port.values, time)
         if status == op.ENDED:
             raise InputError(f"{slave}: {place.call} at {begin:.9g} s asks for the end of the simulation")
         if status == op.EARLY:
             raise InputError(f"{slave}: {place.call} at {begin:.9g} s returned before the end of the step")
         got = self.program.rows[at][0] in (op.CALL4, op.CALL5) and "Get" in place.call
-        slave.fail(place.call, status, None if when else end if got else begin)
+        slave.fail(place.call, status, (end if got else begin) if started else None)
 
     def refuse_unsettled(self, group: Group, when: str) -> NoReturn:
         """Name the value of a cycle that changes most."""
@@ -279,7 +279,7 @@ def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, source
     loop = _Loop(program, assembly.grid)
     status = loop.march(1)
     if status:
-        loop.refuse(status, slaves, "before the first step")
+        loop.refuse(status, slaves, started=False)
 
 
 def _settle(group: Group, slaves: Mapping[str, Slave], assembly: Assembly) -> None:
@@ -361,24 +361,31 @@ class _Plain:
     step2 = _called(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_int)
     step3 = _called(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_size_t] * 4)
 
+    @staticmethod
     def load_byte(at: int) -> int:
         return ctypes.c_uint8.from_address(at).value
 
+    @staticmethod
     def load_word(at: int) -> int:
         return ctypes.c_int64.from_address(at).value
 
+    @staticmethod
     def load_real(at: int) -> float:
         return ctypes.c_double.from_address(at).value
 
+    @staticmethod
     def store_word(at: int, value: int) -> None:
         ctypes.c_int64.from_address(at).value = value
 
+    @staticmethod
     def store_real(at: int, value: float) -> None:
         ctypes.c_double.from_address(at).value = value
 
+    @staticmethod
     def real_of(code: int, at: int) -> float:
         return float(_C_TYPES[code].from_address(at).value)
 
+    @staticmethod
     def convert(to_code: int, to: int, at: int, code: int, factor: float, offset: float) -> None:
         value = _C_TYPES[code].from_address(at).value
         _C_TYPES[to_code].from_address(to).value = factor * value + offset if to_code < 2 else value

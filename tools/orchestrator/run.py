@@ -364,7 +364,7 @@ def simulate_table(
         rows=height,
         columns=run.columns,
         final_time_s=run.provenance["final_time_s"],
-        rests=None if positions is None else len(positions),
+        positions=None if positions is None else len(positions),
         no_positions=why_not,
         files=files,
         ignored_parameters=ignored,

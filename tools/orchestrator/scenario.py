@@ -98,14 +98,10 @@ class RunSetting(_Section):
         return self.iterations or 50
 
     @model_validator(mode="after")
-    def _of_iteration(self) -> "RunSetting":
+    def _fits(self) -> "RunSetting":
         for name in ("tolerance", "iterations"):
             if getattr(self, name) is not None and self.coupling != "iterate":
                 raise ValueError(f'{name} goes with coupling = "iterate"')
-        return self
-
-    @model_validator(mode="after")
-    def _forward(self) -> "RunSetting":
         if self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"stop_s = {self.stop_s!r} must be after start_s = {self.start_s!r}")
         return self
@@ -243,23 +239,19 @@ def scenario_problems(error: ValidationError) -> list[FieldProblem]:
     return field_problems(error, Scenario, _NOT_IN_FILES)
 
 
-def first_problem(error: ValidationError) -> str:
-    """The first thing that is wrong with a scenario, in one line, with the dotted name of the field."""
-    return scenario_problems(error)[0].text
-
-
-def checked_scenario(data: Mapping[str, Any]) -> Scenario:
-    """A scenario from what would stand in a file.
+def checked_scenario(data: Mapping[str, Any], label: str = "") -> Scenario:
+    """A scenario from what would stand in a file, which messages call by its label.
 
     Raises
     ------
     InputError
-        a field that is missing, unknown or wrong
+        a field that is missing, unknown or wrong: the first of them, by its dotted name
     """
     try:
         return Scenario.model_validate(dict(data))
     except ValidationError as error:
-        raise InputError(first_problem(error)) from error
+        said = scenario_problems(error)[0].text
+        raise InputError(f"{label}: {said}" if label else said) from error
 
 
 def read_scenario(path: Path | str) -> Scenario:
@@ -296,7 +288,4 @@ def read_scenario(path: Path | str) -> Scenario:
     for name in _NOT_IN_FILES:
         if name in data:
             raise InputError(f"{path}: {name}: unknown key; it is not for files")
-    try:
-        return Scenario.model_validate({**data, "base_folder": path.parent, "source": path})
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_problem(error)}") from error
+    return checked_scenario({**data, "base_folder": path.parent, "source": path}, str(path))

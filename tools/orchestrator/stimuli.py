@@ -458,9 +458,9 @@ def resolve_stimuli(
         with said_of(name):
             if stimulus.kind == "programme":
                 whole, _ = programmes[name]
-                within = whole.begins < grid.steps
                 # The last command holds to the end.
-                given = [replace(whole, values=whole.values[within], begins=whole.begins[within])]
+                within = int(np.searchsorted(np.asarray(whole.begins), grid.steps))
+                given = [replace(whole, values=whole.values[:within], begins=np.asarray(whole.begins)[:within])]
             elif stimulus.kind == "constant":
                 given = [resolve_constant(stimulus, interfaces)]
             else:

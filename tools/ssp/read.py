@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from pydantic import ValidationError
-
 from ..errors import InputError, one_line, unreadable
 from ..orchestrator.interface import Interface, Scale, Value, interface_of
 from ..orchestrator.load import DAMAGE, check_members, read_archive, unpack
-from ..orchestrator.scenario import Scenario, checked_scenario, first_problem, read_scenario
+from ..orchestrator.scenario import Scenario, checked_scenario, read_scenario
 from .values import (
     COUPLING,
     COUPLING_SETTINGS,
@@ -50,7 +48,6 @@ class Part:
     Attributes
     ----------
     path : tuple of str
-        names of the systems that it is in, without the outermost, and its own
     source : str or None
         the FMU's file in the archive; None for a system
     connectors : dict
@@ -196,10 +193,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     recorded = _own(folder, label, RECORD)
     if recorded is not None:
         data["record"] = recorded
-    try:
-        return Scenario.model_validate(data), tuple(dict.fromkeys(ignored))
-    except ValidationError as error:
-        raise InputError(f"{label}: {first_problem(error)}") from error
+    return checked_scenario(data, label), tuple(dict.fromkeys(ignored))
 
 
 def _run(root: Element, system: Element, label: str) -> dict[str, float]:
