@@ -19,6 +19,7 @@ from pydantic import Field
 from ..errors import InputError, one_line
 from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
+from ..records.read import read_written
 from ..records.rests import position_record_of
 from ..result import Result
 from .journal import Column, Journal, recorded_variables, resolve_columns
@@ -374,7 +375,7 @@ def simulate_table(
 
 
 def _averaged(run: Run) -> PositionRecord:
-    raw = read_record(run.files[0] if run.files else run.table)
+    raw = read_written(run.files[0]) if run.files else read_record(run.table)
     if not isinstance(raw, RawRecord):
         raise InputError("the run is not a raw record of a table")
     return position_record_of(raw)

@@ -129,7 +129,12 @@ def read_record(source: Source, *wanted: Any) -> Any:
     raise InputError(f"{found.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
 
 
-def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind]) -> Record:
+def read_written(path: Path) -> Record:
+    """The record of a file that this process has just written: none needs to look first whether it is corrupt."""
+    return _parsed(path, KINDS, trusted=True)
+
+
+def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
     if isinstance(source, pl.DataFrame):
         path, written = Path("table"), io.BytesIO()
         source.write_parquet(written)
@@ -140,7 +145,7 @@ def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind]) -> Record:
         if path.suffix.lower() == ".parquet" and not data.startswith(MAGIC):
             raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     # a table in memory cannot be corrupt
-    found = all_faults(path, data, kinds, trusted=isinstance(source, pl.DataFrame))
+    found = all_faults(path, data, kinds, trusted=trusted or isinstance(source, pl.DataFrame))
     try:
         raise next(found)
     except StopIteration as done:

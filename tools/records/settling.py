@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
+from statistics import NormalDist
 
 import numpy as np
 
@@ -66,7 +68,7 @@ def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> b
     residual = deviation - basis @ weight
     freedom = max(len(time) - 3, 1)
     error = np.sqrt(np.sum(residual**2, axis=0) / freedom)
-    return bool(np.any(np.abs(weight[2]) > np.maximum(_student(freedom, FALSE_ALARM) * error, floor)))
+    return bool(np.any(np.abs(weight[2]) > np.maximum(student_quantile(freedom, FALSE_ALARM) * error, floor)))
 
 
 def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
@@ -85,7 +87,7 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     square = float(centred @ centred)
     slope = centred @ (second - level) / square
     about = np.sqrt(np.sum((second - level - np.outer(centred, slope)) ** 2, axis=0) / max(len(second) - 2, 1))
-    limit = _student(len(second) - 2, FALSE_ALARM) * about / math.sqrt(square)
+    limit = student_quantile(len(second) - 2, FALSE_ALARM) * about / math.sqrt(square)
     change = np.abs(slope) * (len(second) - 1)
     trend = (drifts and len(second) > 3) & (np.abs(slope) > limit) & (change > floor)
     scatter = np.where(trend, about, np.std(second - second[0], axis=0, ddof=1))
@@ -98,7 +100,7 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     mean_distance = np.cumsum(distance[::-1])[::-1] / left
     # a block beside a line that is wrongly called different costs more than a few rows
     chance = FALSE_ALARM if drifts else TOO_MUCH_DROPPED
-    widest = np.array([_student(len(second) - 2 if sloped else len(second) - 1, chance) for sloped in trend])
+    widest = np.array([student_quantile(len(second) - 2 if sloped else len(second) - 1, chance) for sloped in trend])
     of_one = 1.0 + 1.0 / len(second) + distance[:, None] ** 2 * leverage
     of_many = 1.0 / left[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * leverage
     one = np.maximum(widest * np.sqrt(of_one) * scatter, floor)
@@ -150,7 +152,7 @@ def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> Trend:
     error = np.sqrt(np.sum(residual**2, axis=0) / max(freedom, 1) / square)
     duration = float(time[-1] - time[0])
     change = slope * duration
-    return Trend(change, np.abs(change) > np.maximum(_student(freedom, FALSE_ALARM) * error * duration, floor))
+    return Trend(change, np.abs(change) > np.maximum(student_quantile(freedom, FALSE_ALARM) * error * duration, floor))
 
 
 def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:
@@ -160,12 +162,39 @@ def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:
     return float(np.ptp(values - slope * centred))
 
 
-def _student(freedom: int, chance: float) -> float:
-    """How many standard errors a quantity with so many degrees of freedom may lie from its mean."""
-    # late: a simulation that is not averaged need not wait for it
-    from scipy.special import stdtrit
+@cache
+def student_quantile(freedom: int, chance: float) -> float:
+    """How many standard errors a quantity with so many degrees of freedom may lie from its mean, on either side.
 
-    return float(stdtrit(max(freedom, 1), 1.0 - 0.5 * chance))
+    The quantile of Student's t: the incomplete beta function by its continued fraction (Lentz), solved by Newton's
+    method in the logarithms. scipy has it too, but loading `scipy.special` takes longer than a simulation of a table.
+    """
+    freedom = max(freedom, 1)
+    half = 0.5 * freedom
+    log_beta = math.lgamma(half) + math.lgamma(0.5) - math.lgamma(half + 0.5)
+    log_t = math.log(NormalDist().inv_cdf(1.0 - 0.5 * chance))
+    for _ in range(50):
+        square = math.exp(2.0 * log_t)
+        x = freedom / (freedom + square)
+        front = math.exp(0.5 * math.log(square / (freedom + square)) - half * math.log1p(square / freedom) - log_beta)
+        c, d = 1.0, 1.0 / (1.0 - (half + 0.5) * x / (half + 1.0))
+        fraction = d
+        for m in range(1, 10_000):
+            even = half + 2 * m
+            for step in (
+                m * (0.5 - m) * x / ((even - 1.0) * even),
+                -(half + m) * (half + 0.5 + m) * x / (even * (even + 1.0)),
+            ):
+                c, d = 1.0 + step / c, 1.0 / (1.0 + step * d)
+                fraction *= c * d
+            if abs(c * d - 1.0) < 1e-16:
+                break
+        tail = front * fraction / half
+        change = math.log(tail / chance) * tail / (2.0 * front)
+        log_t += change
+        if abs(change) < 1e-14:
+            break
+    return math.exp(log_t)
 
 
 def _block_means(values: np.ndarray, count: int) -> np.ndarray:

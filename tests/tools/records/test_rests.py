@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
 from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, RawRecord, read_record, write_record
 from trihedron.tools.records.rests import average_rests, find_rests, without_turns
-from trihedron.tools.records.settling import scatter_of_mean
+from trihedron.tools.records.settling import scatter_of_mean, student_quantile
 
 
 def test_a_run_without_errors_gives_its_positions_exactly():
@@ -305,3 +306,10 @@ def test_the_scatter_of_a_mean_covers_flicker():
 def test_equal_readings_have_no_scatter():
     assert scatter_of_mean(np.full((20, 3), 0.1)).tolist() == [0.0, 0.0, 0.0]
     assert scatter_of_mean(np.full((6, 3), 0.1)).tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("chance", [1e-4, 1e-3, 0.05])
+@pytest.mark.parametrize("freedom", [1, 2, 5, 38, 1000, 100_000])
+def test_the_quantile_is_that_of_scipy(freedom: int, chance: float) -> None:
+    expected = float(stdtrit(freedom, 1.0 - 0.5 * chance))
+    assert student_quantile(freedom, chance) == pytest.approx(expected, rel=1e-10)
