@@ -50,12 +50,9 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
         ends = evidence.told(place, [(0.0, size) for size in sizes])
         for parameter, (_, above) in zip(parameters, ends, strict=True):
             if above < parameter.largest and not parameter.name.endswith("phase"):
-                entry: dict[str, Any] = {"effect": place.effect, "where": place.where}
-                if place.order is not None:
-                    entry["order"] = place.order
-                if place.axes:
-                    entry["axes"] = list(place.axes)
-                found.append({**entry, "parameter": parameter.name, "unit": parameter.unit, "above": float(above)})
+                found.append(
+                    {**place.entry, "parameter": parameter.name, "unit": parameter.unit, "above": float(above)}
+                )
     return tuple(found)
 
 

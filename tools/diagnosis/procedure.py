@@ -7,7 +7,7 @@ from ..bounded.programmes import SolverError
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.carried_record import carried_evidence
-from ..evidence.evidence import Evidence
+from ..evidence.evidence import Evidence, Fit
 from ..records import PositionRecord, StrapdownRecord
 from .judge import causes_of, excluded_sizes, residual_structure
 from .lengths import of_lengths, only_at_one_length
@@ -69,35 +69,45 @@ def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False)
         return _unexplained(evidence, told, evidence.objections())
     groups = equivalence_groups(evidence, found.fits)
     findings = [Finding(causes_of(evidence, group[0]), group[0]) for group in groups[: evidence.most_sets]]
-    best = groups[0][0]
-    heard = [EffectWitness.of(trial) for trial in evidence.trials(best)] if evidence.decisive else []
-    if heard and len(groups) == 1:
-        # What is needed most comes first.
-        heard.sort(key=lambda witness: -witness.rms_without)
-        named = {cause.place: cause for cause in findings[0].causes}
-        findings = [Finding(tuple(named[witness.place] for witness in heard if witness.place is not None), best)]
-    told |= {"findings": findings, "judgement": heard or next(Witness.of(trial) for trial in evidence.trials(best))}
-    alone = only_at_one_length(evidence, best, told["lengths"]) if heard and len(groups) == 1 else ()
-    if len(groups) == 1 and (objections := (*(w.objection for w in heard if w.objection is not None), *alone)):
-        return _unexplained(evidence, told, objections)
-    told |= {"causes": findings[0].causes, "extended": {"radius": best.radius}}
+    best = findings[0]
+    told |= {"findings": findings, "judgement": _judgement(evidence, best.fit)}
     if len(groups) > 1 or not found.complete:
         return _result(
             "ambiguous",
-            told,
+            told | _named(best),
             evidence.probe([finding.fit for finding in findings]),
             alternatives=tuple(finding.causes for finding in findings[1:]),
             complete=found.complete,
         )
-    excluded = excluded_sizes(evidence, best)
+    if evidence.decisive:
+        # What is needed most comes first; what has no witness is not named.
+        heard = sorted(told["judgement"], key=lambda witness: -witness.rms_without)
+        best = best.in_order([witness.place for witness in heard])
+        told |= {"findings": [best], "judgement": heard}
+        alone = only_at_one_length(evidence, best.fit, told["lengths"])
+        objections = (*(witness.objection for witness in heard if witness.objection is not None), *alone)
+        if objections:
+            return _unexplained(evidence, told, objections)
+    excluded = excluded_sizes(evidence, best.fit)
     return _result(
         "explained",
-        told,
-        evidence.of_model(best, excluded),
+        told | _named(best),
+        evidence.of_model(best.fit, excluded),
         equivalent_sets=tuple(tuple(NamedEffect.of(place) for place in fit.places) for fit in groups[0][1:]),
-        gain=evidence.gain(best) if rerun else None,
+        gain=evidence.gain(best.fit) if rerun else None,
         excluded=excluded,
     )
+
+
+def _judgement(evidence: Evidence, fit: Fit) -> Witness | list[EffectWitness]:
+    """What was left out says of the effects of a fit: of each where that is decisive, else of all together."""
+    if evidence.decisive:
+        return [EffectWitness.of(trial) for trial in evidence.trials(fit)]
+    return next(Witness.of(trial) for trial in evidence.trials(fit))
+
+
+def _named(finding: Finding) -> dict[str, Any]:
+    return {"causes": finding.causes, "extended": {"radius": finding.fit.radius}}
 
 
 def _unexplained(evidence: Evidence, told: Mapping[str, Any], objections: tuple[str, ...]) -> Diagnosis:

@@ -45,14 +45,9 @@ class NamedEffect(Told):
     @staticmethod
     def keys(place: EffectPlace) -> dict[str, Any]:
         """The effect at a place as the contract writes it."""
-        entry: dict[str, Any] = {"effect": place.effect, "where": place.where}
-        if place.order is not None:
-            entry["order"] = place.order
-        if place.effect == "outlier":
-            entry["accelerometer"] = place.axes[0]
-        elif place.axes:
-            entry["axes"] = place.axes
-        return entry
+        if place.effect != "outlier":
+            return place.entry
+        return {"effect": place.effect, "where": place.where, "accelerometer": place.axes[0]}
 
     @staticmethod
     def of(place: EffectPlace) -> "NamedEffect":
@@ -150,6 +145,10 @@ class Finding:
     def places(self) -> tuple[EffectPlace, ...]:
         """The effects."""
         return tuple(cause.place for cause in self.causes)
+
+    def in_order(self, places: Sequence[EffectPlace]) -> "Finding":
+        """The same with its causes in another order."""
+        return Finding(tuple(sorted(self.causes, key=lambda cause: places.index(cause.place))), self.fit)
 
 
 class Score(Result):

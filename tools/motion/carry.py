@@ -236,7 +236,7 @@ def effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component: 
         effect = CATALOGUE[place.effect].at(place)
         if effect.component == component:
             named = zip((parameter.name for parameter in effect.parameters), values, strict=True)
-            entries.append({"effect": place.effect, "where": place.where, **dict(named)})
+            entries.append({**place.entry, **dict(named)})
     return entries
 
 
