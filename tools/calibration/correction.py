@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 ARCSEC = math.radians(1 / 3600)
 
+Measured = PositionRecord | RawRecord | StrapdownRecord
+"""What can be corrected."""
+
 
 @dataclass(frozen=True)
 class Correction:
@@ -271,9 +274,9 @@ class Application(Result):
     levelled_at: Literal["positions", "rests", "rows"]
     levelling_error: LevellingError = Field(alias="levelling_error_rad")
     warnings: list[str]
-    correction: Correction = Field(default=None, exclude=True)
-    record: PositionRecord | RawRecord | StrapdownRecord = Field(default=None, exclude=True)
-    levelling: Levelling = Field(default=None, exclude=True)
+    correction: Correction = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    record: Measured = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    levelling: Levelling = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
 
     def to_polars(self) -> "DataFrame":
         """The corrected readings: time_s, f1_mps2, f2_mps2, f3_mps2."""
@@ -325,7 +328,7 @@ def apply_calibration(calibration: str | Path | Calibration, record: Path, *, no
         bias_g=correction.bias.tolist(),
         rows=len(measured),
         levelled_at=at,
-        levelling_error=LevellingError(as_read=before, corrected_at_most=after),
+        levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
         warnings=list(measured.warnings),
         correction=correction,
         record=replace(measured, specific_force=better),

@@ -126,7 +126,8 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
         for side, sense in enumerate((-1.0, 1.0)):
             value, used, phi = tops[k, side]
             intervals[k, side] = middle + sense * (value + phi @ remainder[used])
-    return intervals
+    # where hardly a point is left, rounding alone decides which end is which
+    return np.sort(intervals, axis=1)
 
 
 def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:

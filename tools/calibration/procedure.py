@@ -167,7 +167,7 @@ def calibrate(
         verdict="insufficient" if missing or unbounded else "falsified" if falsified else "consistent",
         noise_bound=sigma,
         noise_bound_basis=noise.basis,
-        gravity=float(gravity),
+        gravity_mps2=float(gravity),
         convention="A2" if convention == "A2" else "A1",
         baseline="symmetric" if p.symmetric else "asymmetric",
         mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
@@ -182,7 +182,7 @@ def calibrate(
             for (accelerometer, n), (low, high) in errors
         ],
         provenance=Provenance(
-            record=record.path.name, sha256=record.sha256, bounds=[float(bounds[0]), float(bounds[1])]
+            record=record.path.name, record_sha256=record.sha256, bounds=[float(bounds[0]), float(bounds[1])]
         ),
         missing=[OpenTarget(symbol=gap.symbol, name=gap.name) for gap in missing],
         next_positions=mend,
@@ -366,7 +366,7 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
         gain = np.linalg.slogdet(np.eye(3) + rows @ spread @ rows.transpose(0, 2, 1))[1]
         best = int(np.argmax(np.round(gain, 9)))
         information = information + rows[best].T @ rows[best]
-        chosen.append(_table_position(p, alpha_deg[best], beta_deg[best], mounting[best]))
+        chosen.append(_table_position(p, float(alpha_deg[best]), float(beta_deg[best]), int(mounting[best])))
     return chosen
 
 
@@ -374,11 +374,12 @@ def repeats(here: Linearisation, count: int = 4) -> list[TablePosition]:
     """Positions of the record, spread over it, that would tell the noise if they were measured again."""
     p, at = here.parametrisation, here.positions
     rows = np.unique(np.linspace(0, len(at.alpha) - 1, count).round().astype(int))
-    return [_table_position(p, np.degrees(at.alpha[k]), np.degrees(at.beta[k]), at.mounting[k]) for k in rows]
+    alpha, beta = np.degrees(at.alpha).tolist(), np.degrees(at.beta).tolist()
+    return [_table_position(p, alpha[k], beta[k], int(at.mounting[k])) for k in rows]
 
 
 def _table_position(p: Parametrisation, alpha_deg: float, beta_deg: float, mounting: int) -> TablePosition:
-    position = TablePosition(alpha_deg=float(alpha_deg), beta_deg=float(beta_deg))
+    position = TablePosition(alpha_deg=alpha_deg, beta_deg=beta_deg)
     if len(p.mountings) > 1:
         position["mounting"] = p.mountings[mounting]
     return position

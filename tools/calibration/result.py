@@ -188,7 +188,7 @@ class Calibration(_Part):
     missing: list[OpenTarget] = Field(default=[])
     next_positions: list[TablePosition] = Field(default=[])
     warnings: list[str] = Field(default=[])
-    linearised: Linearisation = Field(default=None, exclude=True)
+    linearised: Linearisation = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
     feasible: FeasibleSet | None = Field(default=None, exclude=True)
 
     @model_serializer(mode="wrap")

@@ -282,7 +282,8 @@ class _Expression:
 
 def corners() -> list[tuple[int, tuple[int, int, int]]]:
     """Accelerometer and input for every combination of −1, 0, 1 that its reading depends on (Γ lower triangular)."""
-    return [(p, (*own, 0, 0)[:3]) for p in (1, 2, 3) for own in product((-1, 0, 1), repeat=p)]
+    inputs = {p: product((-1, 0, 1), (-1, 0, 1) if p > 1 else (0,), (-1, 0, 1) if p > 2 else (0,)) for p in (1, 2, 3)}
+    return [(p, n) for p, every in inputs.items() for n in every]
 
 
 def error_weights(p: Parametrisation) -> NDArray:

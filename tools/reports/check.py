@@ -1,4 +1,4 @@
-"""What the check of a file says."""
+"""What is said of files: those that were checked, those that were exported."""
 
 from ..check import Check
 from ..exporting import Exported
