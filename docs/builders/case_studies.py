@@ -20,7 +20,7 @@ from case_study_tables import (
 )
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.diagnosis import Diagnosis, diagnose
-from trihedron.tools.diagnosis.lengths import is_stable
+from trihedron.tools.diagnosis.search import is_stable
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record

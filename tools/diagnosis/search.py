@@ -1,8 +1,9 @@
-"""The search for the smallest sets of effects that explain a record, and how alike effects look in it."""
+"""The search for the smallest sets of effects that explain a record, whole and by length; how alike effects look."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +11,21 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.sets import MAX_SET
 from ..bounded.spaces import cosine, same_space, spaces_beyond
-from ..evidence.evidence import Evidence, Fit
+from ..evidence.evidence import Evidence, Fit, largest_size, rms_size
+from ..evidence.gain import ARCMIN
 from ..progress import tracked
+from .result import Length, NamedEffect, OrderedEffect, OrderOfEffects
 
 MOST_FOUND = 60
 """So many sets of one size are enough to say that the record cannot decide."""
 MOST_JUDGED = 1500
 """So many sets of one size are fitted exactly before the search gives up."""
 MOST_COMPARED = 10
+MOST_STEPS, MOST_TRIED = 4, 12
+HELPS = 0.02
+"""An effect stands in the order when it takes so much off the errors that were left out."""
+SHOWN = 1.5
+"""An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,3 +112,89 @@ def likeness(evidence: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.fl
     """
     spaces = spaces_beyond(evidence.nominal, [evidence.columns_of([place]) for place in places])
     return np.array([[cosine(a, b) for b in spaces] for a in spaces]).reshape(len(spaces), len(spaces))
+
+
+def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
+    """What each scored part of evidence says with what is known beside it; nothing of evidence without such parts.
+
+    Where the model is falsified: its smallest sets of effects, the order in which effects help with what was left out,
+    and the same as measured, with nothing taken out.
+    """
+    found = []
+    places, falsified = evidence.classes.places if evidence.falsified else (), evidence.falsified
+    measured = evidence.as_measured() if falsified else None
+    for k in evidence.scored:
+        part, alone = evidence.parts[k], evidence.of_length(k)
+        sets = [()] if not (falsified and alone.falsified) else [fit.places for fit in search(alone, places).fits]
+        found.append(
+            Length(
+                over=part.label,
+                pieces=len(part),
+                noise_bound_arcmin=float(np.median(part.bound)) / ARCMIN,
+                rms_arcmin=rms_size(part.error) / ARCMIN,
+                max_arcmin=largest_size(part.error) / ARCMIN,
+                radius=alone.baseline.radius,
+                smallest_sets=tuple(tuple(NamedEffect.of(place) for place in chosen) for chosen in sets),
+                order=order_of_effects(alone, places) if falsified else None,
+                order_as_measured=order_of_effects(measured.of_length(k), places) if measured else None,
+            )
+        )
+    if not found:
+        return {}
+    return {"lengths": tuple(found), "order_stable": is_stable([one.order for one in found]) if falsified else None}
+
+
+def order_of_effects(evidence: Evidence, places: Sequence[EffectPlace]) -> OrderOfEffects:
+    """The order in which effects take most off the errors of the one scored part that were left out."""
+    (scored,), folds = evidence.scored, evidence.folds()
+
+    def left(chosen: Sequence[EffectPlace]) -> float:
+        return rms_size(evidence.split(evidence.left_out(chosen, folds))[scored])
+
+    start = current = left(())
+    chosen: list[EffectPlace] = []
+    steps = []
+    while len(chosen) < min(len(places), MOST_STEPS):
+        tried = sorted(((left([*chosen, p]), p) for p in places if p not in chosen), key=lambda entry: entry[0])
+        best, place = tried[0]
+        if best > (1.0 - HELPS) * current:
+            break
+        # What hardly helps by itself is not tried again behind what helps most.
+        places = [p for _, p in tried[:MOST_TRIED]] + chosen if len(tried) > MOST_TRIED else places
+        chosen.append(place)
+        steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))
+        current = best
+    return OrderOfEffects(held_out_rms_arcmin=start / ARCMIN, steps=tuple(steps))
+
+
+def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
+    """Whether no two lengths put two effects that both have in opposite orders, and all begin with the same effect."""
+    named = [[step.place for step in order.steps] for order in orders if order is not None]
+    for a in named:
+        for b in named:
+            if [place for place in a if place in b] != [place for place in b if place in a]:
+                return False
+    return len({tuple(order[:1]) for order in named}) <= 1
+
+
+def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) -> tuple[str, ...]:
+    """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
+    said = []
+    for place, block in zip(fit.places, fit.blocks, strict=True):
+        own, size = evidence.numbers_of([place]), fit.central[len(fit.point) :][block]
+        alone = evidence.with_errors([part.columns[..., own] @ size for part in evidence.parts])
+        others = [p for p in fit.places if p != place]
+        needing = [
+            one.over for one in lengths if any(place in [n.place for n in chosen] for chosen in one.smallest_sets)
+        ]
+        if len(needing) > 1:
+            continue
+        against = [
+            one.over
+            for k, one in zip(evidence.scored, lengths, strict=True)
+            if one.over not in needing and alone.of_length(k).refit(others).radius > SHOWN
+        ]
+        if against:
+            needed = f"is needed over {needing[0]} alone" if needing else "is needed over no length by itself"
+            said.append(f"{place.title} {needed}; over {', '.join(against)} it would show and is not needed")
+    return tuple(said)

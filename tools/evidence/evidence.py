@@ -102,8 +102,8 @@ class Part:
 
     def selected(self, index: NDArray) -> "Part":
         """Some of the pieces: mask or numbers."""
-        arrays = (values[index] for values in (self.error, self.bound, self.nominal, self.columns))
-        return Part(self.pieces.selected(index), *arrays, self.scored)
+        names = ("error", "bound", "nominal", "columns")
+        return replace(self, pieces=self.pieces.selected(index), **{name: getattr(self, name)[index] for name in names})
 
 
 @dataclass(frozen=True, eq=False)

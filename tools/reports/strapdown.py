@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE
-from ..diagnosis.lengths import is_stable
 from ..diagnosis.result import Cause, Diagnosis, OrderOfEffects
-from ..diagnosis.search import compared_places, likeness
+from ..diagnosis.search import compared_places, is_stable, likeness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.numbers import Bar, Cell, Written, bars, minus, outwards, significant, to_bound, unit_text
 from .evidence import ALIKE, CONFUSION, MOST_BARS, MOST_RANKED, how_many_mend, shares, unrepeated

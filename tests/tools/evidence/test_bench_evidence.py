@@ -11,7 +11,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.calibration.mountings import PRESETS
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.judge import excluded_sizes
+from trihedron.tools.diagnosis.procedure import excluded_sizes
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence.bench import _predicted_errors, bench_evidence
 from trihedron.tools.evidence.bench_probe import second_mounting
