@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ...models.attitude_algorithms import ALGORITHMS
 from ...models.effects import CATALOGUE, EffectPlace, MotionRows, parameter_name, place_from_mapping
@@ -18,6 +17,7 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
+from .attitude_error import rotation_of
 from .sampling import GAP, Sampling, check_meaning, check_turns, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
@@ -249,4 +249,4 @@ def algorithm_for(increments: NDArray) -> int:
 
 def matrices_of(quaternion: NDArray) -> NDArray[np.float64]:
     """Rotation matrices (n, 3, 3), body to reference, of quaternions (n, 4), scalar first."""
-    return Rotation.from_quat(np.roll(quaternion, -1, axis=1)).as_matrix()
+    return rotation_of(quaternion).as_matrix()

@@ -24,14 +24,11 @@ from ..errors import InputError, nearest_file
 from ..progress import tracked
 from .columns import (
     ANGLES,
-    APPROACH,
     FORCE,
-    INCREMENT,
     KINDS,
     MOUNTING,
     POSITION,
     QUATERNION,
-    RATE,
     RAW,
     TABLE_KINDS,
     TEMPERATURE,
@@ -209,45 +206,27 @@ def _contents(path: Path) -> bytes:
 
 def _record(columns: Columns) -> Record:
     """The values of columns that have no faults."""
-    time, force = columns.numbers["time_s"], columns.group(FORCE)
-    temperature = columns.optional(TEMPERATURE)
-    path, row = columns.path, columns.row
-    if columns.layout.kind not in (POSITION, RAW):
-        quaternion = columns.group(QUATERNION) if QUATERNION[0] in columns.numbers else None
-        return StrapdownRecord(
-            time_s=time,
-            rate=columns.group(RATE) if RATE[0] in columns.numbers else None,
-            increment=columns.group(INCREMENT) if INCREMENT[0] in columns.numbers else None,
-            specific_force=force,
-            # a row of NaN where the attitude is not known
-            attitude=None
-            if quaternion is None
-            else quaternion / np.sqrt(np.square(quaternion).sum(axis=1, keepdims=True)),
-            temperature=temperature,
-            path=path,
-            row=row,
-        )
-    alpha, beta = np.deg2rad(columns.numbers["alpha_deg"]), np.deg2rad(columns.numbers["beta_deg"])
-    if columns.layout.kind is RAW:
-        return RawRecord(time, alpha, beta, force, temperature, path, row, (), columns.resolution)
-    # angles of few digits are settings, which the encoders reached
-    rounded = columns.angle_resolution <= ROUNDED_ANGLE
-    return PositionRecord(
-        position=columns.numbers["position"].astype(np.int64),
-        time_s=time,
-        alpha=alpha,
-        beta=beta,
-        specific_force=force,
-        temperature=temperature,
-        approach_alpha=columns.optional(APPROACH[0]),
-        approach_beta=columns.optional(APPROACH[1]),
-        mounting=columns.mounting,
-        resolution=columns.resolution,
-        angle_resolution=float(np.deg2rad(columns.angle_resolution)) if rounded else 0.0,
-        temperature_resolution=columns.temperature_resolution,
-        row=row,
-        path=path,
-    )
+    kind = {POSITION: PositionRecord, RAW: RawRecord}.get(columns.layout.kind, StrapdownRecord)
+    values: dict[str, Any] = {"path": columns.path, "row": columns.row}
+    for name, own in kind.groups.items():
+        if own[0] not in columns.layout.present:
+            values[name] = None
+        elif own[0] == MOUNTING:
+            values[name] = columns.mounting
+        else:
+            numbers = columns.numbers[own[0]] if len(own) == 1 else columns.group(own)
+            values[name] = np.deg2rad(numbers) if own[0] in ANGLES else numbers
+    if values.get("attitude") is not None:
+        # a row of NaN where it is not known
+        values["attitude"] = values["attitude"] / np.sqrt(np.square(values["attitude"]).sum(axis=1, keepdims=True))
+    if kind is not StrapdownRecord:
+        values["resolution"] = columns.resolution
+    if kind is PositionRecord:
+        # angles of few digits are settings, which the encoders reached
+        rounded = columns.angle_resolution <= ROUNDED_ANGLE
+        values["angle_resolution"] = float(np.deg2rad(columns.angle_resolution)) if rounded else 0.0
+        values["temperature_resolution"] = columns.temperature_resolution
+    return kind(**values)
 
 
 def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:

@@ -243,7 +243,7 @@ def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None
 
 def test_the_measured_record_drifts_by_its_gyros_bias(broad: Any) -> None:
     raw: Any = attitude_of_record(broad)
-    bias = rate_at_rest(broad)
+    bias: Any = rate_at_rest(broad)
     # Half a degree a second stands in the gyros at rest; the error cannot grow faster than that by much.
     assert 25.0 < 60.0 * math.degrees(float(np.linalg.norm(bias))) < 45.0
     assert math.degrees(raw.rms) == pytest.approx(44.2, abs=0.5)
@@ -279,7 +279,7 @@ def test_algorithms_stand_side_by_side_with_their_errors() -> None:
     assert [row.updates for row in rows] == [400, 200, 100, 0, 50]
     # 60 degrees at 1 Hz turn by more than Panov's cut-off series takes.
     assert "panov-cut-off is valid to 0.07 rad" in by_name["panov-cut-off"].refused
-    errors = [by_name[a.name].maximum for a in CHOSEN if a.name != "panov-cut-off"]
+    errors: list[Any] = [by_name[a.name].maximum for a in CHOSEN if a.name != "panov-cut-off"]
     apart = [by_name[a.name].apart for a in CHOSEN if a.name != "panov-cut-off"]
     assert all(error is not None for error in errors)
     assert errors[0] > errors[2] > errors[1] > 1e3 * errors[3]

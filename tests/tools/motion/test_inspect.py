@@ -25,12 +25,12 @@ TRUTH = np.concatenate([GAMMA[np.tril_indices(3)], BIAS])
 GYRO_BIAS = np.array([0.01, -0.02, 0.005])
 
 
-def inspected(record: StrapdownRecord, **more: Any) -> Any:
+def inspected(record: Any, **more: Any) -> Any:
     """The inspection of a record, with other columns; what may be None is asserted by its use."""
     return inspect_record(replace(record, **more))
 
 
-def chosen(record: StrapdownRecord, rows: np.ndarray) -> StrapdownRecord:
+def chosen(record: Any, rows: np.ndarray) -> StrapdownRecord:
     """The record with some of its rows."""
     return StrapdownRecord(record.time_s[rows], record.rate[rows], None, record.specific_force[rows])
 
@@ -59,7 +59,7 @@ def test_accelerometers_are_calibrated_within_their_guaranteed_ends(seed):
 
 def test_an_effect_that_nine_parameters_cannot_hold_falsifies_them():
     time, rate, n = true_motion()
-    record = strapdown_record((time, rate, n + 0.02 * n**3 * np.array([0.0, 0.0, 1.0]) + 0.02 * n**2))
+    record: Any = strapdown_record((time, rate, n + 0.02 * n**3 * np.array([0.0, 0.0, 1.0]) + 0.02 * n**2))
     found = inspected(record).accelerometers
     assert found.verdict == "falsified"
     assert found.radius > 1.0
@@ -127,14 +127,14 @@ def test_biases_that_change_from_rest_to_rest_are_given_no_cause():
     ],
 )
 def test_wrong_units_signs_and_orders_of_the_gyros_are_said(change, said):
-    record = strapdown_record()
+    record: Any = strapdown_record()
     found = inspected(record, rate=change(record.rate))
     assert any(said in line for line in found.turning.said)
     assert said in str(found)
 
 
 def test_gaps_jitter_dead_and_saturated_channels_are_stated():
-    record = strapdown_record()
+    record: Any = strapdown_record()
     rate = np.clip(record.rate, -1.0, 1.0)
     rate[:, 2] = 0.0
     rows = np.ones(len(record), dtype=bool)
@@ -156,7 +156,7 @@ def test_gaps_jitter_dead_and_saturated_channels_are_stated():
 
 
 def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_rates():
-    record = strapdown_record()
+    record: Any = strapdown_record()
     assert sampling_of(record).saturated == {}
     summed = StrapdownRecord(record.time_s, None, record.rate * PERIOD, record.specific_force)
     one, other = inspected(record), inspected(summed)
@@ -165,7 +165,7 @@ def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_
 
 
 def test_with_thirty_percent_of_the_rows_missing_no_wrong_thing_is_named():
-    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     keep = np.sort(np.random.default_rng(2).permutation(len(record))[: int(0.7 * len(record))])
     found = inspected(chosen(record, keep))
     assert found.sampling.missing == pytest.approx(0.3 * len(record), rel=0.02)
@@ -214,7 +214,7 @@ def test_the_allan_curve_of_white_noise_falls_as_its_root():
 
 
 def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
-    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     path, text, picture = tmp_path / "r.csv", tmp_path / "r.json", tmp_path / "a.svg"
     write_record(record, path)
     assert main(["inspect", str(path), "--json", str(text), "--allan", str(picture)]) == 0
@@ -237,7 +237,7 @@ def test_the_picture_of_a_record_without_rests_says_so():
 @pytest.mark.parametrize("limit", [0.6, 0.9, 0.999])
 def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
     """Their means would falsify the norm calibration; the others give the true parameters."""
-    record = strapdown_record(gamma=GAMMA, bias_g=BIAS)
+    record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     force = np.array(record.specific_force)
     whole = inspected(record).rests
     level = limit * force[:, 2].max() if limit > 0.95 else limit * G
@@ -255,7 +255,7 @@ def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
 def test_no_rest_of_a_sound_record_counts_as_clipped():
     """Of readings in steps, and of others."""
     for step in (0.0, 0.02, 0.05, 0.2):
-        record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=2)
+        record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=2)
         force = record.specific_force if step == 0.0 else step * np.round(record.specific_force / step)
         assert inspected(record, specific_force=force).rests.clipped == 0
 
@@ -264,7 +264,7 @@ def test_no_rest_of_a_sound_record_counts_as_clipped():
 @pytest.mark.parametrize("step_g", [0.003, 0.006, 0.01])
 def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
     """Noise of 0.3 mg does not average steps of 3 mg and more out: half a step may remain."""
-    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=3e-3, seed=seed)
+    record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=3e-3, seed=seed)
     force = np.array(record.specific_force)
     force[:, 1] = step_g * G * np.round(force[:, 1] / (step_g * G))
     found = inspected(record, specific_force=force)
@@ -279,7 +279,7 @@ def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
 @pytest.mark.parametrize("decimals", [None, 9, 6])
 def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
     """Each rest has one value, as with coarse steps; but the values have no divisor in common."""
-    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
+    record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
     force = record.specific_force if decimals is None else np.round(record.specific_force, decimals)
     found = inspected(record, specific_force=force)
     assert len(found.rests) == len(POSES)
@@ -298,7 +298,7 @@ def test_a_step_is_found_though_no_two_rests_are_one_apart():
 
 
 def test_noise_wider_than_the_steps_averages_them_out():
-    record = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=4)
+    record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=4)
     stepped = replace(record, specific_force=0.01 * np.round(record.specific_force / 0.01))
     plain, found = inspected(record), inspected(stepped)
     assert not found.rests.step.any()
@@ -308,7 +308,7 @@ def test_noise_wider_than_the_steps_averages_them_out():
 def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_gravity_turn_nothing():
     """Accelerometers do not see the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
     sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
-    record = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
+    record: Any = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
     whole = inspected(record)
     assert len(whole.rests) == len(POSES)
     assert whole.rests.turning == 0

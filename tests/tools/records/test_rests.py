@@ -1,6 +1,7 @@
 """Rests in simulated table runs: averages against what was simulated; what has not settled, drifts or creeps."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_a_stop_that_is_too_short_is_refused_with_its_reason():
     long, _ = Bench(dwell=20.0).run(PROGRAMME[:4])
     short, _ = Bench(dwell=2.0).run([PROGRAMME[4]])
     names = ("alpha", "beta", "specific_force")
-    joined = {name: np.concatenate([getattr(long, name), getattr(short, name)]) for name in names}
+    joined: dict[str, Any] = {name: np.concatenate([getattr(long, name), getattr(short, name)]) for name in names}
     time = np.concatenate([long.time_s, long.time_s[-1] + 0.1 + short.time_s])
     record = averaged(RawRecord(time_s=time, **joined))
     assert [rest.refused is None for rest in record.rests] == [True] * 4 + [False]
