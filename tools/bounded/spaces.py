@@ -16,7 +16,7 @@ DEPENDENT = 1e-9
 """A direction of columns, each of size one, that is so small is none."""
 
 
-def least_squares(matrix: NDArray, target: NDArray, determined: float = DETERMINED) -> NDArray[np.float64]:
+def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
     """The x (n,) of least sum of squares of target - matrix x; directions that are not determined stay at zero.
 
     Parameters
@@ -24,13 +24,11 @@ def least_squares(matrix: NDArray, target: NDArray, determined: float = DETERMIN
     matrix : (M, n) array
         the units of its columns do not matter
     target : (M,) array
-    determined : float
-        smallest singular value that counts, as a part of the largest
     """
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
     u, values, directions = np.linalg.svd(matrix / size, full_matrices=False)
-    kept = values > determined * values.max(initial=0.0)
+    kept = values > DETERMINED * values.max(initial=0.0)
     return (directions[kept].T @ ((u[:, kept].T @ target) / values[kept])) / size
 
 

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from ..bounded.spaces import least_squares
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
@@ -23,7 +22,7 @@ from ..motion.sampling import rates_of
 from ..records import StrapdownRecord
 from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .carried_bounds import force_deviation, gyro_noise
-from .evidence import DETERMINED, Evidence, coefficient_count
+from .evidence import Evidence, coefficient_count, estimated
 from .references import (
     FEWEST_WINDOWS,
     LENGTHS,
@@ -197,7 +196,7 @@ def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
     """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
     # Of true attitude the bounds may not be known yet.
     weighed = made if isinstance(made.reference, Gravity) else made.unweighted()
-    step = least_squares(weighed.nominal, weighed.residual, DETERMINED)
+    step = estimated(weighed.nominal, weighed.residual)
     model = with_parameters(made.model, made.own, step[made.of_forces :])
     # Where a fit wants other scale factors, it is wrong.
     model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))

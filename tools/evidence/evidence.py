@@ -19,7 +19,7 @@ from ...models.effects.rows import Variant
 from ..bounded.possible import Interval, Possible, Reach, polar_intervals
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import Problem, sets_of_size
-from ..bounded.spaces import column_space, least_squares, same_space, spaces_beyond
+from ..bounded.spaces import column_space, same_space, spaces_beyond
 from ..result import Result
 
 FOLDS = 8
@@ -547,7 +547,7 @@ class Evidence:
 
     def estimate(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Steps and coefficients (P + k,) of least squares."""
-        return least_squares(self.matrix(places), self.residual, DETERMINED)
+        return estimated(self.matrix(places), self.residual)
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The Chebyshev fit of the model and some effects of possible sizes."""
@@ -556,7 +556,7 @@ class Evidence:
         ends = self.limits_of(places)
         low, high = np.concatenate([-free, ends[0]]), np.concatenate([free, ends[1]])
         at = np.concatenate([self.point, np.zeros(matrix.shape[1] - count)])
-        squares = least_squares(matrix, self.residual, DETERMINED)
+        squares = estimated(matrix, self.residual)
         # Of many rows few matter: those that least squares fit worst, and what a fit to them violates.
         taken = np.argsort(-np.abs(self.residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
         step, radius = at, float(np.abs(self.residual).max(initial=0.0))
@@ -729,6 +729,16 @@ class Evidence:
         for out, gram, product in zip(outs, grams.sum(axis=0) - grams, products.sum(axis=0) - products, strict=True):
             left[out] = self.residual[out] - matrix[out] @ np.linalg.lstsq(gram, product, rcond=RANK)[0]
         return left
+
+
+def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
+    """Least squares of rows in units of their bounds.
+
+    Directions that nothing determines stay where they are.
+    """
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
 
 
 def blocks_of(places: Sequence[EffectPlace]) -> tuple[slice, ...]:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ...fmus import build
 from ...models.effects import CATALOGUE, EffectPlace
-from ..bounded.spaces import least_squares
-from .evidence import DETERMINED, Evidence, Gain
+from .evidence import Evidence, Gain, estimated
 
 NAMED_FOR = {"GyroCompensation": "GyroBlock"}
 """The component whose effects another one takes out."""
@@ -85,7 +84,7 @@ def gain_by_folds(
             errors = [np.full(evidence.parts[k].error.shape, np.nan) for k in evidence.scored]
             for fold in range(folds.count):
                 used = folds.of_row != fold
-                solution = least_squares(matrix[used], evidence.residual[used], DETERMINED)
+                solution = estimated(matrix[used], evidence.residual[used])
                 held = [np.flatnonzero(folds.of_piece[k] == fold) for k in evidence.scored]
                 for error, at, mine in zip(errors, held, simulate(solution, held), strict=True):
                     error[at] = mine
