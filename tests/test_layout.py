@@ -13,7 +13,9 @@ ROOT = Path(__file__).resolve().parents[1]
 def names() -> list[str]:
     """Import names of all modules of the product."""
     found = pkgutil.walk_packages([str(ROOT)], "trihedron.")
-    return [module.name for module in found if module.name.split(".")[1] in ("models", "fmus", "tools", "scenarios")]
+    parts = [module.name.split(".") for module in found]
+    # What is run is not imported.
+    return [".".join(p) for p in parts if p[1] in ("models", "fmus", "tools", "scenarios") and p[-1] != "__main__"]
 
 
 def loaded_twice() -> list[str]:
