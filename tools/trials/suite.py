@@ -338,37 +338,47 @@ def _size_errors(outcomes: Sequence[Outcome]) -> dict[str, int | float | None]:
 
 def cases_csv(suite: Suite) -> str:
     """One row for each case."""
+    rows = [_bench_row(o) if isinstance(o, BenchOutcome) else _block_row(o) for o in suite.results]
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    if isinstance(suite, BenchSuite):
-        header = ("case", "positions", "mountings", "baseline", "noise", "hidden", "size_over_detection")
-        header += ("exclusion_over_detection", "radius", "verdict", "outcome", "named", "inside", "error")
-        rows = [_bench_row(outcome) for outcome in suite.results]
-    else:
-        header = ("case", "reference", "rows", "hidden", "size_over_detection")
-        header += ("radius", "verdict", "outcome", "named", "inside")
-        rows = [_block_row(outcome) for outcome in suite.results]
-    writer.writerow(header)
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
     writer.writerows(rows)
     return stream.getvalue()
 
 
-def _bench_row(o: BenchOutcome) -> list[object]:
+def _bench_row(o: BenchOutcome) -> dict[str, object]:
     first = o.hidden[0] if o.hidden else None
     above = ""
     if first is not None:
         detected, excluded = (math.inf if x is None else x for x in (first.surely_detected, first.rivals_excluded))
         above = f"{excluded / detected:.4g}"
-    size = "" if first is None else f"{first.relative_size:.4g}"
-    before = [o.case, o.positions, " ".join(o.mountings), o.baseline, o.noise, o.titles(named=False), size, above]
-    return [*before, f"{o.radius:.6g}", *_judgement(o), " ".join(f"{error:.4g}" for error in o.errors)]
+    return {
+        "case": o.case,
+        "positions": o.positions,
+        "mountings": " ".join(o.mountings),
+        "baseline": o.baseline,
+        "noise": o.noise,
+        "hidden": o.titles(named=False),
+        "size_over_detection": "" if first is None else f"{first.relative_size:.4g}",
+        "exclusion_over_detection": above,
+        "radius": f"{o.radius:.6g}",
+        **_judgement(o),
+        "error": " ".join(f"{error:.4g}" for error in o.errors),
+    }
 
 
-def _block_row(o: BlockOutcome) -> list[object]:
-    radius = "" if o.radius is None else f"{o.radius:.6g}"
-    size = f"{o.size:.4g}" if o.places else ""
-    return [o.case, o.reference, o.rows, o.titles(named=False), size, radius, *_judgement(o)]
+def _block_row(o: BlockOutcome) -> dict[str, object]:
+    return {
+        "case": o.case,
+        "reference": o.reference,
+        "rows": o.rows,
+        "hidden": o.titles(named=False),
+        "size_over_detection": f"{o.size:.4g}" if o.places else "",
+        "radius": "" if o.radius is None else f"{o.radius:.6g}",
+        **_judgement(o),
+    }
 
 
-def _judgement(o: Outcome) -> list[object]:
-    return [o.verdict, o.outcome, o.titles(named=True), "" if o.inside is None else int(o.inside)]
+def _judgement(o: Outcome) -> dict[str, object]:
+    inside = "" if o.inside is None else int(o.inside)
+    return {"verdict": o.verdict, "outcome": o.outcome, "named": o.titles(named=True), "inside": inside}

@@ -263,24 +263,18 @@ def test_failing_runs_are_recorded_with_their_message(tmp_path, workers, monkeyp
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("engine", "jobs", "scheduler", "message"),
     [
-        (["--jobs", "0"], "--jobs 0"),
-        (["--scheduler", "tcp://nowhere:1"], "--scheduler: goes with --engine dask"),
-        (["--engine", "dask", "--scheduler", "tcp://127.0.0.1:9", "--jobs", "2"], "one of the two"),
+        ("local", 0, None, "--jobs 0"),
+        ("local", None, "tcp://nowhere:1", "--scheduler: goes with --engine dask"),
+        ("dask", 2, "tcp://127.0.0.1:9", "one of the two"),
+        ("dsk", 1, None, "engine 'dsk' is not known; did you mean 'dask'"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(tmp_path, words, message, capsys):
-    path = written(tmp_path, CALIBRATION)
-    assert cli.main(["campaign", str(path), "--out", str(tmp_path / "out"), *words]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-
-
-def test_an_unknown_engine_is_refused():
-    with pytest.raises(InputError, match=r"engine 'dsk' is not known; did you mean 'dask'\?"), started("dsk", 1):
+def test_workers_that_there_cannot_be_are_refused(engine, jobs, scheduler, message):
+    with pytest.raises(InputError) as caught, started(engine, jobs, scheduler):
         pass
+    assert message in str(caught.value)
 
 
 def dies_of_three(number: int) -> int:

@@ -10,7 +10,7 @@ from scipy import stats
 
 from campaign_runs import CALIBRATION
 from trihedron.tools.campaign.design import Design, short_seed
-from trihedron.tools.campaign.file import Axis, Campaign, parse_campaign, read_campaign
+from trihedron.tools.campaign.file import Axis, Campaign, parse_campaign
 from trihedron.tools.campaign.runs import columns_of, make_runner
 from trihedron.tools.errors import InputError
 
@@ -89,11 +89,6 @@ def test_what_a_kind_of_run_cannot_do_is_refused_in_one_line(text, message):
     with pytest.raises(InputError) as caught:
         columns_of(campaign, make_runner(campaign))
     assert message in str(caught.value)
-
-
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
-        read_campaign(tmp_path / "no.toml")
 
 
 @pytest.mark.parametrize(
