@@ -19,6 +19,7 @@ from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.outlier import place_of
 from ...models.restricted import CONTEXT_SIZE, INPUT
 from ..bounded.programmes import chebyshev_radius
+from ..bounded.sets import sharpened
 from ..bounded.spaces import spread_directions
 from ..calibration.model import Linearisation
 from ..evidence.bench_effects import Circumstances, Visits, added_bound, signature_columns
@@ -199,11 +200,7 @@ def is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) 
         left = weighted - basis @ (basis.T @ weighted)
         if left @ left >= least**2:
             return True
-        weights = weights * np.abs(left / root)
-        total = weights.sum()
-        if not total > 0.0:
-            return False
-        weights = 0.99 * weights / total + 0.01 / len(weights)
+        weights = sharpened(weights, left / root)
     return False
 
 

@@ -517,12 +517,6 @@ class Evidence:
         """The evidence of one scored part, with what is known beside it."""
         return self.of_parts([i for i, other in enumerate(self.parts) if i == k or not other.scored])
 
-    def with_places(self, kept: Sequence[EffectPlace]) -> Self:
-        """The evidence with some of the effects."""
-        numbers = self.numbers_of(kept)
-        parts = tuple(replace(part, columns=part.columns[..., numbers]) for part in self.parts)
-        return replace(self, parts=parts, places=tuple(kept))
-
     def with_errors(self, errors: Sequence[NDArray]) -> Self:
         """The evidence with other errors (S, d) of each part."""
         return self._replaced("error", errors)
@@ -699,10 +693,6 @@ class Evidence:
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """Keys of the result that say what to measure so that sets can be told apart."""
         raise NotImplementedError
-
-    def left_by(self, fit: Fit) -> NDArray[np.float64]:
-        """Errors over their bounds (M,) that a fit leaves."""
-        return fit.left
 
     def folds(self, count: int = FOLDS) -> Folds:
         """Blocks in time, each with as many pieces of the shortest scored kind as the others."""
