@@ -7,9 +7,17 @@ import tempfile
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from ..fmus.native.compile import PLATFORMS, cache_folder, compiles, has_prebuilt, host_compiler, host_name, zig_version
+from .calibration import calibrate
+from .document.pdf import converter
+from .orchestrator.load import usual_flavour
+from .orchestrator.run import simulate_table
+from .orchestrator.scenario import read_scenario
 from .shown import Shown
+from .templates import new
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -17,7 +25,7 @@ if TYPE_CHECKING:
 SCHEMA = "trihedron.doctor/1"
 CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
-    *("matplotlib", "numba", "llvmlite"),
+    *("matplotlib", "numba", "llvmlite", "joblib"),
 )
 EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed")}
 """What each extra of the package installs."""
@@ -107,8 +115,6 @@ def _package(name: str) -> str | None:
 
 
 def _platforms() -> list[Finding]:
-    from ..fmus.native.compile import PLATFORMS, compiles, has_prebuilt, host_compiler, host_name, zig_version
-
     compiler, zig = host_compiler(), zig_version()
     said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
     findings = [Finding("C compiler", said if zig is None else f"{said}; zig {zig}", True if compiler or zig else None)]
@@ -125,8 +131,6 @@ def _platforms() -> list[Finding]:
 
 
 def _cache() -> Finding:
-    from ..fmus.native.compile import cache_folder
-
     folder = cache_folder()
     at = folder
     while not at.exists() and at != at.parent:
@@ -140,8 +144,6 @@ def _cache() -> Finding:
 
 
 def _printing() -> Finding:
-    from .document.pdf import converter
-
     program = converter()
     return Finding(
         "reports as PDF", program or "no Chromium, Chrome or Edge; reports are HTML", True if program else None
@@ -150,14 +152,6 @@ def _printing() -> Finding:
 
 def _run() -> Finding:
     """A run of the whole chain, on a template's scenario."""
-    from time import perf_counter
-
-    from .calibration import calibrate
-    from .orchestrator.load import usual_flavour
-    from .orchestrator.run import simulate_table
-    from .orchestrator.scenario import read_scenario
-    from .templates import new
-
     subject = "a run"
     try:
         with tempfile.TemporaryDirectory(prefix="trihedron-doctor-", ignore_cleanup_errors=True) as folder:

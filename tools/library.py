@@ -278,12 +278,11 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
+    from . import records
     from .calibration import calibrate as solve
-    from .records import PositionRecord
-    from .records import read_record as read
 
     return solve(
-        read(record, PositionRecord),
+        records.read_record(record, records.PositionRecord),
         noise_bound=noise_bound,
         gravity=gravity,
         convention=convention,
@@ -339,12 +338,11 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
+    from . import records
     from .diagnosis import diagnose as judge
-    from .records import PositionRecord, StrapdownRecord
-    from .records import read_record as read
 
-    run = read(record, PositionRecord, StrapdownRecord)
-    if isinstance(run, StrapdownRecord):
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord)
+    if isinstance(run, records.StrapdownRecord):
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
         return judge(run, gravity=gravity, baseline=baseline, rates=rates, progress=progress)
@@ -376,13 +374,12 @@ def inspect(record: "Source", *, gravity: float = 9.80665) -> "Inspection":
     InputError
         for a record of a table, or gravity that is none
     """
+    from . import records
     from .motion.inspect import inspect_record
-    from .records import StrapdownRecord
-    from .records import read_record as read
 
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
-    return inspect_record(read(record, StrapdownRecord), gravity=gravity)
+    return inspect_record(records.read_record(record, records.StrapdownRecord), gravity=gravity)
 
 
 def attitude_of_record(
@@ -419,12 +416,11 @@ def attitude_of_record(
     InputError
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
+    from . import records
     from .motion.attitude import attitude_of_record as run
-    from .records import StrapdownRecord
-    from .records import read_record as read
 
     return run(
-        read(record, StrapdownRecord),
+        records.read_record(record, records.StrapdownRecord),
         algorithm=algorithm,
         rates=rates,
         rate_divisor=rate_divisor,
@@ -541,9 +537,9 @@ def read_record(record: "Source", *wanted: type) -> Any:
     InputError
         whatever is wrong with the file, in one line that names row and column
     """
-    from .records import read_record as read
+    from . import records
 
-    return read(record, *wanted)
+    return records.read_record(record, *wanted)
 
 
 def check(file: str | Path) -> "Check":

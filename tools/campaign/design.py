@@ -23,6 +23,7 @@ from scipy.stats import qmc
 
 from ... import fmus, models
 from ..errors import InputError
+from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign, read_campaign
 
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
@@ -118,8 +119,6 @@ def _inputs(campaign: Campaign) -> list[str]:
 
 
 def _inputs_of_scenario(file: Path) -> Iterable[str]:
-    from ..orchestrator.scenario import read_scenario
-
     if file.suffix.lower() != ".toml":
         raise InputError(f"{file}: simulation.scenario must be a scenario file (TOML)")
     scenario = read_scenario(file)

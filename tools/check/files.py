@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError
 from ...fmus.parameters import target_estimates
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
+from ..calibration.mountings import checked_mounting
 from ..campaign.file import Campaign, campaign_problems
 from ..diagnosis import Diagnosis
 from ..errors import InputError, nearest, nearest_file
@@ -143,8 +144,6 @@ def _check_campaign(path: Path, text: str, data: dict[str, Any]) -> Check:
 
 
 def _check_mountings(path: Path, text: str, data: dict[str, Any]) -> Check:
-    from ..calibration.mountings import checked_mounting
-
     findings = Findings(toml_lines(text))
     for name, table in data.items():
         for key in table:

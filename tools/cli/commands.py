@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from .. import library
 from ..errors import one_line
-from ..files import ordinary_folder
+from ..files import ordinary_folder, write_text
 from .answer import STANDARD_OUTPUT, Answer, answer
 from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
 
@@ -96,9 +96,9 @@ def calibrate(
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
     """
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
-    from ..records import PositionRecord, read_record
+    from .. import records
 
-    run = read_record(record, PositionRecord)
+    run = records.read_record(record, records.PositionRecord)
     result = library.calibrate(run, **options)
     said = answer(result, json)
     if report is not None:
@@ -133,13 +133,13 @@ def apply(
         For the error of the azimuth.
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
-    from ..records import write_record
+    from .. import records
     from ..reports.calibration import application_summary
 
     result = library.apply(calibration, record, noise_bound=noise_bound)
     text = application_summary(result, latitude_deg)
     if out is not None:
-        write_record(result.record, out)
+        records.write_record(result.record, out)
     return answer(text, json, result.to_json())
 
 
@@ -161,9 +161,9 @@ def diagnose(
         Write the extended FMUs into this folder.
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
-    from ..records import PositionRecord, StrapdownRecord, read_record
+    from .. import records
 
-    run = read_record(record, PositionRecord, StrapdownRecord)
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord)
     result = library.diagnose(run, **options, progress=True)
     if report is not None:
         from ..reports import write_report
@@ -189,7 +189,6 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
     distinct_files({"the record": record, "--json": json, "--allan": allan})
     found = library.inspect(record, **options)
     if allan is not None:
-        from ..files import write_text
         from ..reports.pictures.time import allan_picture
 
         write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))
@@ -214,11 +213,10 @@ def attitude(
         Run every algorithm and show them side by side.
     """
     distinct_files({"the record": record, "--json": json})
-    from ..files import write_text
+    from .. import records
     from ..motion.compare import compare_algorithms
-    from ..records import StrapdownRecord, read_record
 
-    measured = read_record(record, StrapdownRecord)
+    measured = records.read_record(record, records.StrapdownRecord)
     if compare:
         options.pop("algorithm", None)
         compared = compare_algorithms(measured, **options, progress=True)

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from .. import library
 from ..errors import InputError
+from ..files import write_text
 from .answer import Answer, answer
 from .options import File, Folder, JsonFile, ReportFile, distinct_files, takes
 
@@ -125,7 +126,6 @@ def plan(
     plans = library.plan(*targets, grid=step, **options, progress=True)
     if report is not None or picture is not None:
         from ..document.page import write_page
-        from ..files import write_text
         from ..reports.plan import plan_page, plan_picture
 
         if report is not None:

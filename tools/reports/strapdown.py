@@ -11,6 +11,7 @@ from ..diagnosis.result import Cause, Diagnosis, OrderOfEffects
 from ..diagnosis.search import compared_places, is_stable, likeness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.numbers import Bar, Cell, Written, bars, minus, outwards, significant, to_bound, unit_text
+from ..files import write_text
 from .evidence import ALIKE, CONFUSION, MOST_BARS, MOST_RANKED, how_many_mend, shares, unrepeated
 from .excluded import carried_excluded_sections
 from .model import carried_model_section, effect_lines, own_words
@@ -182,8 +183,6 @@ def pictures(result: Diagnosis) -> dict[str, str]:
 
 def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
     """Write the pictures as <stem>-<name>.svg into a folder."""
-    from ..files import write_text
-
     written = []
     for name, svg in pictures(result).items():
         written.append(folder / f"{stem}-{name}.svg")

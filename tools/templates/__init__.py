@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 from importlib import resources
+from math import degrees
 from pathlib import Path
 from typing import Literal, get_args
 
+from numpy import arange
+
 from ..errors import InputError, nearest
 from ..files import write_text
+from ..planning.order import apart
+from ..planning.positions import stored_counts, stored_positions
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]
@@ -84,13 +89,6 @@ def _text(kind: str, name: str, positions: int) -> str:
 
 
 def _angles(positions: int) -> list[tuple[float, float]]:
-    from math import degrees
-
-    from numpy import arange
-
-    from ..planning.order import apart
-    from ..planning.positions import stored_counts, stored_positions
-
     places = stored_positions(positions)
     if places is None:
         counts = stored_counts()
