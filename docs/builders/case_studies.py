@@ -69,6 +69,7 @@ def broad_page(result: Diagnosis, pictures: str) -> str:
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
     raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
     quoted = result.gain.to_json() if result.gain is not None else {}
+    alone = figure(result.baseline.radius or math.nan)
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
     fall = f"{' to '.join(figure(end) for end in ends)} arcmin rms"
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
@@ -93,8 +94,8 @@ from {fall}.
 
 Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
 its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
-rest taken out, leaves a largest error of at least {figure(result.baseline.radius or math.nan)} bounds; with {named} it
-is {figure(result.extended.radius if result.extended else math.nan)}. The bounds: {result.noise_bound_from}.
+rest taken out, leaves a largest error of at least {alone} bounds; with {named} it is
+{figure(result.extended.radius if result.extended else math.nan)}. The bounds: {result.noise_bound_from}.
 
 Each length by itself:
 
