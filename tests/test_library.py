@@ -102,12 +102,12 @@ def test_results_show_themselves(run, hidden, tmp_path):
     ]
     for result in results:
         assert isinstance(result, Shown | Result)
-        table = result.to_polars()
+        table = result.to_polars()  # type: ignore[attr-defined]
         assert isinstance(table, pl.DataFrame)
         said = str(result)
         assert repr(result) == said
         assert said
-        page = result._repr_html_()
+        page = result._repr_html_() or ""
         assert page.count("<table>") == page.count("</table>") == 1
         assert all(f"<th>{name}</th>" in page for name in table.columns)
 
@@ -141,10 +141,10 @@ def test_commands_say_what_the_library_gives(run, tmp_path, monkeypatch, capsys)
         (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
         (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
         (lambda: th.export("AccelerometerBlock", flavour="rust"), "--flavour rust: must be python or native"),  # type: ignore[arg-type]
-        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "--fmi 1: must be 2 or 3"),
+        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "--fmi 1: must be 2 or 3"),  # type: ignore[arg-type]
         (lambda: th.hide(1, baseline="symmetrc"), "must be asymmetric or symmetric"),  # type: ignore[arg-type]
         (lambda: th.diagnose(th.hide(1).record, noise_bound=1e-5, rates="averaged"), "has no rates"),
-        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "must be two numbers"),
+        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "must be two numbers"),  # type: ignore[arg-type]
         (lambda: th.new("scenari"), "did you mean 'scenario'?"),
         (lambda: th.simulate({"run": {"step_s": 1.0}}), "fmus: is missing"),
         (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),

@@ -124,7 +124,7 @@ def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used(
     assert found.verdict == "insufficient"
     text = unescape(html_of(strapdown_page, found))
     assert "One rest of" in text
-    assert all(thing in text for thing in found.missing)
+    assert all(str(thing) in text for thing in found.missing or ())
     assert "Lawson" not in text
     assert "Groves" not in text
 

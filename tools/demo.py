@@ -102,7 +102,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
         f"record was {'named' if named else 'not named'}."
     )
     sections = [
-        run_section(pl.read_parquet(files[0]), calibration.gravity, files),
+        run_section(pl.read_parquet(files[0]), calibration.gravity, list(files)),
         calibration_section(calibration, truth, [out / "calibration.json"]),
         Section(
             "A measured record with a hidden effect",

@@ -139,16 +139,17 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
             name,
             r.verdict,
             len(r.evidence.found.rests),
-            r.lengths[0].pieces,
-            figure(r.lengths[0].rms_arcmin),
+            length.pieces,
+            figure(length.rms_arcmin),
             figure(r.noise_bound_arcmin or math.nan),
             figure(r.baseline.radius or math.nan),
         ]
         for name, r in zip(names, results, strict=True)
+        for length in (r.lengths or ())[:1]
     ]
     block = []
-    for number, parameter in enumerate(results[0].baseline.parameters):
-        values = [r.baseline.parameters[number] for r in results]
+    for number, parameter in enumerate(results[0].baseline.parameters or ()):
+        values = [(r.baseline.parameters or ())[number] for r in results]
         cells = [
             f"{p.estimate:+.4f} ({p.low:+.4f} to {p.high:+.4f})" if p.low is not None and p.high is not None else "–"
             for p in values

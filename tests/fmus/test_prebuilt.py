@@ -3,6 +3,7 @@
 import json
 import zipfile
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -32,7 +33,7 @@ def wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_an_export_without_a_compiler_gives_the_fmu_that_came_along(fmi: int, wheel: Path, tmp_path: Path):
+def test_an_export_without_a_compiler_gives_the_fmu_that_came_along(fmi: Literal[2, 3], wheel: Path, tmp_path: Path):
     done = th.export(NAME, out=tmp_path / "out", flavour="native", fmi=fmi)
     assert done.files[0].read_bytes() == (wheel / f"fmi{fmi}" / f"{NAME}.fmu").read_bytes()
 

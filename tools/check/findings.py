@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
@@ -35,7 +35,8 @@ class Problem(Result):
     text: str
 
     def __init__(self, text: str, line: int | None = None) -> None:
-        super().__init__(text=text, line=line)
+        fields: dict[str, Any] = {"text": text, "line": line}
+        super().__init__(**fields)
 
 
 class Check(Result):
@@ -55,7 +56,7 @@ class Check(Result):
         what may be meant otherwise; what is in it, where nothing is wrong
     """
 
-    schema_: Literal["trihedron.check/1"] = Field("trihedron.check/1", alias="schema")
+    schema_: Literal["trihedron.check/1"] = Field(default="trihedron.check/1", alias="schema")
     file: str
     kind: str
     good: bool
@@ -90,15 +91,8 @@ def found_in(
 ) -> Check:
     """What was found in a file."""
     listed = tuple(problems)
-    return Check(
-        file=str(path),
-        kind=kind,
-        good=not listed,
-        problems=listed,
-        not_listed=more,
-        warnings=tuple(warnings),
-        summary=tuple(summary),
-    )
+    content = {"file": str(path), "kind": kind, "good": not listed, "problems": listed, "not_listed": more}
+    return Check(**content, warnings=tuple(warnings), summary=tuple(summary))
 
 
 class Findings:

@@ -460,6 +460,11 @@ class Diagnosis(Told):
         return self
 
     @property
+    def witness(self) -> Witness | None:
+        """What was left out says of the effects of the first set together, where that is judged so."""
+        return self.judgement if isinstance(self.judgement, Witness) else None
+
+    @property
     def equal_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
         """`equivalent_sets` as places."""
         return tuple(tuple(named.place for named in places) for places in self.equivalent_sets or ())

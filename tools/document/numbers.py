@@ -123,6 +123,11 @@ def unit_text(unit: str) -> str:
     return unit_of(unit).replace("2", "²").replace("3", "³")
 
 
+def half_width(low: float | None, high: float | None) -> float | None:
+    """Half of an interval; None where an end is not known."""
+    return None if low is None or high is None else 0.5 * (high - low)
+
+
 def to_bound(value: float | None, bound: float | None) -> Written | None:
     """An estimate to the place of the second digit of its bound; None stays None."""
     if value is None or not math.isfinite(value):

@@ -41,7 +41,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord) -> Page:
     """The page as HTML: verdict, record, model, residuals, targets, evidence, what is excluded, what next."""
     named = result.causes if result.verdict == "explained" else ()
     seeds = {}
-    if result.judgement is not None and result.judgement.shuffles:
+    if result.witness is not None and result.witness.shuffles:
         seeds["seed of the shuffles"] = len(record)
     sections = [
         measured_section(record, result.evidence.calibration),
@@ -228,19 +228,19 @@ MOST_SETS = 6
 def judgement_lines(result: Diagnosis) -> list[str]:
     """What readings that were left out say, and a mounting that would help."""
     lines = []
-    if result.judgement is not None:
-        for name, part in (("positions", result.judgement.folds), ("parts in time", result.judgement.blocks)):
+    if result.witness is not None:
+        for name, part in (("positions", result.witness.folds), ("parts in time", result.witness.blocks)):
             if part is not None:
                 said = part.to_json()
                 lines.append(
                     f"left-out {name} ({said['scored']} readings): rms {said['rms_before']:.2e} -> "
                     f"{said['rms_after']:.2e} g, max {said['max_before']:.2e} -> {said['max_after']:.2e} g"
                 )
-        if result.judgement.shuffles:
-            shuffles = result.judgement.shuffles
-            shuffles = result.judgement.shuffles
+        if result.witness.shuffles:
+            shuffles = result.witness.shuffles
+            shuffles = result.witness.shuffles
             lines.append(f"as good when shuffled: {shuffles.as_good} of {shuffles.tried}")
-        lines += [f"warning: {warning}" for warning in result.judgement.warnings]
+        lines += [f"warning: {warning}" for warning in result.witness.warnings]
     if result.second_mounting is not None:
         other = result.second_mounting
         lines.append(
@@ -294,8 +294,8 @@ def diagnosis_summary(result: Diagnosis) -> str:
         lines.append("warning: the search was cut off: more sets of effects would make the model consistent")
     for entry in (result.residual_structure or ())[:5]:
         lines.append(
-            f"residual of accelerometer {entry['accelerometer']}: {100 * entry['explained']:.0f} % of it is predicted "
-            f"by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
+            f"residual of accelerometer {entry.get('accelerometer')}: {100 * entry['explained']:.0f} % of it is "
+            f"predicted by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
         )
     lines += [f"measure next: {position_text(position)}" for position in result.next_positions or ()]
     lines += [f"warning: {warning}" for warning in nominal.warnings]

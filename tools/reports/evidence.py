@@ -15,7 +15,19 @@ from ..calibration.model import Linearisation
 from ..diagnosis import Diagnosis
 from ..diagnosis.search import compared_places, likeness
 from ..document.blocks import Download, Section, Table
-from ..document.numbers import Bar, Cell, Written, bars, minus, outwards, significant, symbol_text, to_bound, unit_text
+from ..document.numbers import (
+    Bar,
+    Cell,
+    Written,
+    bars,
+    half_width,
+    minus,
+    outwards,
+    significant,
+    symbol_text,
+    to_bound,
+    unit_text,
+)
 from ..document.theme import AXES, BAND, INK, WIDTH, drawing, say_empty, short, svg_text
 from ..evidence.bench_effects import is_linear
 from ..evidence.evidence import Fit
@@ -174,7 +186,7 @@ FIGURES = ("rms_before", "rms_after", "max_before", "max_after")
 
 def judgement_sections(result: Diagnosis) -> list[Section]:
     """Positions and times that were left out, and shuffles; a section, or none."""
-    judgement = result.judgement
+    judgement = result.witness
     if judgement is None:
         return []
     rows: list[list[Cell]] = [
@@ -203,11 +215,11 @@ def target_sections(result: Diagnosis) -> list[Section]:
         return []
     known = {row.symbol: row for row in result.evidence.calibration.parameters}
     sigma = result.evidence.calibration.noise_bound
-    halves = [None if None in (t["low"], t["high"]) else 0.5 * (t["high"] - t["low"]) for t in result.targets]
+    halves = [half_width(t["low"], t["high"]) for t in result.targets]
     drawn, reach = bars(
         [
-            Bar(None, *((None, None) if half is None else ((t[end] - t["after"]) / sigma for end in ("low", "high"))))
-            for t, half in zip(result.targets, halves, strict=True)
+            Bar(None, *(None if end is None else (end - t["after"]) / sigma for end in (t["low"], t["high"])))
+            for t in result.targets
         ]
     )
     rows: list[list[Cell]] = []
@@ -247,7 +259,7 @@ def structure_sections(result: Diagnosis) -> list[Section]:
     ]
 
 
-def shares(entries: Sequence[dict[str, Any]], of: str = "accelerometer") -> str:
+def shares(entries: Sequence[Mapping[str, Any]], of: str = "accelerometer") -> str:
     """Bars of what each quantity predicts of the residual, before what is predictable at all (SVG).
 
     `of` names the entry that has the number of the accelerometer, or of the axis.

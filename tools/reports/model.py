@@ -13,7 +13,7 @@ from ..calibration.correction import Correction
 from ..diagnosis.result import Cause, Diagnosis
 from ..document.blocks import Section
 from ..document.equations import effect_formula, math, signed
-from ..document.numbers import to_bound
+from ..document.numbers import half_width, to_bound
 from ..motion.norm import COLUMNS, ROWS
 from .words import parameters_of
 
@@ -71,9 +71,7 @@ def extended_values(result: Diagnosis) -> dict[str, Value]:
     values = calibrated_values(result.evidence.calibration)
     for target in result.targets or ():
         if target["symbol"] in values:
-            ends = target["low"], target["high"]
-            half = None if None in ends else 0.5 * (ends[1] - ends[0])
-            values[target["symbol"]] = target["after"], half
+            values[target["symbol"]] = target["after"], half_width(target["low"], target["high"])
     return values
 
 

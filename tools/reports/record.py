@@ -175,9 +175,9 @@ def diagnosis_sources(result: Diagnosis, *, compared: bool) -> list[str]:
     used = []
     if result.tried:
         used.append("lawson")
-    if result.judgement is not None and result.judgement.shuffles:
+    if result.witness is not None and result.witness.shuffles:
         used.append("shuffles")
-    if result.judgement is not None and (result.judgement.folds or result.judgement.blocks):
+    if result.witness is not None and (result.witness.folds or result.witness.blocks):
         used.append("left-out")
     if result.gain is not None:
         used.append("fmi")
@@ -200,7 +200,7 @@ def strapdown_sources(result: Diagnosis) -> list[str]:
         used += ["chebyshev", "lawson"]
     if len(result.tried) > 1:
         used.append("angles")
-    if result.judgement:
+    if result.witness:
         used += ["shuffles", "left-out"]
     return [SOURCES[name] for name in used]
 

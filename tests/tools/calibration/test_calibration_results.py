@@ -82,7 +82,7 @@ def test_three_mountings_have_their_own_mounting_errors_and_share_the_rest():
         )
         assert few.verdict == "insufficient"
         assert all(gap.symbol.endswith("@c") for gap in few.missing)
-        assert {p["mounting"] for p in few.next_positions} == {"c"}
+        assert {p.get("mounting") for p in few.next_positions} == {"c"}
 
 
 def test_other_mountings_are_calibrated_as_well():

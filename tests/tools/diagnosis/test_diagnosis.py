@@ -78,7 +78,7 @@ def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
     # What no measurement on this bench could tell from it may stand for it, with parameters of its own.
     answers = [cause for place, cause in named.items() if case.place in (place, *cause.alike)]
     assert len(answers) == 1
-    ends = answers[0].intervals if answers[0].place == case.place else ()
+    ends = answers[0].intervals if answers[0].place == case.place else []
     for value, (low, high) in zip(case.values, ends, strict=bool(ends)):
         turn = (
             2 * math.pi if (value - low) > 2 * math.pi - 1 else -2 * math.pi if (high - value) > 2 * math.pi - 1 else 0
@@ -173,7 +173,7 @@ def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
     assert {place, EffectPlace("encoder-harmonic", "outer-axis", 6)} <= places
     assert result.to_json()["alternatives"]
     # Measured where it is proposed, the right one remains.
-    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in result.next_positions])
+    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in result.next_positions or ()])
     more = dataclasses.replace(case, alpha=np.append(alpha, proposed[:, 0]), beta=np.append(beta, proposed[:, 1]))
     settled = diagnose(measure(more, 6), noise_bound=NOISE_BOUND)
     assert place in result_places(settled)

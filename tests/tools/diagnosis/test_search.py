@@ -12,6 +12,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.outlier import place_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
@@ -103,7 +104,9 @@ def test_effects_are_named_together_though_every_error_is_at_its_bound(effects, 
     result = diagnosed(case, measure_bench(case))
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
+    assert result.extended is not None
     assert result.extended.radius <= 1.0 + 1e-5
+    assert isinstance(result.judgement, Witness)
     assert result.judgement.folds is not None
 
 

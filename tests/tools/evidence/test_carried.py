@@ -48,15 +48,18 @@ def test_a_clean_block_is_consistent_and_its_parameters_are_within_their_interva
     gamma = np.array([[0.004, 0.0, 0.0], [0.002, -0.003, 0.0], [0.001, 0.005, 0.002]])
     found = diagnose(strapdown_record(gamma=gamma, bias_g=np.array([0.01, -0.02, 0.03])), rerun=False)
     assert (found.verdict, found.causes) == ("consistent", ())
+    assert found.baseline.radius is not None
     assert found.baseline.radius < 1.0
-    ends = {p.name: (p.low, p.high) for p in found.baseline.parameters}
+    ends = {p.name: (p.low, p.high) for p in found.baseline.parameters or ()}
     for name, truth in {"gamma_11": 0.004, "gamma_32": 0.005, "bias_3": 0.03}.items():
         low, high = ends[f"accelerometer {name}"]
+        assert low is not None
+        assert high is not None
         assert low <= truth <= high
-    assert {entry["effect"] for entry in found.excluded} >= {"gyro-g-sensitivity", "gyro-bias-drift"}
+    assert {entry["effect"] for entry in found.excluded or ()} >= {"gyro-g-sensitivity", "gyro-bias-drift"}
     # The lag of gyros turns nothing from rest to rest; a block without jitter has none.
-    assert {"jitter", "gyro-quantisation", "lever-arm"} <= {place.effect for place in found.cannot_be_seen}
-    assert all(entry["above"] > 0.05 for entry in found.excluded if entry["effect"] == "latency")
+    assert {"jitter", "gyro-quantisation", "lever-arm"} <= {place.effect for place in found.cannot_be_seen or ()}
+    assert all(entry["above"] > 0.05 for entry in found.excluded or () if entry["effect"] == "latency")
     assert any("no effect is named" in line for line in said(found))
 
 
@@ -127,6 +130,7 @@ def test_signatures_are_what_the_exported_components_do(reference):
             change = np.einsum("skp,sp->sk", made.reference.across(0, up), change)
         else:
             # What an effect adds to the mean at rest is taken out with it: its columns hold both.
+            assert made.at_rest is not None
             expected = expected + part.columns[..., made.numbers_of([BIAS])] @ (made.at_rest[:, own] @ coefficients)
         assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
 
@@ -184,7 +188,8 @@ def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
     found = diagnose(measure_block(case))
     assert found.verdict == "explained"
     assert [cause.place for cause in found.causes] == [LATENCY]
-    for gain in (found.gain, *found.gain.others):
+    assert found.gain is not None
+    for gain in (found.gain, *(found.gain.others or ())):
         assert np.isfinite(gain.before).all()
         assert np.isfinite(gain.after).all()
     assert found.gain.improves
@@ -205,4 +210,4 @@ def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
     record = clean(index)
     found = diagnose(replace(record, specific_force=np.roll(record.specific_force, 200, axis=0)), rerun=False)
     assert found.verdict == "unexplained"
-    assert any("would be" in text and "check units" in text for text in found.not_named)
+    assert any("would be" in text and "check units" in text for text in found.not_named or ())
