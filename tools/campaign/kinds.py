@@ -3,9 +3,10 @@
 import io
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import resources
-from typing import Any, cast
+from typing import Any, Literal, Protocol, cast
 
 import numba
 import numpy as np
@@ -37,7 +38,58 @@ from ..trials.outcome import diagnosed, judged
 from ..trials.suite import named_suite
 from .design import Value, short_seed
 from .file import AttitudeSetting, CalibrationSetting, Campaign, HiddenSetting, Reduction, SimulationSetting
-from .runs import Given, Output
+
+Better = Literal["lower", "higher"]
+
+
+@dataclass(frozen=True)
+class Output:
+    """A scalar that a run gives.
+
+    Attributes
+    ----------
+    dtype : polars data type
+        Float64, Int64, String or Boolean
+    better : "lower", "higher" or None
+        which way is better, where one is: of numbers and of flags
+    good : tuple of str
+        of a text: the values that are as they should be
+    """
+
+    dtype: type[pl.DataType]
+    better: Better | None = None
+    good: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a run gave.
+
+    Attributes
+    ----------
+    scalars : mapping
+        name -> value, for every output of the kind
+    record : DataFrame or None
+        where one was asked for
+    diagnosis : str or None
+        JSON, where one was asked for
+    """
+
+    scalars: Mapping[str, Value | int | None]
+    record: pl.DataFrame | None = None
+    diagnosis: str | None = None
+
+
+class Runner(Protocol):
+    """Runs of one kind, prepared once in each process."""
+
+    @property
+    def outputs(self) -> Mapping[str, Output]:
+        """Name -> what it is, of every scalar that a run gives."""
+
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+        """Make a run; whatever it raises, the run failed, and the message is recorded."""
+
 
 SETTINGS = ("noise_part", "noise_bound", "gravity", "baseline", "convention")
 """What can be swept beside the elementary parameters of the bench."""

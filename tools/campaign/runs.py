@@ -8,71 +8,19 @@ from functools import lru_cache
 from multiprocessing.util import Finalize
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal, Protocol
+from typing import Any
 
-import numpy as np
 import polars as pl
 
 from ..errors import InputError, nearest
-from .design import Design, Order, Value, code_hash
+from .design import Design, Order, code_hash
 from .file import Campaign
+from .kinds import AttitudeRuns, CalibrationRuns, HiddenRuns, Output, Runner, SimulationRuns
 
-Better = Literal["lower", "higher"]
 OWN_COLUMNS = ("run", "failed", "diagnosis")
 COMPRESSION_LEVEL = 3
 KILLED = "the run ended its worker process each time it was tried"
 """The message of a run that no process survives."""
-
-
-@dataclass(frozen=True)
-class Output:
-    """A scalar that a run gives.
-
-    Attributes
-    ----------
-    dtype : polars data type
-        Float64, Int64, String or Boolean
-    better : "lower", "higher" or None
-        which way is better, where one is: of numbers and of flags
-    good : tuple of str
-        of a text: the values that are as they should be
-    """
-
-    dtype: type[pl.DataType]
-    better: Better | None = None
-    good: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Given:
-    """What a run gave.
-
-    Attributes
-    ----------
-    scalars : mapping
-        name -> value, for every output of the kind
-    record : DataFrame or None
-        where one was asked for
-    diagnosis : str or None
-        JSON, where one was asked for
-    """
-
-    scalars: Mapping[str, Value | int | None]
-    record: pl.DataFrame | None = None
-    diagnosis: str | None = None
-
-
-class Runner(Protocol):
-    """Runs of one kind, prepared once in each process."""
-
-    @property
-    def outputs(self) -> Mapping[str, Output]:
-        """Name -> what it is, of every scalar that a run gives."""
-        ...
-
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
-        """Make a run; whatever it raises, the run failed, and the message is recorded."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -129,9 +77,6 @@ class Computed:
 
 def make_runner(campaign: Campaign) -> Runner:
     """The runner of a campaign; InputError where what the file asks for cannot be done."""
-    # What it needs is loaded only where runs are made.
-    from .kinds import AttitudeRuns, CalibrationRuns, HiddenRuns, SimulationRuns
-
     if campaign.calibration is not None:
         return CalibrationRuns(campaign, campaign.calibration)
     if campaign.attitude is not None:
