@@ -41,8 +41,8 @@ def test_importing_it_imports_nothing():
 
 
 def test_every_name_is_there_and_none_is_that_of_a_module():
-    """A function named as a module would be replaced by it as soon as anything imports the module."""
-    folder = Path(inspect.getfile(library)).parent
+    """A function named as a module of the root would be replaced by it as soon as anything imports the module."""
+    folder = Path(inspect.getfile(th)).parent
     modules = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()}
     assert set(th.__all__) == {*library.__all__, "__version__"}
     for name in library.__all__:
@@ -98,7 +98,6 @@ def test_results_show_themselves(run, hidden, tmp_path):
         th.export("AccelerometerBlock", out=tmp_path),
         th.apply(calibration, tmp_path / "r.csv"),
         th.check(tmp_path / "c.json"),
-        hidden,
     ]
     for result in results:
         assert isinstance(result, Shown | Result)

@@ -319,6 +319,6 @@ def test_where_nothing_is_determined_the_table_has_no_empty_columns(clean):
 
 
 def test_warnings_of_the_record_are_on_the_page(clean):
-    warned = replace(calibrate(clean, noise_bound=NOISE_BOUND), warnings=("row 7 <b>looks</b> odd",))
+    warned = calibrate(clean, noise_bound=NOISE_BOUND).model_copy(update={"warnings": ["row 7 <b>looks</b> odd"]})
     text = html_of(calibration_page, warned, clean)
     assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in text

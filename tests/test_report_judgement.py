@@ -1,7 +1,5 @@
 """What stands on the page of a diagnosis beside the cause, or in place of one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -78,8 +76,10 @@ def test_the_page_without_a_cause_says_what_the_residual_depends_on(unexplained,
 def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_not_to_remain(explained):
     (cause,) = explained.causes
     named = (cause.place.title, 0.5)
-    assert refused_words(replace(explained, tried=(named, ("cubic accelerometer-3", 1.2)))) == []
-    (said,) = refused_words(replace(explained, tried=(named, ("sag inner-axis", 0.9))))
+    assert refused_words(explained.model_copy(update={"tried": (named, ("cubic accelerometer-3", 1.2))})) == []
+    (said,) = refused_words(explained.model_copy(update={"tried": (named, ("sag inner-axis", 0.9))}))
     assert said.startswith("One of them is not among the sets that remain")
-    (said,) = refused_words(replace(explained, tried=(("sag inner-axis", 0.9), named, ("sag outer-axis", 1.0))))
+    (said,) = refused_words(
+        explained.model_copy(update={"tried": (("sag inner-axis", 0.9), named, ("sag outer-axis", 1.0))})
+    )
     assert said.startswith("2 of them are not")
