@@ -8,6 +8,8 @@ from pathlib import Path
 import trihedron
 
 ROOT = Path(__file__).resolve().parents[1]
+FACE = ROOT / "__init__.py"
+PARTS = ("models", "fmus", "tools", "scenarios")
 
 
 def names() -> list[str]:
@@ -15,7 +17,7 @@ def names() -> list[str]:
     found = pkgutil.walk_packages([str(ROOT)], "trihedron.")
     parts = [module.name.split(".") for module in found]
     # What is run is not imported.
-    return [".".join(p) for p in parts if p[1] in ("models", "fmus", "tools", "scenarios") and p[-1] != "__main__"]
+    return [".".join(p) for p in parts if p[1] in PARTS and p[-1] != "__main__"]
 
 
 def loaded_twice() -> list[str]:
@@ -24,7 +26,7 @@ def loaded_twice() -> list[str]:
     twice = []
     for name, module in sorted(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if file is None or ROOT not in Path(file).parents or Path(file).parent.name == "tests":
+        if file is None or (not any(ROOT / part in Path(file).parents for part in PARTS) and Path(file) != FACE):
             continue
         first = seen.setdefault(Path(file).resolve(), name)
         if first != name:

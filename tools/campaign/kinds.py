@@ -86,9 +86,11 @@ class Runner(Protocol):
     @property
     def outputs(self) -> Mapping[str, Output]:
         """Name -> what it is, of every scalar that a run gives."""
+        ...
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Make a run; whatever it raises, the run failed, and the message is recorded."""
+        ...
 
 
 SETTINGS = ("noise_part", "noise_bound", "gravity", "baseline", "convention")
