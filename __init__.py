@@ -6,6 +6,8 @@ see ``dir(th)``. Nothing is imported before it is used. Frames and symbols stand
 
 from typing import TYPE_CHECKING, Any
 
+from .tools import showing
+
 if TYPE_CHECKING:
     from .tools.library import (
         Check,
@@ -72,3 +74,14 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return [*__all__, *(name for name in globals() if name.startswith("__"))]
+
+
+def _shown(result: Any, medium: str) -> str:
+    """What a person sees of a result: text, or the page of a notebook."""
+    from .tools.document.text import notebook, text
+    from .tools.reports import document_of
+
+    return (text if medium == "text" else notebook)(document_of(result))
+
+
+showing.shown = _shown

@@ -10,7 +10,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import showing
 from .errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -592,14 +591,3 @@ def doctor() -> "Installation":
     from .installation import doctor as look
 
     return look()
-
-
-def _shown(result: Any, medium: str) -> str:
-    """What a person sees of a result: text, or the page of a notebook."""
-    from .document.text import notebook, text
-    from .reports import document_of
-
-    return (text if medium == "text" else notebook)(document_of(result))
-
-
-showing.shown = _shown

@@ -4,4 +4,4 @@ from collections.abc import Callable
 from typing import Any
 
 shown: Callable[[Any, str], str] | None = None
-"""(result, "text" or "notebook") -> what a person sees; set by `trihedron.tools.library`."""
+"""(result, "text" or "notebook") -> what a person sees; set by `trihedron`."""

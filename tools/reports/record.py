@@ -200,7 +200,7 @@ def strapdown_sources(result: Diagnosis) -> list[str]:
         used += ["chebyshev", "lawson"]
     if len(result.tried) > 1:
         used.append("angles")
-    if result.witness:
+    if result.judgement:
         used += ["shuffles", "left-out"]
     return [SOURCES[name] for name in used]
 
