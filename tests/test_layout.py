@@ -46,3 +46,14 @@ def test_a_module_loaded_under_two_names_is_seen(monkeypatch):
 
     monkeypatch.setitem(sys.modules, "tools.errors", errors)
     assert len(loaded_twice()) == 1
+
+
+def test_every_name_of_a_package_s_face_is_there():
+    """`__init__.pyi` says what those above may ask a package for; it comes when it is asked for."""
+    faces = sorted(ROOT.glob("tools/*/__init__.pyi"))
+    assert len(faces) > 10
+    for face in faces:
+        package = importlib.import_module(f"trihedron.tools.{face.parent.name}")
+        assert package.__all__
+        for name in package.__all__:
+            assert getattr(package, name) is not None

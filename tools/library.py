@@ -10,25 +10,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from . import calibration as calibrations
+from . import campaign as campaigns
+from . import check as checks
+from . import diagnosis, motion, orchestrator, planning, records, reports, ssp, trials
 from .errors import InputError, nearest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from .calibration import Calibration
-    from .calibration.correction import Application
-    from .campaign.summary import CampaignResult
     from .check import Check as Check
-    from .diagnosis import Diagnosis
     from .exporting import Exported as Exported
     from .installation import Installation as Installation
-    from .motion.attitude import AttitudeRun
-    from .motion.inspect import Inspection
-    from .orchestrator.run import Simulation as Simulation
-    from .orchestrator.scenario import Scenario
-    from .planning.plan import Plans, PositionPlan
-    from .records import Source
-    from .trials.suite import HiddenRecord
+    from .orchestrator import Simulation as Simulation
 
 __all__ = [
     "Check",
@@ -68,7 +62,7 @@ def __getattr__(name: str) -> Any:
 
 
 def simulate(
-    scenario: "str | Path | Mapping[str, Any] | Scenario",
+    scenario: "str | Path | Mapping[str, Any] | orchestrator.Scenario",
     *,
     out: str | Path | None = None,
     step: float | None = None,
@@ -101,11 +95,9 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    from .orchestrator.run import simulate_table
-    from .ssp.read import opened
-
-    with opened(scenario, step=step, coupling=coupling) as (checked, ignored):
-        return simulate_table(checked, None if out is None else Path(out), ignored=ignored, progress=progress)
+    with ssp.opened(scenario, step=step, coupling=coupling) as (checked, ignored):
+        folder = None if out is None else Path(out)
+        return orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
 
 
 def export(
@@ -157,7 +149,7 @@ def plan(
     baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     progress: bool = False,
-) -> "Plans":
+) -> "planning.Plans":
     """Find the table positions and weights that estimate each target best, with the proof that none are better.
 
     Parameters
@@ -189,9 +181,7 @@ def plan(
     >>> import trihedron as th
     >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
     """
-    from .planning.plan import plan_targets
-
-    return plan_targets(
+    return planning.plan_targets(
         targets,
         grid=grid,
         admissible=admissible,
@@ -203,7 +193,7 @@ def plan(
     )
 
 
-def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "PositionPlan":
+def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "planning.PositionPlan":
     """One set of `count` positions for all targets, with what is proven of every other set.
 
     Parameters
@@ -220,18 +210,15 @@ def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "Po
     InputError
         for options that cannot be used
     """
-    from .planning.plan import plan_positions as search
-    from .planning.positions import Request
-
-    known = list(Request.__dataclass_fields__)
+    known = list(planning.Request.__dataclass_fields__)
     for name in options:
         if name not in known:
             raise InputError(f"plan_positions: there is no option {name}; {nearest(name, known)}")
-    return search(count, Request(**options), progress=progress)
+    return planning.plan_positions(count, planning.Request(**options), progress=progress)
 
 
 def calibrate(
-    record: "Source",
+    record: "records.Source",
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
@@ -241,7 +228,7 @@ def calibrate(
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     targets: Sequence[str] = (),
     priors: Sequence[str] = (),
-) -> "Calibration":
+) -> "calibrations.Calibration":
     """Solve the guaranteed linear programme: estimates, guaranteed errors, exact intervals, verdict.
 
     Parameters
@@ -277,10 +264,7 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
-    from . import records
-    from .calibration import calibrate as solve
-
-    return solve(
+    return calibrations.calibrate(
         records.read_record(record, records.PositionRecord),
         noise_bound=noise_bound,
         gravity=gravity,
@@ -294,7 +278,7 @@ def calibrate(
 
 
 def diagnose(
-    record: "Source",
+    record: "records.Source",
     *,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
@@ -303,7 +287,7 @@ def diagnose(
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     progress: bool = False,
-) -> "Diagnosis":
+) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
 
     Parameters
@@ -337,17 +321,14 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    from . import records
-    from .diagnosis import diagnose as judge
-
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord)
     if isinstance(run, records.StrapdownRecord):
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-        return judge(run, gravity=gravity, baseline=baseline, rates=rates, progress=progress)
+        return diagnosis.diagnose(run, gravity=gravity, baseline=baseline, rates=rates, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
-    return judge(
+    return diagnosis.diagnose(
         run,
         noise_bound=noise_bound,
         gravity=gravity,
@@ -358,7 +339,7 @@ def diagnose(
     )
 
 
-def inspect(record: "Source", *, gravity: float = 9.80665) -> "Inspection":
+def inspect(record: "records.Source", *, gravity: float = 9.80665) -> "motion.Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
     Parameters
@@ -373,16 +354,13 @@ def inspect(record: "Source", *, gravity: float = 9.80665) -> "Inspection":
     InputError
         for a record of a table, or gravity that is none
     """
-    from . import records
-    from .motion.inspect import inspect_record
-
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
-    return inspect_record(records.read_record(record, records.StrapdownRecord), gravity=gravity)
+    return motion.inspect_record(records.read_record(record, records.StrapdownRecord), gravity=gravity)
 
 
 def attitude_of_record(
-    record: "Source",
+    record: "records.Source",
     *,
     algorithm: str = "two-sample-rodrigues",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
@@ -390,7 +368,7 @@ def attitude_of_record(
     gyro_bias: Sequence[float] | None = None,
     out: Path | None = None,
     progress: bool = False,
-) -> "AttitudeRun":
+) -> "motion.AttitudeRun":
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
 
     Parameters
@@ -415,10 +393,7 @@ def attitude_of_record(
     InputError
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
-    from . import records
-    from .motion.attitude import attitude_of_record as run
-
-    return run(
+    return motion.attitude_of_record(
         records.read_record(record, records.StrapdownRecord),
         algorithm=algorithm,
         rates=rates,
@@ -429,7 +404,9 @@ def attitude_of_record(
     )
 
 
-def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_bound: float = 0.0) -> "Application":
+def apply(
+    calibration: "str | Path | calibrations.Calibration", record: str | Path, *, noise_bound: float = 0.0
+) -> "calibrations.Application":
     """Correct the readings of a record by a calibration; print the equation and what it is worth for levelling.
 
     Parameters
@@ -446,12 +423,12 @@ def apply(calibration: "str | Path | Calibration", record: str | Path, *, noise_
     InputError
         for a calibration that is not consistent, or a record that cannot be used
     """
-    from .calibration.correction import apply_calibration
-
-    return apply_calibration(calibration, Path(record), noise_bound=noise_bound)
+    return calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound)
 
 
-def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetric"] = "asymmetric") -> "HiddenRecord":
+def hide(
+    seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetric"] = "asymmetric"
+) -> "trials.HiddenRecord":
     """A "measured" record with one hidden effect, and the secret.
 
     Parameters
@@ -475,11 +452,9 @@ def hide(seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetri
     >>> th.diagnose(hidden.record, noise_bound=1e-5).causes[0].place.effect
     'quadratic'
     """
-    from .trials.suite import hidden_record
-
     if baseline not in ("asymmetric", "symmetric"):
         raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
-    return hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
+    return trials.hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
 
 
 def run_campaign(
@@ -491,7 +466,7 @@ def run_campaign(
     scheduler: str | None = None,
     resume: bool = False,
     progress: bool = False,
-) -> "CampaignResult":
+) -> "campaigns.CampaignResult":
     """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
 
     Parameters
@@ -518,17 +493,21 @@ def run_campaign(
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
-    from .campaign.execute import run_campaign as run
-    from .reports.campaign import write_campaign_page
-
-    path, folder = Path(campaign), None if out is None else Path(out)
-    done = run(path, folder, jobs=jobs, engine=engine, scheduler=scheduler, resume=resume, progress=progress)
+    done = campaigns.run_campaign(
+        Path(campaign),
+        None if out is None else Path(out),
+        jobs=jobs,
+        engine=engine,
+        scheduler=scheduler,
+        resume=resume,
+        progress=progress,
+    )
     if done.folder is not None:
-        write_campaign_page(done.folder)
+        reports.write_campaign_page(done.folder)
     return done
 
 
-def read_record(record: "Source", *wanted: type) -> Any:
+def read_record(record: "records.Source", *wanted: type) -> Any:
     """Read a position, raw or strapdown record, CSV or Parquet: which it is, its columns say.
 
     Raises
@@ -536,8 +515,6 @@ def read_record(record: "Source", *wanted: type) -> Any:
     InputError
         whatever is wrong with the file, in one line that names row and column
     """
-    from . import records
-
     return records.read_record(record, *wanted)
 
 
@@ -554,9 +531,7 @@ def check(file: str | Path) -> "Check":
     InputError
         no file that can be read
     """
-    from .check import check as look
-
-    return look(file)
+    return checks.check(file)
 
 
 def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> list[Path]:

@@ -5,7 +5,6 @@
 'consistent'
 """
 
-from .procedure import calibrate, fit_record
-from .result import Calibration
+import lazy_loader
 
-__all__ = ["Calibration", "calibrate", "fit_record"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Files checked before they are used: everything that is wrong at once, with lines."""
 
-from .files import check
-from .findings import Check, Problem
+import lazy_loader
 
-__all__ = ["Check", "Problem", "check"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from .. import library
+from .. import calibration as calibrations
+from .. import evidence, library, motion, orchestrator, papers, records, reports, ssp, trials
 from ..errors import one_line
 from ..files import ordinary_folder, write_text
 from .answer import STANDARD_OUTPUT, Answer, answer
@@ -27,15 +28,13 @@ def installed_version() -> str:
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     distinct_files({"the scenario": scenario, "--json": json})
-    from ..orchestrator.run import default_folder, simulate_table
-    from ..ssp.read import opened
-
     out = options.pop("out", None)
-    with opened(scenario, **options) as (checked, ignored):
+    with ssp.opened(scenario, **options) as (checked, ignored):
         if ignored:
             shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
             print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
-        done = simulate_table(checked, out or default_folder(checked), ignored=ignored, progress=True)
+        folder = out or orchestrator.default_folder(checked)
+        done = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
     if done.no_positions:
         print(f"no position record: {done.no_positions}", file=sys.stderr)
     return answer("\n".join(str(file) for file in done.files), json, done.to_json())
@@ -76,11 +75,8 @@ def export_ssp(
     platform
         Of native FMUs: host (the default), all, or a name such as x86_64-windows.
     """
-    from ..orchestrator.scenario import read_scenario
-    from ..ssp.write import export_ssp as write
-
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
-    path = write(read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)
+    path = ssp.export_ssp(orchestrator.read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
@@ -96,19 +92,14 @@ def calibrate(
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
     """
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
-    from .. import records
 
     run = records.read_record(record, records.PositionRecord)
     result = library.calibrate(run, **options)
     said = answer(result, json)
     if report is not None:
-        from ..reports import write_report
-
-        write_report(report, result, run)
+        reports.write_report(report, result, run)
     if ssv is not None:
-        from ..calibration.correction import write_parameter_set
-
-        write_parameter_set(result, ssv)
+        calibrations.write_parameter_set(result, ssv)
     return said
 
 
@@ -133,11 +124,8 @@ def apply(
         For the error of the azimuth.
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
-    from .. import records
-    from ..reports.calibration import application_summary
-
     result = library.apply(calibration, record, noise_bound=noise_bound)
-    text = application_summary(result, latitude_deg)
+    text = reports.application_summary(result, latitude_deg)
     if out is not None:
         records.write_record(result.record, out)
     return answer(text, json, result.to_json())
@@ -161,19 +149,14 @@ def diagnose(
         Write the extended FMUs into this folder.
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
-    from .. import records
 
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord)
     result = library.diagnose(run, **options, progress=True)
     if report is not None:
-        from ..reports import write_report
-
-        write_report(report, result, run)
+        reports.write_report(report, result, run)
     files: list[Path] = []
     if export is not None and result.verdict == "explained":
-        from ..evidence.gain import export_extended
-
-        files = list(export_extended([cause.place for cause in result.causes], export).values())
+        files = list(evidence.export_extended([cause.place for cause in result.causes], export).values())
     return answer(result, json, result.json_text(), files=files)
 
 
@@ -189,9 +172,7 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
     distinct_files({"the record": record, "--json": json, "--allan": allan})
     found = library.inspect(record, **options)
     if allan is not None:
-        from ..reports.pictures.time import allan_picture
-
-        write_text(allan, allan_picture(found.record, found.rests, found.sampling.period))
+        write_text(allan, reports.allan_picture(found.record, found.rests, found.sampling.period))
     return answer(found, json)
 
 
@@ -213,13 +194,10 @@ def attitude(
         Run every algorithm and show them side by side.
     """
     distinct_files({"the record": record, "--json": json})
-    from .. import records
-    from ..motion.compare import compare_algorithms
-
     measured = records.read_record(record, records.StrapdownRecord)
     if compare:
         options.pop("algorithm", None)
-        compared = compare_algorithms(measured, **options, progress=True)
+        compared = motion.compare_algorithms(measured, **options, progress=True)
         if out is not None:
             write_text(out / "comparison.csv", compared.to_polars().write_csv())
         return answer(compared, json)
@@ -312,9 +290,8 @@ def demo(
         Open the page in a browser where there is a screen.
     """
     from ..demo import run_demo
-    from ..trials.draw import check_seed
 
-    check_seed(seed)
+    trials.check_seed(seed)
     with redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):
         page = run_demo(out, seed=seed, show=show)
     files = sorted(str(path) for path in out.rglob("*") if path.is_file())
@@ -327,9 +304,7 @@ def calibration(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron reproduce calibration
     """
-    from ..papers.calibration import check_published_calibration
-
-    return answer(check_published_calibration(), json)
+    return answer(papers.check_published_calibration(), json)
 
 
 @reproduce.command(name="attitude")
@@ -345,11 +320,8 @@ def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
     """
     written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
     distinct_files({**written, "--json": json})
-    from ..papers.reproduction import reproduce_attitude
-    from ..reports.papers import write_reproduction
-
-    result = reproduce_attitude(progress=True)
-    return answer(result, json, files=() if out is None else write_reproduction(result, out))
+    result = papers.reproduce_attitude(progress=True)
+    return answer(result, json, files=() if out is None else reports.write_reproduction(result, out))
 
 
 @reproduce.command
@@ -358,9 +330,7 @@ def word_length(*, json: JsonFile = None) -> Answer:
 
     Example: trihedron reproduce word-length
     """
-    from ..papers.word_length import word_length_errors
-
-    return answer(word_length_errors(progress=True), json)
+    return answer(papers.word_length_errors(progress=True), json)
 
 
 def add_completion(app: App) -> None:

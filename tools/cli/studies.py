@@ -3,19 +3,16 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from .. import library
+from .. import campaign as campaigns
+from .. import document, library, planning, reports, trials
 from ..errors import InputError
 from ..files import write_text
 from .answer import Answer, answer
 from .options import File, Folder, JsonFile, ReportFile, distinct_files, takes
-
-if TYPE_CHECKING:
-    from ..trials.draw import Options
-    from ..trials.measure import Case
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -125,13 +122,10 @@ def plan(
     step = None if continuum else 1.0 if grid is None else grid
     plans = library.plan(*targets, grid=step, **options, progress=True)
     if report is not None or picture is not None:
-        from ..document.page import write_page
-        from ..reports.plan import plan_page, plan_picture
-
         if report is not None:
-            write_page(report, plan_page(plans))
+            document.write_page(report, reports.plan_page(plans))
         if picture is not None:
-            write_text(picture, plan_picture(plans[0]))
+            write_text(picture, reports.plan_picture(plans[0]))
     return answer(plans, json, plans.json_text())
 
 
@@ -166,52 +160,38 @@ def _dashed(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _request(common: PositionOptions, options: Mapping[str, Any]) -> Any:
-    from ..planning.positions import Request
-
+def _request(common: PositionOptions, options: Mapping[str, Any]) -> "planning.Request":
     given = {IN_REQUEST.get(k, k): v for k, v in common.given().items()}
-    own = {k: v for k, v in given.items() if k in Request.__dataclass_fields__}
+    own = {k: v for k, v in given.items() if k in planning.Request.__dataclass_fields__}
     basis = {name: value for name, value in options.items() if name != "mounting"}
-    return Request(**{"mountings": (options.get("mounting", "identity"),), **basis, **own})
+    return planning.Request(**{"mountings": (options.get("mounting", "identity"),), **basis, **own})
 
 
 def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path | None, report: Path | None) -> Answer:
-    from ..document.page import write_page
-    from ..planning.order import DWELL_S, checked_dwell
-    from ..planning.plan import plan_positions
-    from ..reports.plan import operator_page
-    from ..reports.plan_files import write_plan
-
     assert common.positions is not None
-    dwell = checked_dwell(DWELL_S if common.dwell is None else common.dwell)
-    found = plan_positions(common.positions, _request(common, options), progress=True)
-    files = write_plan(found, common.out, dwell_s=dwell) if common.out is not None else []
+    dwell = planning.checked_dwell(planning.DWELL_S if common.dwell is None else common.dwell)
+    found = planning.plan_positions(common.positions, _request(common, options), progress=True)
+    files = reports.write_plan(found, common.out, dwell_s=dwell) if common.out is not None else []
     if report is not None:
-        write_page(report, operator_page(found, dwell))
+        document.write_page(report, reports.operator_page(found, dwell))
     return answer(found, json, found.json_text(), files=files)
 
 
 def _curve(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
-    from ..planning.plan import plan_curve
-    from ..reports.plan_files import write_curve
-
     assert common.curve is not None
-    curve = plan_curve(*common.curve, _request(common, options), progress=True)
-    files = write_curve(curve, common.out) if common.out is not None else []
+    curve = planning.plan_curve(*common.curve, _request(common, options), progress=True)
+    files = reports.write_curve(curve, common.out) if common.out is not None else []
     return answer(curve, json, curve.json_text(), files=files)
 
 
 def _check(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
-    from ..planning.check import check_settings, read_angles
-    from ..planning.positions import task_of
-
     assert common.check is not None
-    planned, actual = read_angles(common.check)
+    planned, actual = planning.read_angles(common.check)
     noise = 1e-5 if common.noise_bound is None else common.noise_bound
     if not 0.0 < noise < 1.0:
         raise InputError(f"--noise-bound {noise:g}: must be above 0 and below 1, a fraction of g")
-    task = task_of(_request(common, options), progress=True)
-    found = check_settings(task, planned, actual, noise)
+    task = planning.task_of(_request(common, options), progress=True)
+    found = planning.check_settings(task, planned, actual, noise)
     return answer(found, json, found.json_text())
 
 
@@ -303,70 +283,61 @@ def hidden(
         return _one_record(record, what, json, baseline or "asymmetric")
     only = {"the record": record, "--answer": what.secret, "--baseline": baseline}
     _refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
-    from ..trials.draw import BenchOptions
-    from ..trials.suite import NamedSuite, named_suite
-
     if suite is not None:
         _refuse({**drawn, "--effect": what.effect or None, "--clean": what.clean or None}, "is what --suite decides")
-        named = named_suite(suite)
+        named = trials.named_suite(suite)
     else:
         chosen = "clean" if what.clean else mode or "single"
-        named = NamedSuite(BenchOptions(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0)
+        named = trials.NamedSuite(
+            trials.BenchOptions(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0
+        )
     cases, seed = named.cases if what.cases is None else what.cases, named.seed if what.seed is None else what.seed
     return _suite(named.options, cases, seed, what, json)
 
 
 def _one_record(record: Path | None, what: HiddenOptions, json: Path | None, baseline: str) -> Answer:
-    from ..trials.draw import draw_alone
-
     if record is None:
         raise InputError("hidden: give the file of one record, as measured.csv, or --cases for a suite")
     chosen = () if what.clean else what.effect or None
     return _written(
-        record, what, json, lambda seed: draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
+        record, what, json, lambda seed: trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
     )
 
 
 def _one_strapdown(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
-    from ..trials.draw import BlockOptions, draw_case
-
     _refuse({"--size": what.size, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
     if record is None:
         raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
-    options = BlockOptions(clean=what.clean, effects=what.effect)
-    return _written(record, what, json, lambda seed: draw_case(options, seed, seed))
+    options = trials.BlockOptions(clean=what.clean, effects=what.effect)
+    return _written(record, what, json, lambda seed: trials.draw_case(options, seed, seed))
 
 
-def _written(record: Path, what: HiddenOptions, json: Path | None, draw: "Callable[[int], Case]") -> Answer:
+def _written(record: Path, what: HiddenOptions, json: Path | None, draw: "Callable[[int], trials.Case]") -> Answer:
     """Write one record with a secret."""
-    from ..trials.draw import check_seed
-    from ..trials.suite import write_hidden_record
-
     distinct_files({"the record": record, "--answer": what.secret, "--json": json})
     seed = what.seed or 0
-    check_seed(seed)
-    write_hidden_record(draw(seed), record, what.secret, progress=True)
+    trials.check_seed(seed)
+    trials.write_hidden_record(draw(seed), record, what.secret, progress=True)
     return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
 
 
 def _strapdown_suite(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
-    from ..trials.draw import BLOCK_SIZES, BlockOptions
-
     _refuse({"the record": record, "--answer": what.secret}, "is of one record, --cases of many; give one of the two")
     assert what.cases is not None
     return _suite(
-        BlockOptions(what.clean, what.effect, what.size or BLOCK_SIZES), what.cases, what.seed or 0, what, json
+        trials.BlockOptions(what.clean, what.effect, what.size or trials.BLOCK_SIZES),
+        what.cases,
+        what.seed or 0,
+        what,
+        json,
     )
 
 
-def _suite(options: "Options", cases: int, seed: int, what: HiddenOptions, json: Path | None) -> Answer:
+def _suite(options: "trials.Options", cases: int, seed: int, what: HiddenOptions, json: Path | None) -> Answer:
     """Draw, measure, diagnose and count the cases of a suite."""
-    from ..reports.trials import suite_text, write_suite
-    from ..trials.suite import run_suite
-
-    done = run_suite(options, cases, seed, records=_records_folder(what.out), jobs=what.jobs, progress=True)
-    files = write_suite(done, what.out) if what.out is not None else ()
-    return answer(suite_text(done), json, done.to_json(), files=files)
+    done = trials.run_suite(options, cases, seed, records=_records_folder(what.out), jobs=what.jobs, progress=True)
+    files = reports.write_suite(done, what.out) if what.out is not None else ()
+    return answer(reports.suite_text(done), json, done.to_json(), files=files)
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:
@@ -426,19 +397,13 @@ def campaign_report(
         File for the comparison, or without --against for the summary.
     """
     distinct_files({"--report": report, "--json": json})
-    from ..campaign.compare import compare
-    from ..campaign.store import open_result
-    from ..campaign.summary import summarise
-    from ..document.page import write_page
-    from ..reports.campaign import campaign_page
-
     if gate and against is None:
         raise InputError("--gate: goes with --against, the campaign to compare with")
-    store, manifest = open_result(folder)
-    comparison = None if against is None else compare(folder, against)
+    store, manifest = campaigns.open_result(folder)
+    comparison = None if against is None else campaigns.compare(folder, against)
     page = folder / "index.html" if report is None else report
-    summary = summarise(store)
-    write_page(page, campaign_page(store, manifest, comparison))
+    summary = campaigns.summarise(store)
+    document.write_page(page, reports.campaign_page(store, manifest, comparison))
     if comparison is None:
         return answer(summary, json, files=[page])
     worse = comparison.of("worse") if gate else ()

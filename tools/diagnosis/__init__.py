@@ -1,6 +1,5 @@
 """What the simulation gets wrong: falsify the model, name the cause, extend the model, measure the gain."""
 
-from .procedure import diagnose
-from .result import Cause, Diagnosis
+import lazy_loader
 
-__all__ = ["Cause", "Diagnosis", "diagnose"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

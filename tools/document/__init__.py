@@ -1,1 +1,5 @@
 """What a result says, as blocks, rendered as text, page or notebook. It knows no record and no instrument."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

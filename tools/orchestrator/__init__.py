@@ -1,5 +1,5 @@
 """The orchestrator: couples FMUs as a scenario says, runs them, and writes the run with its provenance."""
 
-from .run import Run, Simulation, default_folder, simulate
+import lazy_loader
 
-__all__ = ["Run", "Simulation", "default_folder", "simulate"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """Published tables beside what is computed here: calibration, attitude algorithms, word length."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Measured data in: position, raw and strapdown records; read, checked, averaged over the rests, written."""
 
-from .kinds import PositionRecord, RawRecord, StrapdownRecord
-from .read import Source, read_record
-from .write import write_record
+import lazy_loader
 
-__all__ = ["PositionRecord", "RawRecord", "Source", "StrapdownRecord", "read_record", "write_record"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,3 @@
+from .files import check as check
+from .findings import Check as Check
+from .findings import Problem as Problem

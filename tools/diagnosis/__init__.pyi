@@ -1,0 +1,3 @@
+from .procedure import diagnose as diagnose
+from .result import Cause as Cause
+from .result import Diagnosis as Diagnosis

@@ -1,0 +1,1 @@
+from .gain import export_extended as export_extended

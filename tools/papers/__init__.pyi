@@ -1,0 +1,3 @@
+from .calibration import check_published_calibration as check_published_calibration
+from .reproduction import reproduce_attitude as reproduce_attitude
+from .word_length import word_length_errors as word_length_errors

@@ -1,0 +1,14 @@
+from .calibration import application_summary as application_summary
+from .campaign import campaign_page as campaign_page
+from .campaign import write_campaign_page as write_campaign_page
+from .makers import document_of as document_of
+from .makers import write_report as write_report
+from .papers import write_reproduction as write_reproduction
+from .pictures.time import allan_picture as allan_picture
+from .plan import operator_page as operator_page
+from .plan import plan_page as plan_page
+from .plan import plan_picture as plan_picture
+from .plan_files import write_curve as write_curve
+from .plan_files import write_plan as write_plan
+from .trials import suite_text as suite_text
+from .trials import write_suite as write_suite
