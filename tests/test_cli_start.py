@@ -12,7 +12,8 @@ from trihedron.tools import cli
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", "pythonfmu", "pydantic", "highspy",
-         "jinja2", "dask", "distributed", "trihedron.tools.records.read", "trihedron.models", "trihedron.fmus")  # fmt: skip
+         "jinja2", "dask", "distributed", "trihedron.tools.records.read", "trihedron.models",
+         "trihedron.fmus")  # fmt: skip
 """What takes its time to import; `--help` and a mistake need none of it."""
 
 

@@ -37,7 +37,7 @@ def test_every_file_that_is_read_is_declared():
                 continue
             inside = [name for name, at in known.items() if at in path.parents]
             name = max(inside, key=lambda name: len(known[name].parts))
-            patterns = SETTINGS["package-data"].get(name, [])
+            patterns = [*SETTINGS["package-data"]["*"], *SETTINGS["package-data"].get(name, [])]
             relative = path.relative_to(known[name]).as_posix()
             if not any(fnmatch(relative, p) and relative.count("/") == p.count("/") for p in patterns):
                 missing.append(f"{name}: {relative}")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SCHEMA = "trihedron.doctor/1"
 CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
-    *("matplotlib", "numba", "llvmlite", "joblib"),
+    *("matplotlib", "numba", "llvmlite", "joblib", "lazy-loader"),
 )
 EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed")}
 """What each extra of the package installs."""
