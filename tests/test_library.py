@@ -136,7 +136,7 @@ def test_commands_say_what_the_library_gives(run, tmp_path, monkeypatch, capsys)
         (lambda: th.calibrate("missing.csv"), "missing.csv: no such file"),
         (lambda: th.calibrate(pl.DataFrame({"time_s": [1.0]})), "missing for a"),
         (lambda: th.plan("X44"), "X44"),
-        (lambda: th.plan_positions(6, start=1), "did you mean 'starts'?"),
+        (lambda: th.plan_positions(6, starts=0), "--starts 0: must be from 1"),
         (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
         (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
         (lambda: th.export("AccelerometerBlock", flavour="rust"), "--flavour rust: must be python or native"),  # type: ignore[arg-type]

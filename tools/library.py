@@ -14,7 +14,7 @@ from . import calibration as calibrations
 from . import campaign as campaigns
 from . import check as checks
 from . import diagnosis, motion, orchestrator, planning, records, reports, ssp, trials
-from .errors import InputError, nearest
+from .errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -193,28 +193,86 @@ def plan(
     )
 
 
-def plan_positions(count: int, *, progress: bool = False, **options: Any) -> "planning.PositionPlan":
+def plan_positions(
+    count: int,
+    *,
+    criterion: Literal["worst", "mean"] = "worst",
+    reserve_deg: float = 0.0,
+    resolution_deg: float | None = None,
+    keep_out: Sequence[str] = (),
+    order: Literal["tour", "random"] = "tour",
+    repeat: int = 0,
+    detect: Sequence[str] = (),
+    extra: int = 6,
+    mountings: "Sequence[str | Mapping[str, ArrayLike]]" = ("identity",),
+    seed: int = 0,
+    starts: int = 30,
+    cuts: int = 40,
+    admissible: Literal["paper", "tables"] = "paper",
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    convention: Literal["A1", "A2"] = "A1",
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    progress: bool = False,
+) -> "planning.PositionPlan":
     """One set of `count` positions for all targets, with what is proven of every other set.
 
     Parameters
     ----------
     count : int
         Number of positions.
+    criterion : str
+        Which ratio of cost to optimum is made small.
+    reserve_deg : float
+        Readings still count with setting errors up to that [deg].
+    resolution_deg : float, optional
+        Round positions to multiples of this [deg].
+    keep_out : sequence of str
+        Angles not to use: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
+    order : str
+        Shortest tour, or at random against drift.
+    repeat : int
+        Measure so many positions a second time.
+    detect : sequence of str
+        An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show.
+    extra : int
+        Extra positions for --detect.
+    mountings : sequence
+        Several mountings, presets or TOML files: the set is split over them.
+    seed : int
+        Of search and random order.
+    starts : int
+        Local searches.
+    cuts : int
+        Cuts sought for the lower bound. 0: no bound.
+    admissible, bounds, convention, baseline
+        As of `plan`.
     progress : bool
         Show bars on standard error, where that is a terminal.
-    options
-        The fields of `trihedron.tools.planning.positions.Request`.
 
     Raises
     ------
     InputError
         for options that cannot be used
     """
-    known = list(planning.Request.__dataclass_fields__)
-    for name in options:
-        if name not in known:
-            raise InputError(f"plan_positions: there is no option {name}; {nearest(name, known)}")
-    return planning.plan_positions(count, planning.Request(**options), progress=progress)
+    request = planning.Request(
+        criterion=criterion,
+        reserve_deg=reserve_deg,
+        resolution_deg=resolution_deg,
+        keep_out=tuple(keep_out),
+        order=order,
+        repeat=repeat,
+        detect=tuple(detect),
+        extra=extra,
+        seed=seed,
+        starts=starts,
+        cuts=cuts,
+        admissible=admissible,
+        bounds=bounds,
+        convention=convention,
+        baseline=baseline,
+        mountings=tuple(mountings),
+    )
+    return planning.plan_positions(count, request, progress=progress)
 
 
 def calibrate(

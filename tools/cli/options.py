@@ -50,18 +50,30 @@ ReportFile = Annotated[
 ]
 Number = Annotated[float, Parameter(allow_leading_hyphen=True)]
 
+Whole = Annotated[int, Parameter(allow_leading_hyphen=True)]
+
 TYPES: dict[str, Any] = {
     "bounds": Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)],
+    "cuts": Whole,
+    "detect": tuple[str, ...],
     "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],
+    "extra": Whole,
     "fmi": Literal["2", "3"],
     "gravity": Number,
     "grid": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
     "jobs": Annotated[int | None, Parameter(allow_leading_hyphen=True)],
+    "keep_out": tuple[str, ...],
     "mounting": str,
+    "mountings": Annotated[tuple[str, ...], Parameter(consume_multiple=(1, None), show_default=False)],
     "noise_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
     "out": Folder,
-    "positions": Annotated[int, Parameter(allow_leading_hyphen=True)],
+    "positions": Whole,
     "priors": Annotated[tuple[str, ...], Parameter(name="--prior", allow_leading_hyphen=True)],
+    "repeat": Whole,
+    "reserve_deg": Annotated[float, Parameter(name="--reserve", allow_leading_hyphen=True)],
+    "resolution_deg": Annotated[float | None, Parameter(name="--resolution", allow_leading_hyphen=True)],
+    "seed": Whole,
+    "starts": Whole,
     "targets": Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)],
 }
 """How options of the library are typed at a terminal, where that is not how Python has them."""
@@ -69,38 +81,35 @@ NOT_TYPED = ("progress", "gyro_bias")
 """What a terminal does not give: a command shows its progress, and a terminal has no arrays."""
 
 
-def takes(function: Callable[..., Any], *left_out: str) -> Callable[[Command], Command]:
-    """Give a command the options of a function of the library: names, types, defaults, words.
+def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
+    """Give a command the options of functions of the library: names, types, defaults, words.
 
-    The command has its own parameters first, by position, and its own options last; what stands in it as ``**options``
-    goes to the function as it is. Its docstring holds the examples; the sentence and the parameters' words are the
-    function's.
+    The command has its own parameters first, by position, and its own options last; ``**options`` are those of the
+    functions that were given. Its docstring holds the examples; the sentence is the first function's, and the
+    parameters' words are those of the first function that has such a parameter.
 
     Parameters
     ----------
-    function : callable
+    functions : callable
         of `trihedron.tools.library`, documented by numpydoc
-    left_out : str
-        its parameters that the command has none of
     """
 
     def given(command: Command) -> Command:
         own = [p for p in inspect.signature(command).parameters.values() if p.kind is not p.VAR_KEYWORD]
-        without = {*(p.name for p in own), *NOT_TYPED, *left_out}
-        more = [
-            p.replace(annotation=TYPES.get(p.name, p.annotation))
-            for p in inspect.signature(function).parameters.values()
-            if p.kind is p.KEYWORD_ONLY and p.name not in without
-        ]
+        without = {*(p.name for p in own), *NOT_TYPED}
+        taken: dict[str, inspect.Parameter] = {}
+        for p in (p for function in functions for p in inspect.signature(function).parameters.values()):
+            if p.kind is p.KEYWORD_ONLY and p.name not in without:
+                taken.setdefault(p.name, p.replace(annotation=TYPES.get(p.name, p.annotation)))
         by_position = [p for p in own if p.kind is not p.KEYWORD_ONLY]
-        signature = inspect.Signature([*by_position, *more, *(p for p in own if p.kind is p.KEYWORD_ONLY)])
+        signature = inspect.Signature([*by_position, *taken.values(), *(p for p in own if p.kind is p.KEYWORD_ONLY)])
         command.__signature__ = signature  # type: ignore[attr-defined]
-        sentence, words = described(function)
+        words = {name: text for function in reversed(functions) for name, text in described(function)[1].items()}
         kept = {name: text for name, text in words.items() if name in signature.parameters}
         examples, own_words = described(command)
         lines = [f"{name}\n    {text}" for name, text in (kept | own_words).items()]
         section = ["Parameters\n----------\n" + "\n".join(lines)] if lines else []
-        command.__doc__ = "\n\n".join([sentence, examples, *section])
+        command.__doc__ = "\n\n".join([described(functions[0])[0], examples, *section])
         return command
 
     return given

@@ -1,7 +1,7 @@
 """The commands that plan measurements, hide effects and carry out campaigns: each has several uses."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,79 +16,36 @@ from .options import File, Folder, JsonFile, ReportFile, distinct_files, takes
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
-Whole = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
+Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
 Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
-@dataclass(frozen=True)
-class PositionOptions:
-    """Options of a common set of positions; None where not given."""
-
-    positions: Annotated[Whole, Parameter(help="One set of so many positions for all targets.")] = None
-    curve: Annotated[
-        tuple[int, int] | None,
-        Parameter(allow_leading_hyphen=True, help="Cost against the number of positions, from LOW to HIGH."),
-    ] = None
-    check: Annotated[
-        Path | None,
-        Parameter(help="Compare bias and noise of a plan at the angles that were set: planned_..., alpha_deg, ..."),
-    ] = None
-    criterion: Annotated[
-        Literal["worst", "mean"] | None, Parameter(help="Which ratio of cost to optimum is made small; worst.")
-    ] = None
-    reserve: Annotated[Real, Parameter(help="Readings still count with setting errors up to that [deg]; 0.")] = None
-    resolution: Annotated[Real, Parameter(help="Round positions to multiples of this [deg].")] = None
-    keep_out: Annotated[
-        tuple[str, ...] | None, Parameter(help="Angles not to use: alpha:LOW:HIGH or beta:LOW:HIGH [deg].")
-    ] = None
-    order: Annotated[
-        Literal["tour", "random"] | None, Parameter(help="Shortest tour, or at random against drift; tour.")
-    ] = None
-    repeat: Annotated[Whole, Parameter(help="Measure so many positions a second time.")] = None
-    detect: Annotated[
-        tuple[str, ...] | None,
-        Parameter(help="An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show."),
-    ] = None
-    extra: Annotated[Whole, Parameter(help="Extra positions for --detect; 6.")] = None
-    mountings: Annotated[
-        tuple[str, ...] | None,
-        Parameter(
-            consume_multiple=(1, None), help="Several mountings, presets or TOML files: the set is split over them."
-        ),
-    ] = None
-    seed: Annotated[Whole, Parameter(help="Of search and random order; 0.")] = None
-    starts: Annotated[Whole, Parameter(help="Local searches; 30.")] = None
-    cuts: Annotated[Whole, Parameter(help="Cuts sought for the lower bound; 40. 0: no bound.")] = None
-    dwell: Annotated[Real, Parameter(help="Time at each position [s], for --out; 20.")] = None
-    noise_bound: Annotated[Real, Parameter(help="σ, as a fraction of g, for --check; 1e-5.")] = None
-    out: Annotated[Folder, Parameter(help="Folder for programme, table list, operator's page, picture.")] = None
-
-    def given(self) -> dict[str, Any]:
-        """The options that were given, by their field names."""
-        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
-
-
-NO_POSITIONS = PositionOptions()
-SEARCH = ("criterion", "reserve", "keep_out", "seed", "starts", "cuts", "mountings")
+SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings")
 FOR = {
-    "positions": (*SEARCH, "resolution", "order", "repeat", "detect", "extra", "dwell", "out"),
+    "positions": (*SEARCH, "resolution_deg", "order", "repeat", "detect", "extra", "dwell", "out"),
     "curve": (*SEARCH, "out"),
     "check": ("noise_bound",),
 }
 """Which options go with which of the three uses of a common set."""
-IN_REQUEST = {"reserve": "reserve_deg", "resolution": "resolution_deg"}
+EVERY_PLAN = ("admissible", "bounds", "convention", "baseline", "mounting")
+"""Options of every plan."""
 
 
-@takes(library.plan)
+@takes(library.plan, library.plan_positions)
 def plan(
     *,
     targets: Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)] = (),
     grid: Real = None,
     continuum: bool = False,
+    positions: Optional = None,
+    curve: Annotated[tuple[int, int] | None, Parameter(allow_leading_hyphen=True)] = None,
+    check: Path | None = None,
+    dwell: Real = None,
+    noise_bound: Real = None,
+    out: Folder = None,
+    picture: File = None,
     json: JsonFile = None,
     report: ReportFile = None,
-    picture: File = None,
-    common: Annotated[PositionOptions, Parameter(name="*")] = NO_POSITIONS,
     **options: Any,
 ) -> Answer:
     """Or one set of N positions for all targets; what sets of more positions gain; or what setting errors do to a plan.
@@ -103,33 +60,52 @@ def plan(
         Step of the grid of positions [deg]; 1 by default.
     continuum
         All angles in place of a grid.
+    positions
+        One set of so many positions for all targets.
+    curve
+        Cost against the number of positions, from LOW to HIGH.
+    check
+        Compare bias and noise of a plan at the angles that were set: planned_..., alpha_deg, ...
+    dwell
+        Time at each position [s], for --out; 20.
+    noise_bound
+        σ, as a fraction of g, for --check; 1e-5.
+    out
+        Folder for programme, table list, operator's page, picture.
     picture
         Write the paper's figure, for one target, to this SVG file.
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
+    uses = {"positions": positions, "curve": curve, "check": check}
+    more = {"dwell": dwell, "noise_bound": noise_bound, "out": out}
+    given = {name: value for name, value in (uses | more).items() if value is not None}
+    given |= {name: value for name, value in options.items() if name not in EVERY_PLAN}
     others = {"--target": targets, "--grid": grid, "--continuum": continuum, "--picture": picture}
-    use = use_of(common.given(), others, options)
-    if use == "positions":
-        return _positions(common, options, json, report)
+    use = use_of(given, others)
+    if use is not None and report is not None and use != "positions":
+        raise InputError(f"--report: does not go with --{use}; it is the page of --target or --positions")
     if use is not None:
-        if report is not None:
-            raise InputError(f"--report: does not go with --{use}; it is the page of --target or --positions")
-        return (_curve if use == "curve" else _check)(common, options, json)
+        mounting = options.pop("mounting", "identity")
+        if "mountings" in options and mounting != "identity":
+            raise InputError("--mounting and --mountings: give one of the two")
+        request = planning.Request(**{"mountings": (mounting,), **options})
+        if positions is not None:
+            return _positions(positions, request, dwell, out, json, report)
+        return _check(check, request, noise_bound, json) if curve is None else _curve(curve, request, out, json)
     if continuum and grid is not None:
         raise InputError("--grid and --continuum: give one of the two")
     if picture is not None and len(targets) != 1:
         raise InputError("--picture: is of one target; give one --target")
     step = None if continuum else 1.0 if grid is None else grid
     plans = library.plan(*targets, grid=step, **options, progress=True)
-    if report is not None or picture is not None:
-        if report is not None:
-            document.write_page(report, reports.plan_page(plans))
-        if picture is not None:
-            write_text(picture, reports.plan_picture(plans[0]))
+    if report is not None:
+        document.write_page(report, reports.plan_page(plans))
+    if picture is not None:
+        write_text(picture, reports.plan_picture(plans[0]))
     return answer(plans, json, plans.json_text())
 
 
-def use_of(given: Mapping[str, Any], others: Mapping[str, object], options: Mapping[str, Any]) -> str | None:
+def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None:
     """Which use of a common set is asked for; None where it is plans of single targets.
 
     Raises
@@ -142,56 +118,46 @@ def use_of(given: Mapping[str, Any], others: Mapping[str, object], options: Mapp
         raise InputError(f"--{uses[0]} and --{uses[1]}: give one of the two")
     if not uses:
         if given:
-            raise InputError(f"--{_dashed(next(iter(given)))}: goes with --positions, --curve or --check")
+            raise InputError(f"--{_typed(next(iter(given)))}: goes with --positions, --curve or --check")
         return None
     use = uses[0]
     for name in given:
         if name != use and name not in FOR[use]:
-            raise InputError(f"--{_dashed(name)}: does not go with --{use}")
+            raise InputError(f"--{_typed(name)}: does not go with --{use}")
     for name, value in others.items():
         if value:
             raise InputError(f"{name}: does not go with --{use}; a common set serves all targets, at any angles")
-    if "mountings" in given and options.get("mounting", "identity") != "identity":
-        raise InputError("--mounting and --mountings: give one of the two")
     return use
 
 
-def _dashed(name: str) -> str:
-    return name.replace("_", "-")
+def _typed(name: str) -> str:
+    return name.removesuffix("_deg").replace("_", "-")
 
 
-def _request(common: PositionOptions, options: Mapping[str, Any]) -> "planning.Request":
-    given = {IN_REQUEST.get(k, k): v for k, v in common.given().items()}
-    own = {k: v for k, v in given.items() if k in planning.Request.__dataclass_fields__}
-    basis = {name: value for name, value in options.items() if name != "mounting"}
-    return planning.Request(**{"mountings": (options.get("mounting", "identity"),), **basis, **own})
-
-
-def _positions(common: PositionOptions, options: Mapping[str, Any], json: Path | None, report: Path | None) -> Answer:
-    assert common.positions is not None
-    dwell = planning.checked_dwell(planning.DWELL_S if common.dwell is None else common.dwell)
-    found = planning.plan_positions(common.positions, _request(common, options), progress=True)
-    files = reports.write_plan(found, common.out, dwell_s=dwell) if common.out is not None else []
-    if report is not None:
-        document.write_page(report, reports.operator_page(found, dwell))
+def _positions(
+    count: int, request: "planning.Request", dwell: float | None, out: Path | None, json: Path | None, page: Path | None
+) -> Answer:
+    dwell_s = planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
+    found = planning.plan_positions(count, request, progress=True)
+    files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
+    if page is not None:
+        document.write_page(page, reports.operator_page(found, dwell_s))
     return answer(found, json, found.json_text(), files=files)
 
 
-def _curve(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
-    assert common.curve is not None
-    curve = planning.plan_curve(*common.curve, _request(common, options), progress=True)
-    files = reports.write_curve(curve, common.out) if common.out is not None else []
+def _curve(ends: tuple[int, int], request: "planning.Request", out: Path | None, json: Path | None) -> Answer:
+    curve = planning.plan_curve(*ends, request, progress=True)
+    files = reports.write_curve(curve, out) if out is not None else []
     return answer(curve, json, curve.json_text(), files=files)
 
 
-def _check(common: PositionOptions, options: Mapping[str, Any], json: Path | None) -> Answer:
-    assert common.check is not None
-    planned, actual = planning.read_angles(common.check)
-    noise = 1e-5 if common.noise_bound is None else common.noise_bound
+def _check(file: Path | None, request: "planning.Request", noise_bound: float | None, json: Path | None) -> Answer:
+    assert file is not None
+    planned, actual = planning.read_angles(file)
+    noise = 1e-5 if noise_bound is None else noise_bound
     if not 0.0 < noise < 1.0:
         raise InputError(f"--noise-bound {noise:g}: must be above 0 and below 1, a fraction of g")
-    task = planning.task_of(_request(common, options), progress=True)
-    found = planning.check_settings(task, planned, actual, noise)
+    found = planning.check_settings(planning.task_of(request, progress=True), planned, actual, noise)
     return answer(found, json, found.json_text())
 
 
@@ -210,7 +176,7 @@ class HiddenOptions:
     ] = ()
     clean: Annotated[bool, Parameter(help="Hide nothing.")] = False
     cases: Annotated[
-        Whole,
+        Optional,
         Parameter(help="So many records are drawn, measured and diagnosed; more leave these as they are."),
     ] = None
     size: Annotated[
