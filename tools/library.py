@@ -412,8 +412,6 @@ def inspect(record: "records.Source", *, gravity: float = 9.80665) -> "motion.In
     InputError
         for a record of a table, or gravity that is none
     """
-    if not 1.0 <= gravity <= 100.0:
-        raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
     return motion.inspect_record(records.read_record(record, records.StrapdownRecord), gravity=gravity)
 
 

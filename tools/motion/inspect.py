@@ -10,6 +10,7 @@ from pydantic import Field
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.turntable import EARTH_RATE
 from ..bounded.programmes import chebyshev_radius
+from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
 from .norm import NormCalibration, calibrate_by_norm, inputs_of
@@ -193,8 +194,10 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     Raises
     ------
     InputError
-        fewer than 16 rows
+        fewer than 16 rows, or gravity that is none
     """
+    if not 1.0 <= gravity <= 100.0:
+        raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
     sampling = sampling_of(record)
     rests = find_rests(record, sampling)
     rate = rates_of(record)

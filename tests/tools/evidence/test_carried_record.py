@@ -122,6 +122,10 @@ HEADER = "time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2\n"
         ([f"{0.01 * k},0.1,0,0,0,0,1.0\n" for k in range(40)], [], "in g"),
         ([f"{0.01 * k},0.1,0,0.{k},0,0,9.8{k}\n" for k in range(40)], ["--noise-bound", "1e-5"], "noise_bound"),
         ([f"{0.01 * k},0.1,0,0.{k},0,0,9.8{k}\n" for k in range(40)], ["--baseline", "symmetric"], "symmetric"),
+        *(
+            ([f"{0.01 * k},0.1,0,0.{k},0,0,9.8{k}\n" for k in range(40)], ["--gravity", size], f"--gravity {size}")
+            for size in ("nan", "inf", "0.5", "-9.8")
+        ),
     ],
 )
 def test_the_command_answers_in_one_line_and_writes_nothing(rows, options, said, tmp_path, capsys):
