@@ -11,7 +11,6 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.sizes import SureSizes
-from trihedron.tools.evidence.bench_candidates import centre_of
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
 from trihedron.tools.trials.outcome import diagnosed
@@ -38,12 +37,11 @@ def test_proof_against_a_programme_for_each_set(capsys):
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     evidence = result.evidence
     places = evidence.classes.places
-    centre = centre_of(evidence.readings, (), evidence.here.point)
-    problem = centre.problem(places)
+    problem = evidence.problem(evidence.centre, places)
     effects, readings = len(places), len(evidence.residual)
     count = math.comb(effects, 3) + math.comb(effects, 2) * readings + effects * math.comb(readings, 2)
     begun = time.perf_counter()
-    found = list(sets_of_size(problem, 3, centre.slack))
+    found = list(sets_of_size(problem, 3, evidence.slack(evidence.centre)))
     searched = time.perf_counter() - begun
     some = list(combinations(range(effects), 3))[:: max(1, math.comb(effects, 3) // 20)]
     begun = time.perf_counter()

@@ -1,9 +1,9 @@
 """The evidence of rests on a table: the exact model relinearised with each set of effects, outliers, ways of acting."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -11,19 +11,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.outlier import place_of
+from ...models.regressors import admissible, nominal_input
 from ..bounded.possible import Interval
 from ..bounded.programmes import chebyshev_radius
-from ..bounded.spaces import least_squares
-from ..calibration.model import Linearisation
+from ..bounded.sets import Problem, sets_of_size
+from ..calibration.model import Linearisation, linearise, predicted_input, widening
 from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty, repeats
 from ..calibration.result import Calibration
 from ..records import PositionRecord
-from .bench_candidates import Candidates, with_usual_signs
-from .bench_effects import Circumstances, Visits, added_bound, circumstances_of, is_linear, signature_columns
-from .bench_gain import MAX_LEVERAGE, measure_gain
-from .bench_model import Cast, Readings, fitted, with_possible_sizes
+from .bench_effects import (
+    Circumstances,
+    Visits,
+    added_bound,
+    circumstances_of,
+    is_linear,
+    readings_at,
+    signature_columns,
+)
+from .bench_model import Cast, Readings, Relaxation, centre_of, fitted, usual_misfit, with_possible_sizes
 from .bench_probe import dense_spaces, helpful_mounting, second_mounting, separating_positions
 from .evidence import Channel, Classes, Errors, Evidence, Fit, Gain, Trial
+from .gain import measure_gain, predicted_errors
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
@@ -33,6 +41,14 @@ are no bench with an effect."""
 FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
 """Every fifth position is left out in turn, and every quarter of the time."""
 FEWEST_SCORED = 6
+LEAST_SLACK = 0.05
+SECOND_ORDER = 5.0
+"""The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
+TOO_MUCH = 0.3
+"""With more slack than this, effects that stand out are fitted before others are sought."""
+MOST_ANCHORS = 3
+STANDS_OUT = 0.5
+"""An effect stands out that leaves at most this part of the usual misfit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,17 +145,91 @@ class Bench(Evidence):
         """Whether the nominal model cannot be true of the record."""
         return self.calibration.verdict == "falsified"
 
-    # The search
+    # The search: a fit that few readings cannot draw is the centre; where the misfit is so large that the linear model
+    # may be wrong by much, effects that stand out are fitted first and the others are sought beside them.
 
     @cached_property
-    def _candidates(self) -> Candidates:
-        bent = tuple(place for place in self.places if not is_linear(place))
-        return Candidates(self.readings, self.here.point, self.classes.places, bent)
+    def centre(self) -> Fit:
+        """The nominal model where few readings cannot draw it."""
+        return centre_of(self.readings, (), self.here.point)
+
+    @cached_property
+    def relaxed(self) -> dict[EffectPlace, Relaxation]:
+        """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
+        rows = self.readings.visits.rows(self.centre.point)
+        untold = [place for place in self.classes.places if added_bound([place], rows).any()]
+        bent = [place for place in self.places if not is_linear(place)]
+        return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
+
+    @cached_property
+    def _anchors(self) -> dict[tuple[EffectPlace, ...], list[Fit]]:
+        return {}
 
     def candidates(self, size: int, among: Sequence[EffectPlace] | None = None) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
-        if np.abs(self._candidates.centre.point).max() <= LARGEST_OF_BENCH:
-            yield from self._candidates.of_size(size)
+        if np.abs(self.centre.point).max() > LARGEST_OF_BENCH:
+            return
+        free = [place for place in self.classes.places if place not in self.relaxed]
+        for count in range(min(size, len(self.relaxed)) + 1):
+            for chosen in combinations(self.relaxed.values(), count):
+                seen = set()
+                for linear in self._linear_sets(self.centre, free, chosen, size - count):
+                    if linear not in seen:
+                        seen.add(linear)
+                        yield (*sorted(linear, key=lambda place: place.title), *(mine.place for mine in chosen))
+
+    def _linear_sets(
+        self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int
+    ) -> Iterator[frozenset[EffectPlace]]:
+        """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses."""
+        free = [place for place in places if place not in centre.places]
+        if size > 0 and self.slack(centre) > TOO_MUCH:
+            if centre.places not in self._anchors:
+                self._anchors[centre.places] = self.anchors(centre, free)
+            more = self._anchors[centre.places]
+            for one in more:
+                yield from self._linear_sets(one, places, chosen, size - 1)
+            free = [place for place in free if place not in {one.places[-1] for one in more}]
+        part, kept = self._without(self.problem(centre, free), chosen)
+        for candidate in sets_of_size(part, size, self.slack(centre)):
+            outliers = (divmod(int(kept[row]), 3) for row in candidate.outliers)
+            yield frozenset(
+                (
+                    *centre.places,
+                    *(free[i] for i in candidate.effects),
+                    *(place_of(row + 1, accelerometer + 1) for row, accelerometer in outliers),
+                )
+            )
+
+    def slack(self, centre: Fit) -> float:
+        """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
+        return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.bound.min())
+
+    def problem(self, centre: Fit, places: Sequence[EffectPlace]) -> Problem:
+        """The search for effects beside those of a centre, in units of the bounds."""
+        rows, bound = self.readings.visits.rows_with(centre), self.bound[:, None]
+        blocks = [signature_columns([place], rows) / bound for place in places]
+        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks)
+
+    def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
+        """Centres with one effect more that stands out, the most helpful first."""
+        helpful = most_helpful(self.problem(centre, places), places)
+        more = [
+            centre_of(self.readings, (*centre.places, place), self.here.point, centre)
+            for place in helpful[:MOST_ANCHORS]
+        ]
+        return [one for one in more if usual_misfit(one) <= STANDS_OUT * usual_misfit(centre)]
+
+    def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
+        """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
+        if not chosen:
+            return problem, np.arange(len(problem.residual))
+        nominal = np.hstack([problem.nominal, *(mine.columns / self.bound[:, None] for mine in chosen)])
+        widened = self.bound + sum(mine.widening for mine in chosen)
+        kept = np.flatnonzero(~np.any([mine.touched for mine in chosen], axis=0))
+        shrunk = (self.bound / widened)[kept]
+        columns = problem.columns[kept] * shrunk[:, None]
+        return Problem(problem.residual[kept] * shrunk, nominal[kept] * shrunk[:, None], columns, problem.blocks), kept
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The exact model with linear effects, relinearised."""
@@ -150,8 +240,7 @@ class Bench(Evidence):
 
     def mended(self, places: Sequence[EffectPlace]) -> Fit | None:
         """Effects fitted in the best of the ways in which they can act; None where they do not mend the record."""
-        relaxed = self._candidates.relaxed
-        bent = {place: relaxed[place].ways for place in places if place in relaxed and relaxed[place].ways}
+        bent = {place: ways for place in places if place in self.relaxed and (ways := self.relaxed[place].ways)}
         best = None
         for ways in product(*(range(count) for count in bent.values())):
             chosen = dict(zip(bent, ways, strict=True))
@@ -166,7 +255,7 @@ class Bench(Evidence):
         self, places: Sequence[EffectPlace], ways: Mapping[EffectPlace, int], largest: Mapping[EffectPlace, float]
     ) -> Fit | None:
         """A fit with possible sizes, where it mends the record within what the record tells of its effects."""
-        fit = fitted(self.readings, Cast(tuple(places), ways, largest), self._candidates.centre.point)
+        fit = fitted(self.readings, Cast(tuple(places), ways, largest), self.centre.point)
         if fit is None:
             return None
         limit = self.limit + self._left_open(fit) / float(fit.bound.min())
@@ -228,8 +317,7 @@ class Bench(Evidence):
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Linear effects that a fit has not and whose circumstances are told, with their columns (M, k) there."""
-        visits = self.readings.visits
-        rows = visits.rows(fit.point, visits.disturbed(fit.point, fit.sized))
+        rows = self.readings.visits.rows_with(fit)
         for place in self.classes.places if fit.places else self.linear_places:
             if place not in fit.places and not added_bound([place], rows).any():
                 yield place, signature_columns([place], rows)
@@ -358,10 +446,10 @@ class Bench(Evidence):
         """
         errors: list[tuple[NDArray, NDArray]] = []
         for out in parts:
-            held = np.intersect1d((3 * out[:, None] + np.arange(3)).ravel(), used)
+            held = np.intersect1d(readings_at(out), used)
             kept = np.setdiff1d(used, held)
-            without = _predicted_errors(self.nominal, self.residual, self.bound, kept, held)
-            with_effects = _predicted_errors(jacobian, residual, self.bound, kept, held)
+            without = predicted_errors(self.nominal, self.residual, self.bound, kept, held)
+            with_effects = predicted_errors(jacobian, residual, self.bound, kept, held)
             if without is None or with_effects is None:
                 return None
             wanted = without[1] & with_effects[1]
@@ -370,19 +458,25 @@ class Bench(Evidence):
         return (before, after) if len(before) >= FEWEST_SCORED else None
 
 
-def _predicted_errors(
-    jacobian: NDArray, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
-) -> tuple[NDArray, NDArray] | None:
-    """Errors (H,) of readings that were left out, and whether their leverage is bounded; None where rank is lost."""
-    scale = np.abs(jacobian).max(axis=0)
-    unit = jacobian / np.where(scale > 0.0, scale, 1.0)
-    rank = np.linalg.matrix_rank(unit, tol=1e-8 * np.linalg.norm(unit, 2))
-    part = unit[kept]
-    if len(kept) <= rank or np.linalg.matrix_rank(part, tol=1e-8 * np.linalg.norm(part, 2)) < rank:
-        return None
-    leverage = np.linalg.norm(unit[held] @ np.linalg.pinv(part, rcond=1e-8), axis=1)
-    step = least_squares(jacobian[kept] / bound[kept, None], residual[kept] / bound[kept])
-    return residual[held] - jacobian[held] @ step, leverage <= MAX_LEVERAGE
+def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[EffectPlace]:
+    """Effects by what each takes off the robust sum of squares, the most helpful first."""
+    root = 1.0 / np.sqrt(np.maximum(1.0, np.abs(problem.residual)))
+    nominal = root[:, None] * problem.nominal
+    size = np.linalg.norm(nominal, axis=0)
+    basis, values, _ = np.linalg.svd(nominal / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    basis = basis[:, values > 1e-9 * values.max(initial=0.0)]
+    target = root * problem.residual
+    target = target - basis @ (basis.T @ target)
+    gains = []
+    for place, block in zip(places, problem.blocks, strict=True):
+        columns = root[:, None] * problem.columns[:, block]
+        before = np.linalg.norm(columns, axis=0)
+        columns = columns - basis @ (basis.T @ columns)
+        kept = np.linalg.norm(columns, axis=0) > 1e-7 * before
+        if kept.any():
+            part = np.linalg.svd(columns[:, kept], full_matrices=False)[0].T @ target
+            gains.append((-float(part @ part), place.title, place))
+    return [place for _, _, place in sorted(gains, key=lambda gain: gain[:2])]
 
 
 def bench_evidence(
@@ -415,3 +509,33 @@ def catalogue_places(baseline: str, circumstances: Circumstances) -> tuple[Effec
         if effect.within != baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
         for place in effect.places
     )
+
+
+def with_usual_signs(
+    here: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
+) -> Linearisation:
+    """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
+
+    Parameters
+    ----------
+    here : Linearisation
+        the nominal model at its fit
+    circumstances : Circumstances
+    noise_bound : float
+        σ, as a fraction of g
+    bounds : (float, float)
+        u^max and v^0max of (1.7)
+    """
+    p, at = here.parametrisation, here.positions
+    readings = Readings(Visits.of(here, circumstances), here.reading, here.bound, here.sign)
+    point = centre_of(readings, (), here.point).point
+    sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
+    if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):
+        return here
+    there = linearise(p, at, here.reading, point, np.full_like(here.bound, noise_bound), sign)
+    if p.symmetric:
+        return there
+    matrices = p.matrices[at.mounting]
+    certain = admissible(at.alpha, at.beta, matrices, bounds=bounds)
+    certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (sign > 0)
+    return replace(there, bound=noise_bound + widening(there, certain, noise_bound, bounds))

@@ -17,6 +17,7 @@ from ..calibration.model import (
     predicted_reading,
 )
 from ..records import PositionRecord
+from .evidence import Fit
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
@@ -161,6 +162,10 @@ class Visits:
             from_vertical=float(vertical),
         )
 
+    def rows_with(self, fit: Fit) -> Rows:
+        """What signatures see where the table really stands with the effects of a fit."""
+        return self.rows(fit.point, self.disturbed(fit.point, fit.sized))
+
     def _input_senses(self, point: NDArray, at: Positions, n: NDArray) -> tuple[NDArray, NDArray]:
         """Senses (N, 3) of the last change of each input, 0 where not told, and whether (N, 3) the record tells them.
 
@@ -227,6 +232,11 @@ class Visits:
             return at
         turns = self._turns(at, point, behind)
         return replace(at, alpha=at.alpha + turns[:, 1], beta=at.beta + turns[:, 3], tilts=turns[:, [0, 2]])
+
+
+def readings_at(rows: NDArray) -> NDArray:
+    """Numbers (3 n,) of the readings at some positions (n,) of int."""
+    return (3 * rows[:, None] + np.arange(3)).ravel()
 
 
 def acts_on_table(place: EffectPlace) -> bool:

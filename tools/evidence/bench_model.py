@@ -12,7 +12,7 @@ from ...models.effects.rows import Variant
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.spaces import least_squares
 from ..calibration.model import Positions, direction_jacobian, predicted_input, predicted_reading, reading_jacobian
-from .bench_effects import Visits, acts_on_table, added_bound, is_linear, signature_columns
+from .bench_effects import Visits, acts_on_table, added_bound, is_linear, readings_at, signature_columns
 from .evidence import Fit, coefficient_count
 
 MAX_ITERATIONS, MAX_MOVES = 12, 8
@@ -22,6 +22,10 @@ ASTRAY = 10.0
 """No bench has a parameter as large [1], [rad], [g]: a fit that comes there runs away."""
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
+USUAL = 0.9
+"""The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""
+ROUNDS = 12
+"""Steps to a centre that few readings cannot draw."""
 
 
 @dataclass(frozen=True)
@@ -96,17 +100,17 @@ class Readings:
 
     def selected(self, rows: NDArray) -> "Readings":
         """Those at some of the visits (n,) of int."""
-        measured = (3 * rows[:, None] + np.arange(3)).ravel()
-        return Readings(self.visits.selected(rows), self.reading[rows], self.bound[measured], self.sign[rows])
+        bound = self.bound[readings_at(rows)]
+        return Readings(self.visits.selected(rows), self.reading[rows], bound, self.sign[rows])
 
     def variants(self, place: EffectPlace, rows: Rows) -> list[Variant]:
         """The ways in which an effect can act on the readings."""
         seen = CATALOGUE[place.effect].variants
         return [] if seen is None else seen(place, rows, self.reading, float(self.bound.min()))
 
-    def relaxations(self, point: NDArray, places: Sequence[EffectPlace]) -> list[Relaxation]:
+    def relaxations(self, rows: Rows, places: Sequence[EffectPlace]) -> list[Relaxation]:
         """Of each effect that can act on the readings at all, what it may do at most."""
-        found, rows = [], self.visits.rows(point)
+        found = []
         for place in places:
             if is_linear(place):
                 columns = signature_columns([place], rows)
@@ -283,6 +287,44 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
         model.variants,
     )
     return fit if _stands(fit, model.rows) else None
+
+
+def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray, before: Fit | None = None) -> Fit:
+    """The point with about the least sum of absolute misfits, which few readings cannot draw.
+
+    Parameters
+    ----------
+    readings : Readings
+    places : sequence of EffectPlace
+        linear effects
+    start : (P,) array
+        where to begin
+    before : Fit, optional
+        with all of them but the last: where to begin instead
+    """
+    cast, count, bound = Cast(tuple(places)), len(start), readings.bound
+    blocks = cast.blocks()
+    x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
+    if before is not None:
+        x[: len(before.at)] = before.at
+    for iteration in range(ROUNDS + 1):
+        model = cast.model(readings, x[:count], x[count:], blocks)
+        assert model is not None
+        residual = readings.reading.ravel() - model.reading
+        # Least squares with these bounds is the least sum of absolute values; misfits within the noise count as one.
+        loose = bound * np.sqrt(np.maximum(1.0, np.abs(residual / bound)))
+        step = least_squares(model.jacobian / loose[:, None], residual / loose)
+        settled = iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * bound.min()
+        if settled or not np.abs((x + step)[:count]).max() <= ASTRAY:
+            radius = float(np.abs(residual / bound).max(initial=0.0))
+            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, model.jacobian, radius, x, x[count:])
+        x = x + step
+    raise AssertionError("the loop returns")
+
+
+def usual_misfit(fit: Fit) -> float:
+    """What most of the readings' misfits at a fit do not exceed, in units of the bounds."""
+    return float(np.quantile(np.abs(fit.residual / fit.bound), USUAL))
 
 
 def _astray(x: NDArray, count: int) -> bool:

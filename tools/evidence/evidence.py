@@ -161,11 +161,6 @@ class Fit:
         """Parameters and coefficients (P + K,) where the radius is attained."""
         return self.at + self.step
 
-    @property
-    def solution(self) -> NDArray[np.float64]:
-        """Steps of the model's parameters and coefficients (P + K,) of a fit that begins at none."""
-        return self.step
-
     @cached_property
     def left(self) -> NDArray[np.float64]:
         """Errors (M,) where the radius is attained."""
@@ -470,11 +465,6 @@ class Evidence:
         """The columns of each effect."""
         ends = np.cumsum([0, *(coefficient_count(place) for place in self.places)]).tolist()
         return tuple(slice(start, stop) for start, stop in pairwise(ends))
-
-    @property
-    def problem(self) -> Problem:
-        """The rows as the bounds of sets take them."""
-        return Problem(self.residual, self.nominal, self.columns, self.blocks)
 
     @property
     def scored(self) -> tuple[int, ...]:

@@ -16,7 +16,6 @@ from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
-from trihedron.tools.evidence.bench_candidates import Candidates
 from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.trials.bench import NOISE_BOUND, Bench, bench_positions, draw_bench, draw_truth
 from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
@@ -167,10 +166,9 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     evidence = bench_evidence(
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
     )
-    candidates = Candidates(evidence.readings, evidence.here.point, evidence.classes.places, ())
-    found = candidates.anchors(candidates.centre, evidence.linear_places)
-    assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.fixed[-1] for centre in found}
-    assert found[0].slack < 0.1 * candidates.centre.slack
+    found = evidence.anchors(evidence.centre, evidence.linear_places)
+    assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.places[-1] for centre in found}
+    assert evidence.slack(found[0]) < 0.1 * evidence.slack(evidence.centre)
     result = diagnosed(case, record)
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)

@@ -13,8 +13,9 @@ from trihedron.tools.calibration.mountings import PRESETS
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import excluded_sizes
 from trihedron.tools.diagnosis.result import Witness
-from trihedron.tools.evidence.bench import _predicted_errors, bench_evidence
+from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_probe import second_mounting
+from trihedron.tools.evidence.gain import predicted_errors
 from trihedron.tools.trials.bench import NOISE_BOUND, bench_positions, draw_truth
 
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
@@ -67,7 +68,7 @@ def test_leaving_one_out_agrees_with_the_closed_form():
     hat = jacobian @ np.linalg.pinv(jacobian)
     whole = residual - hat @ residual
     for row in (0, 13):
-        errors = _predicted_errors(jacobian, residual, bound, np.delete(np.arange(30), row), np.array([row]))
+        errors = predicted_errors(jacobian, residual, bound, np.delete(np.arange(30), row), np.array([row]))
         assert errors is not None
         assert errors[0][0] == pytest.approx(whole[row] / (1.0 - hat[row, row]), rel=1e-12)
 
