@@ -77,22 +77,6 @@ def test_each_kind_is_written_checked_and_never_over_a_file(kind: str, capsys):
     assert before == {path.name: path.read_bytes() for path in Path().iterdir()}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["new", "scenari"], "did you mean 'scenario'?"),
-        (["new", "scenario", "bench.csv"], "is a .toml file"),
-        (["new", "record", "--positions", "3"], "there are plans of 6 to 30"),
-        (["new", "record", "--positions", "-1"], "there are plans of 6 to 30"),
-        (["new", "record", "missing/../r.txt"], "is a .csv file"),
-    ],
-)
-def test_mistakes(arguments: list[str], said: str, capsys):
-    assert cli.main(arguments) == 2
-    assert said in capsys.readouterr().err
-    assert list(Path().iterdir()) == []
-
-
 def test_all_or_nothing():
     """Where the programme's name is taken, no scenario is written."""
     Path("bench-positions.csv").write_text("mine", encoding="utf-8")

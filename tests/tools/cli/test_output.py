@@ -1,5 +1,6 @@
 """Where a command writes: nothing of the user's is replaced by mistake, and a full or foreign output is one line."""
 
+import json
 import os
 import stat
 import subprocess
@@ -54,43 +55,6 @@ def test_a_device_is_not_replaced_by_a_file(arguments, record, capsys):
     assert sorted(p.name for p in Path().iterdir()) == ["pipe", "record.csv"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["calibrate", "record.csv", "--json", "record.csv"], "--json record.csv: is the record too"),
-        (["diagnose", "record.csv", "--report", "../{}/record.csv"], "is the record too"),
-        (["diagnose", "record.csv", "--json", "x", "--report", "x"], "--report x: is --json too"),
-        (["hidden", "new.csv", "--answer", "new.csv"], "--answer new.csv: is the record too"),
-    ],
-)
-def test_a_result_is_not_written_over_another_file_of_the_command(arguments, said, record, capsys):
-    before = record.read_bytes()
-    assert cli.main([a.format(Path.cwd().name) for a in arguments]) == 2
-    err = capsys.readouterr().err
-    assert said in err
-    assert err.count("\n") == 1
-    assert record.read_bytes() == before
-    assert [p.name for p in Path().iterdir()] == ["record.csv"]
-
-
-def test_a_loop_of_links_is_one_line(record, capsys):
-    Path("loop").symlink_to("loop")
-    assert cli.main(["calibrate", "loop", "--json", "record.csv"]) == 2
-    assert capsys.readouterr().err == "trihedron: loop: no such file\n"
-
-
-def test_a_record_is_not_written_as_csv_under_the_name_of_parquet(record, capsys):
-    assert cli.main(["hidden", "new.parquet", "--answer", "answer.json"]) == 2
-    assert "CSV" in capsys.readouterr().err
-    assert [p.name for p in Path().iterdir()] == ["record.csv"]
-
-
-def test_a_wrong_seed_stops_the_demo_before_it_begins(record, capsys):
-    assert cli.main(["demo", "--no-show", "--seed", "-1", "--out", "results"]) == 2
-    assert "--seed -1" in capsys.readouterr().err
-    assert [p.name for p in Path().iterdir()] == ["record.csv"]
-
-
 def test_a_target_may_begin_with_a_minus(record, capsys):
     assert cli.main(["calibrate", "record.csv", "--noise-bound", "1e-5", "--target", "-X4"]) == 0
     assert any(line.startswith("-X4 ") for line in capsys.readouterr().out.splitlines())
@@ -115,10 +79,29 @@ def test_an_output_without_greek_letters_gets_the_result_all_the_same(record):
     assert "\\u03c3 = 1e-05 g" in done.stdout
 
 
-def test_a_folder_that_cannot_be_made_is_one_line(record, capsys):
-    """A file stands where the demo's folder would be."""
-    assert cli.main(["demo", "--no-show", "--out", "record.csv/results"]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith("trihedron: record.csv")
-    assert err.count("\n") == 1
-    assert [p.name for p in Path().iterdir()] == ["record.csv"]
+def test_quiet_prints_what_was_asked_for_by_name_and_errors_alone(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for arguments in (["--quiet", "new", "scenario"], ["new", "record", "-q"], ["check", "scenario.toml", "--quiet"]):
+        assert cli.main(arguments) == 0
+        assert capsys.readouterr() == ("", "")
+    assert cli.main(["check", "record.csv", "--quiet"]) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert cli.main(["check", "scenario.toml", "--quiet", "--json", "-"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["good"] is True
+    assert said.err == ""
+
+
+def test_json_on_standard_output_is_the_whole_output(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cli.main(["new", "scenario", "bench.toml", "--json", "-"])
+    assert json.loads(capsys.readouterr().out)["files"] == ["bench.toml", "bench-positions.csv"]
+    assert cli.main(["simulate", "bench.toml", "--out", "run", "--json", "-"]) == 0
+    done = json.loads(capsys.readouterr().out)
+    assert done["files"][-1] == "run/positions.csv"
+    assert cli.main(["simulate", "bench.toml", "--out", "run", "--json", "simulated.json"]) == 0
+    assert capsys.readouterr().out.split() == done["files"]
+    assert json.loads(Path("simulated.json").read_text(encoding="utf-8")) == done
+    assert cli.main(["export", "AccelerometerBlock", "--json", "--out", "x"]) == 2
+    assert "--json --out: is an option" in capsys.readouterr().err

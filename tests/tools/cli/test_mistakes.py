@@ -1,0 +1,121 @@
+"""What a mistake is answered with: one line that names it, exit status 2 or InputError, and nothing is written."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import trihedron as th
+from command_table import files
+from trihedron.tools import cli
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder: a record, a scenario that lacks a key, a strapdown record, a loop of links."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("measured.csv", "strapdown.csv"):
+        Path(name).write_bytes((command_inputs / name).read_bytes())
+    Path("measured.toml").write_text('schema = "trihedron.scenario/1"\n[run]\nstep = 1.0\n', encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["calibrate"], "requires an argument"),
+        (["calibrate", "RECORD", "--noise-bound", "abc"], "--noise-bound"),
+        (["calibrate", "RECORD", "--noise-bound", "0"], "--noise-bound 0"),
+        (["calibrate", "RECORD", "--noise-bound", "-1e-5"], "--noise-bound -1e-05"),
+        (["calibrate", "RECORD", "--noise-bound", "nan"], "--noise-bound nan"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--gravity", "-9.8"], "--gravity"),
+        (["calibrate", "RECORD", "--bounds", "1"], "--bounds"),
+        (["calibrate", "RECORD", "--convention", "A3"], "A1"),
+        (["calibrate", "RECORD", "--baseline", "odd"], "asymmetric"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--mounting", "identiy"], "identity"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--target", "X19"], "X19"),
+        (["calibrate", "RECORD", "--noise-bound", "1e-5", "--target", "X4 -"], "X4 -"),
+        (["calibrate", "RECORD"], "give --noise-bound"),
+        (["diagnose", "RECORD", "--noise-bound", "1e-5", "--json", "/dev/null/x.json"], "/dev/null"),
+        (["simulate", "missing.toml"], "missing.toml"),
+        (["hidden", "new.csv", "--effect", "scale-asymmetry"], "scale-asymmetry"),
+        (["hidden", "new.csv", "--seed", "-1"], "--seed -1"),
+        (["hidden", "new.csv", "--clean", "--effect", "quadratic"], "--clean"),
+        (["export", "TurntableMotin"], "TurntableMotion"),
+        (["export", "--fmi", "4"], "--fmi"),
+        (["attitude", "RECORD"], "strapdown record"),
+        (["calibrat"], 'Did you mean "calibrate"'),
+        (["reproduce", "attitud"], 'Did you mean "attitude"'),
+        (["calibrate", "r.csv", "--noise-bond", "1"], "Did you mean --noise-bound"),
+        (["plan", "--admissible", "tabels"], 'Did you mean "tables"'),
+        (["plan", "--target", "X44"], "the parameters are X1 to X18"),
+        (["plan", "--mounting", "tripot"], "did you mean 'tripod'"),
+        (["plan", "--positions", "8", "--detect", "quadratik"], "did you mean 'quadratic'"),
+        (["hidden", "r.csv", "--effect", "quadratik"], "did you mean 'quadratic'"),
+        (["hidden", "--suite", "quick-singel"], "did you mean 'quick-single'"),
+        (["export", "AcelerometerBlock"], "did you mean 'AccelerometerBlock'"),
+        (["export", "--effect", "quadratik accelerometer-3"], "did you mean 'quadratic accelerometer-3'"),
+        (["export", "--flavour", "native", "--platform", "x86-linux"], "did you mean x86_64-linux"),
+        (["new", "scenaro"], "did you mean 'scenario'"),
+        (["check", "measurd.toml"], "did you mean 'measured.toml'"),
+        (["calibrate", "measurd.toml", "--noise-bound", "1e-5"], "did you mean 'measured.toml'"),
+        (["simulate", "measurd.toml"], "did you mean 'measured.toml'"),
+        (["simulate", "measured.toml"], "run.step_s: is missing (is 'step' meant?)"),
+        (["attitude", "strapdown.csv", "--algorithm", "adaptiv-degree"], "did you mean 'adaptive-degree'"),
+        (["hidden", "new.parquet", "--answer", "answer.json"], "CSV"),
+        (["demo", "--no-show", "--seed", "-1", "--out", "results"], "--seed -1"),
+        (["demo", "--no-show", "--out", "measured.toml/results"], "measured.toml"),
+        (["calibrate", "RECORD", "--json", "RECORD"], "is the record too"),
+        (["diagnose", "RECORD", "--report", "../FOLDER/measured.csv"], "is the record too"),
+        (["diagnose", "RECORD", "--json", "x", "--report", "x"], "--report x: is --json too"),
+        (["hidden", "new.csv", "--answer", "new.csv"], "--answer new.csv: is the record too"),
+        (["calibrate", "loop", "--json", "x.json"], "loop: no such file"),
+        (["new", "scenario", "bench.csv"], "is a .toml file"),
+        (["new", "record", "--positions", "3"], "there are plans of 6 to 30"),
+        (["new", "record", "--positions", "-1"], "there are plans of 6 to 30"),
+        (["new", "record", "missing/../r.txt"], "is a .csv file"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path, capsys):
+    before = files(folder)
+    Path("loop").symlink_to("loop")
+    given = [a.replace("RECORD", "measured.csv").replace("FOLDER", folder.name) for a in arguments]
+    assert cli.main(given) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith("trihedron: ")
+    assert said in err
+    Path("loop").unlink()
+    assert files(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: th.calibrate("missing.csv"), "missing.csv: no such file"),
+        (lambda: th.calibrate(pl.DataFrame({"time_s": [1.0]})), "missing for a"),
+        (lambda: th.plan("X44"), "X44"),
+        (lambda: th.plan_positions(6, starts=0), "--starts 0: must be from 1"),
+        (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
+        (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
+        (lambda: th.export("AccelerometerBlock", flavour="rust"), "--flavour rust: must be python or native"),  # type: ignore[arg-type]
+        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "--fmi 1: must be 2 or 3"),  # type: ignore[arg-type]
+        (lambda: th.hide(1, baseline="symmetrc"), "must be asymmetric or symmetric"),  # type: ignore[arg-type]
+        (lambda: th.diagnose(th.hide(1).record, noise_bound=1e-5, rates="averaged"), "has no rates"),
+        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "must be two numbers"),  # type: ignore[arg-type]
+        (lambda: th.new("scenari"), "did you mean 'scenario'?"),
+        (lambda: th.simulate({"run": {"step_s": 1.0}}), "fmus: is missing"),
+        (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),
+    ],
+)
+def test_a_call_with_a_mistake(call: Callable[[], object], said: str, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(th.InputError) as refused:
+        call()
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,84 @@
+"""The command line before anything is done: it starts without libraries, speaks plainly, completes and hints."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from trihedron.tools import cli
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", "pythonfmu", "pydantic", "highspy",
+         "jinja2", "dask", "distributed", "trihedron.tools.records.read", "trihedron.models",
+         "trihedron.fmus")  # fmt: skip
+"""What takes its time to import; `--help` and a mistake need none of it."""
+
+
+def imported_by(*arguments: str) -> set[str]:
+    """Modules that a command has imported when it ends."""
+    code = "import sys; from trihedron.tools import cli; cli.main(sys.argv[1:]); print('\\n', *sorted(sys.modules))"
+    said = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, timeout=120
+    )
+    return set(said.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--help"],
+        ["--version"],
+        ["diagnose", "--help"],
+        ["calibrat"],
+        ["plan", "--targt", "X4"],
+        ["completion", "bash"],
+    ],
+    ids=" ".join,
+)
+def test_starting_imports_nothing_that_takes_its_time(arguments: list[str]):
+    assert imported_by(*arguments) & set(HEAVY) == set()
+
+
+def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
+    """A name that nothing ever imports would prove nothing: a real command imports them."""
+    there = imported_by("check", str(SCENARIOS / "static-calibration.toml"))
+    assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= there
+
+
+def test_plain_text_where_there_is_no_terminal():
+    """Nor with a terminal that is asked to be plain."""
+    commands = (["--help"], ["plan", "--help"], ["calibrat"], ["check", str(SCENARIOS / "table-attitude.toml")])
+    for variables in ({}, {"TERM": "xterm-256color", "NO_COLOR": "1"}):
+        environment = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "CLICOLOR_FORCE")} | variables
+        for arguments in commands:
+            done = subprocess.run(
+                [sys.executable, "-m", "trihedron.tools.cli", *arguments], capture_output=True, text=True, check=False,
+                env=environment, timeout=120,
+            )  # fmt: skip
+            assert "\x1b" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_every_command_and_its_options(shell: str, capsys):
+    assert cli.main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for name in ("simulate", "calibrate", "diagnose", "export-ssp", "noise-bound", "asymmetric"):
+        assert name in script
+
+
+def test_bash_reads_its_completion(capsys, tmp_path: Path):
+    import shutil
+
+    if shutil.which("bash") is None:
+        pytest.skip("no bash here")
+    assert cli.main(["completion", "bash"]) == 0
+    script = tmp_path / "completion.bash"
+    script.write_text(capsys.readouterr().out, encoding="utf-8")
+    asked = (
+        f"source {script}; COMP_WORDS=(trihedron cal); COMP_CWORD=1; COMP_LINE='trihedron cal'; COMP_POINT=13; "
+        "_trihedron; echo ${COMPREPLY[@]}"
+    )
+    done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=False, timeout=60)
+    assert done.stdout.split() == ["calibrate"]

@@ -1,0 +1,23 @@
+"""`trihedron doctor`: what is installed, and that a run works."""
+
+import json
+
+from trihedron.tools import cli
+
+
+def test_doctor_tries_a_run(capsys):
+    assert cli.main(["doctor", "--json", "-"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["works"] is True
+    subjects = {finding["subject"]: finding["state"] for finding in said["findings"]}
+    assert "consistent" in subjects["a run"]
+    assert {"extra native", "extra docs", "extra cluster", "native FMUs for aarch64-darwin"} <= set(subjects)
+
+
+def test_doctor_says_what_does_not_work(monkeypatch, capsys):
+    monkeypatch.setattr("trihedron.tools.orchestrator.run.simulate", lambda *_, **__: 1 / 0)
+    assert cli.main(["doctor"]) == 1
+    said = capsys.readouterr()
+    assert "NO  a run" in said.out
+    assert "ZeroDivisionError" in said.out
+    assert said.err == "trihedron: does not work: a run\n"
