@@ -2,8 +2,9 @@
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from types import ModuleType
 from typing import Literal
 
 from ..models.effects import CATALOGUE, EffectPlace, parameter_name
@@ -22,8 +23,6 @@ class Variable:
     ----------
     name, description : str
         the kernels' arguments have the same names
-    causality : str
-        "parameter", "input", "output"; "state" is the component's memory, "work" is space that a kernel works in
     size : int
         0 for a scalar, else the length of the array
     unit : str
@@ -32,9 +31,13 @@ class Variable:
         in which a person likes to read it
     start : float or tuple of float
         of parameters and inputs
+    causality : str
+        "parameter", "input", "output"; "state" is the component's memory, "work" is space that a kernel works in
     variability, type : str
         as FMI has them; "real", "integer", "boolean", "enumeration"
-    minimum, maximum, nominal : float or None
+    within : (float or None, float or None)
+        the least and the largest value, in the variable's unit
+    nominal : float or None
         in the variable's unit
     items : tuple of str
         names of the values 1, 2, ... of an enumeration
@@ -44,15 +47,14 @@ class Variable:
 
     name: str
     description: str
-    causality: Causality = "state"
     size: int = 0
     unit: str = "1"
     display_unit: str | None = None
     start: float | tuple[float, ...] = 0.0
+    causality: Causality = "state"
     variability: Variability = "continuous"
     type: Type = "real"
-    minimum: float | None = None
-    maximum: float | None = None
+    within: tuple[float | None, float | None] = (None, None)
     nominal: float | None = None
     items: tuple[str, ...] = ()
     follows: tuple[str, ...] = ()
@@ -72,35 +74,25 @@ class Variable:
     @property
     def limits(self) -> tuple[float | None, float | None]:
         """The least and the largest value that it takes; the items of an enumeration count from 1."""
-        return (1.0, float(len(self.items))) if self.items else (self.minimum, self.maximum)
+        return (1.0, float(len(self.items))) if self.items else self.within
 
 
-GRAVITY = Variable(
-    "gravity",
-    "g: model value of gravity",
-    "parameter",
-    unit="m/s2",
-    start=STANDARD_GRAVITY,
-    variability="fixed",
-    minimum=1.0,
-    maximum=100.0,
-    nominal=10.0,
+input_ = partial(Variable, causality="input")
+output = partial(Variable, causality="output")
+fixed = partial(Variable, causality="parameter", variability="fixed")
+tunable = partial(Variable, causality="parameter", variability="tunable")
+state = partial(Variable, causality="state")
+work = partial(Variable, causality="work")
+
+GRAVITY = fixed(
+    "gravity", "g: model value of gravity", unit="m/s2", start=STANDARD_GRAVITY, within=(1.0, 100.0), nominal=10.0
 )
 """The parameter of every component that works with gravity."""
 
 
 def seed(description: str) -> Variable:
     """The parameter of a component that draws random numbers."""
-    return Variable(
-        "seed",
-        description,
-        "parameter",
-        start=1.0,
-        variability="fixed",
-        type="integer",
-        minimum=0.0,
-        maximum=2147483647.0,
-    )
+    return fixed("seed", description, start=1.0, type="integer", within=(0.0, 2147483647.0))
 
 
 @dataclass(frozen=True)
@@ -112,11 +104,10 @@ class Component:
     name, description : str
     variables : tuple of Variable
         the table; value references count its scalars from 1 (0 is the time)
-    initialise, step : callable
-        kernels; each takes what it names: variables of the table, ``time``, ``step``, ``effect``; returns 0 or the
-        number of a message
-    respond : callable or None
-        kernel that recomputes the outputs that follow the inputs at once
+    model : module
+        with the kernels ``initialise`` and ``step``; each takes what it names: variables of the table, ``time``,
+        ``step``, ``effect``; returns 0 or the number of a message. Its ``respond``, where it has one, recomputes the
+        outputs that follow the inputs at once
     messages : tuple of str
         what message 1, 2, ... of the kernels says
     equations : tuple of str
@@ -134,24 +125,20 @@ class Component:
     name: str
     description: str
     variables: tuple[Variable, ...]
-    initialise: Callable[..., int]
-    step: Callable[..., int]
-    respond: Callable[..., None] | None
+    model: ModuleType
     messages: tuple[str, ...]
     equations: tuple[str, ...]
     source: str
-    step_size: float
-    stop_time: float
-    effects: tuple[EffectPlace, ...] = field(default=())
+    step_size: float = 0.01
+    stop_time: float = 60.0
+    effects: tuple[EffectPlace, ...] = ()
     undoes: str = ""
 
     @property
     def kernels(self) -> dict[str, Callable[..., int | None]]:
         """The kernels by their names: initialise, step and, where there is one, respond."""
-        kernels: dict[str, Callable[..., int | None]] = {"initialise": self.initialise, "step": self.step}
-        if self.respond is not None:
-            kernels["respond"] = self.respond
-        return kernels
+        names = ("initialise", "step", "respond")
+        return {name: getattr(self.model, name) for name in names if hasattr(self.model, name)}
 
     @property
     def interface(self) -> tuple[Variable, ...]:
@@ -180,21 +167,10 @@ class Component:
         return {name: tuple(inspect.signature(kernel).parameters) for name, kernel in self.kernels.items()}
 
 
-def identity_matrix() -> tuple[float, ...]:
-    """The mounting that leaves the axes as they are, row by row."""
-    return (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
-
 def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
     """The parameters that effects append to a component's table."""
     return tuple(
-        Variable(
-            parameter_name(place, parameter.name),
-            f"{place.title}: {parameter.description}",
-            "parameter",
-            unit=parameter.unit,
-            variability="tunable",
-        )
+        tunable(parameter_name(place, parameter.name), f"{place.title}: {parameter.description}", unit=parameter.unit)
         for place in effects
         for parameter in CATALOGUE[place.effect].at(place).parameters
     )

@@ -144,7 +144,7 @@ def type_attributes(variable: Variable) -> dict[str, str]:
         if variable.nominal is not None:
             attributes["nominal"] = number(variable.nominal)
     if variable.type in ("real", "integer"):
-        for attribute, bound in (("min", variable.minimum), ("max", variable.maximum)):
+        for attribute, bound in zip(("min", "max"), variable.within, strict=True):
             if bound is not None:
                 attributes[attribute] = start_text(variable, bound)
     return attributes

@@ -4,7 +4,7 @@ import math
 
 from ..models import harmonic_motion
 from ..models.harmonic_motion import HARMONICS
-from .component import Component, Variable
+from .component import Component, Variable, fixed, output, state, work
 from .units import STANDARD_GRAVITY
 
 
@@ -12,34 +12,18 @@ def _harmonics(name: str, letter: str, amplitude: float, frequency: float) -> tu
     """Parameters of one angle; its first harmonic is given, the others are zero."""
     rest = (0.0,) * (HARMONICS - 1)
     return (
-        Variable(
+        fixed(
             f"{name}_amplitude",
             f"amplitudes of the harmonics of {letter}",
-            "parameter",
             HARMONICS,
             "rad",
             "deg",
             start=(amplitude, *rest),
-            variability="fixed",
         ),
-        Variable(
-            f"{name}_frequency",
-            f"frequencies of the harmonics of {letter}",
-            "parameter",
-            HARMONICS,
-            "Hz",
-            start=(frequency, *rest),
-            variability="fixed",
+        fixed(
+            f"{name}_frequency", f"frequencies of the harmonics of {letter}", HARMONICS, "Hz", start=(frequency, *rest)
         ),
-        Variable(
-            f"{name}_phase",
-            f"phases of the harmonics of {letter} at time 0",
-            "parameter",
-            HARMONICS,
-            "rad",
-            "deg",
-            variability="fixed",
-        ),
+        fixed(f"{name}_phase", f"phases of the harmonics of {letter} at time 0", HARMONICS, "rad", "deg"),
     )
 
 
@@ -50,68 +34,45 @@ HARMONIC_MOTION = Component(
         *_harmonics("psi", "ψ (about the second axis)", math.radians(15.0), 1.0),
         *_harmonics("theta", "ϑ (then about the third axis)", math.radians(5.0), 0.5),
         *_harmonics("gamma", "γ (then about the first axis)", math.radians(15.0), 1.0),
-        Variable(
-            "pi",
-            "value of π in 2π f t; the paper's program must have had 3.141592",
-            "parameter",
-            start=math.pi,
-            variability="fixed",
-            minimum=3.0,
-            maximum=3.3,
+        fixed(
+            "pi", "value of π in 2π f t; the paper's program must have had 3.141592", start=math.pi, within=(3.0, 3.3)
         ),
-        Variable(
+        fixed(
             "trapezoid_nodes",
             "0: increments exact to rounding; M: trapezoid rule with M nodes over `step_samples` increments",
-            "parameter",
-            variability="fixed",
             type="integer",
-            minimum=0.0,
-            maximum=10001.0,
+            within=(0.0, 10001.0),
         ),
-        Variable(
+        fixed(
             "step_samples",
             "increments over which the nodes of the trapezoid rule are laid",
-            "parameter",
             start=1.0,
-            variability="fixed",
             type="integer",
-            minimum=1.0,
-            maximum=100.0,
+            within=(1.0, 100.0),
         ),
-        Variable(
+        fixed(
             "gravity",
             "g: gravity, along the second axis of the reference",
-            "parameter",
             unit="m/s2",
             start=STANDARD_GRAVITY,
-            variability="fixed",
-            minimum=0.0,
-            maximum=100.0,
+            within=(0.0, 100.0),
             nominal=10.0,
         ),
-        Variable("angle", "Euler-Krylov angles ψ, ϑ, γ", "output", 3, "rad", "deg"),
-        Variable("rate", "angular rate in body axes", "output", 3, "rad/s", "deg/s"),
-        Variable(
-            "increment",
-            "integral of the angular rate over the last step",
-            "output",
-            3,
-            "rad",
-            "arcsec",
-            variability="discrete",
+        output("angle", "Euler-Krylov angles ψ, ϑ, γ", 3, "rad", "deg"),
+        output("rate", "angular rate in body axes", 3, "rad/s", "deg/s"),
+        output(
+            "increment", "integral of the angular rate over the last step", 3, "rad", "arcsec", variability="discrete"
         ),
-        Variable("specific_force", "specific force in body axes", "output", 3, "m/s2", "g", nominal=10.0),
-        Variable("attitude", "true attitude quaternion, scalar first, body to reference", "output", 4),
-        Variable("last_step", "length of the last step", size=1),
-        Variable("intervals", "intervals of the trapezoid rule in one increment; 0: exact", size=1),
-        Variable("bandwidth", "bound of the circular frequencies in the rates", size=1),
-        Variable("harmonics", "amplitude, circular frequency and phase of each harmonic", size=9 * HARMONICS),
-        Variable("angle_rate", "rates of the angles", "work", 3),
-        Variable("work", "a quaternion", "work", 4),
+        output("specific_force", "specific force in body axes", 3, "m/s2", "g", nominal=10.0),
+        output("attitude", "true attitude quaternion, scalar first, body to reference", 4),
+        state("last_step", "length of the last step", 1),
+        state("intervals", "intervals of the trapezoid rule in one increment; 0: exact", 1),
+        state("bandwidth", "bound of the circular frequencies in the rates", 1),
+        state("harmonics", "amplitude, circular frequency and phase of each harmonic", 9 * HARMONICS),
+        work("angle_rate", "rates of the angles", 3),
+        work("work", "a quaternion", 4),
     ),
-    initialise=harmonic_motion.initialise,
-    step=harmonic_motion.step,
-    respond=None,
+    model=harmonic_motion,
     messages=(
         "trapezoid_nodes - 1 is not a multiple of step_samples: the intervals of one increment must be a whole number",
         "the step holds more than 1e6 rad of the motion's phase, or the motion is not finite",

@@ -17,11 +17,10 @@ from typing import Any
 
 from ..models.effects import CATALOGUE
 from . import instance
-from .archive import write_archive
+from .archive import accompanying_files, write_archive
 from .component import Component
 from .description import model_description
 from .instance import Instance
-from .pages import accompanying_files
 
 PERMITTED = frozenset({"range", "int", "float", "None", "Vector"})
 """Names of Python that a kernel may use beside numbers, kernels and `math`."""

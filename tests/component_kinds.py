@@ -80,7 +80,7 @@ def draw_parameters(component: Component, rng: random.Random) -> dict[str, float
             elif v.type == "enumeration":
                 values[element] = float(rng.randint(1, len(v.items)))
             elif v.type == "integer":
-                values[element] = float(rng.randint(int(v.minimum or 0), min(10**9, int(v.maximum or 10**9))))
+                values[element] = float(rng.randint(int(v.within[0] or 0), min(10**9, int(v.within[1] or 10**9))))
             elif v.name in ("max_rate", "max_acceleration"):
                 values[element] = rng.uniform(0.2, 3.0)
             elif v.name == "dwell_time":

@@ -10,10 +10,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import fmpy
 
-from ..archive import write_archive
+from ..archive import accompanying_files, write_archive
 from ..component import Component, Variable
 from ..description import identity, model_description
-from ..pages import accompanying_files
 from ..source import flat_parts
 from .compile import FLAGS, Platform, binary
 from .translate import Signature, kernel_name, translate
