@@ -21,7 +21,7 @@ from trihedron.models.rotation import multiply
 from trihedron.tools.files import write_text
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.attitude_error import angle_between, attitudes_of_angles
-from trihedron.tools.motion.compare import run_algorithm, sample_motion, step_kernel
+from trihedron.tools.motion.compare import run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.progress import progress_bar
 
@@ -126,7 +126,7 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
         "turned": [number(0.0)] * 4,
         "part": [number(0.0)] * 4,
     }
-    kernel = step_kernel(algorithm)
+    kernel = algorithm.kernel
     names = kernel.__code__.co_varnames[: kernel.__code__.co_argcount]
     _counting(kernel, tally)(*(given[name] if name in given else [number(0.0)] * WORK_SIZE for name in names))
     attitude = [number(1.0), number(0.0), number(0.0), number(0.0)]

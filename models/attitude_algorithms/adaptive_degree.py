@@ -27,21 +27,6 @@ from .quaternion_forms import (
 WINDOW = 8
 """Increments of one update."""
 
-ADAPTIVE_DEGREE = Algorithm(
-    number=27,
-    name="adaptive-degree",
-    title="two, four or eight samples at a time, by what the increments support",
-    source="Trihedron: the degree whose differences still halve",
-    kernel="adaptive_degree",
-    samples=WINDOW,
-    order=10,
-    coning_order=10,
-    norm_order=None,
-    previous=True,
-    constant_rate=True,
-    max_increment=math.pi / 2,
-)
-
 
 def supported_degree(previous: Vector, known: float, g: Vector, differences: Vector) -> int:
     """How many increments at a time (2, 4 or 8) the last ones support.
@@ -159,3 +144,20 @@ def adaptive_degree(
         for pair in range(4):
             pair_of_increments(g, 2 * pair, part)
             multiply(turned, part, turned)
+
+
+ALGORITHMS = (
+    Algorithm(
+        27,
+        "adaptive-degree",
+        "two, four or eight samples at a time, by what the increments support",
+        "Trihedron: the degree whose differences still halve",
+        adaptive_degree,
+        samples=WINDOW,
+        order=10,
+        coning_order=10,
+        previous=True,
+        constant_rate=True,
+        max_increment=math.pi / 2,
+    ),
+)

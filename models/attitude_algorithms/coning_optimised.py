@@ -11,21 +11,6 @@ from ..restricted import Vector
 from .definition import Algorithm
 from .quaternion_forms import add_cross, complete_rotation_vector, sum_of_increments
 
-THREE_SAMPLE_CONING = Algorithm(
-    number=17,
-    name="three-sample-coning",
-    title="three samples, optimised for coning",
-    source="Miller 1983, three-sample",
-    kernel="three_sample_coning",
-    samples=3,
-    order=3,
-    coning_order=6,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi / 3,
-)
-
 
 def three_sample_coning(g: Vector, turned: Vector) -> None:
     """φ = Σ γi + ((9/20) γ1 + (27/20) γ2) × γ3."""
@@ -33,22 +18,6 @@ def three_sample_coning(g: Vector, turned: Vector) -> None:
     add_cross(9.0 / 20.0, g, 0, g, 2, turned)
     add_cross(27.0 / 20.0, g, 1, g, 2, turned)
     complete_rotation_vector(turned)
-
-
-FOUR_SAMPLE_CONING = Algorithm(
-    number=18,
-    name="four-sample-coning",
-    title="four samples, optimised for coning",
-    source="Lee et al. 1990; Savage 1998",
-    kernel="four_sample_coning",
-    samples=4,
-    order=3,
-    coning_order=8,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi / 4,
-)
 
 
 def four_sample_coning(g: Vector, turned: Vector) -> None:
@@ -60,22 +29,6 @@ def four_sample_coning(g: Vector, turned: Vector) -> None:
     complete_rotation_vector(turned)
 
 
-FIVE_SAMPLE_CONING = Algorithm(
-    number=19,
-    name="five-sample-coning",
-    title="five samples, optimised for coning",
-    source="Savage 1998, five-sample",
-    kernel="five_sample_coning",
-    samples=5,
-    order=3,
-    coning_order=10,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi / 5,
-)
-
-
 def five_sample_coning(g: Vector, turned: Vector) -> None:
     """φ = Σ γi + ((250/504) γ1 + (525/504) γ2 + (650/504) γ3 + (1375/504) γ4) × γ5."""
     sum_of_increments(g, 5, turned)
@@ -84,3 +37,43 @@ def five_sample_coning(g: Vector, turned: Vector) -> None:
     add_cross(650.0 / 504.0, g, 2, g, 4, turned)
     add_cross(1375.0 / 504.0, g, 3, g, 4, turned)
     complete_rotation_vector(turned)
+
+
+ALGORITHMS = (
+    Algorithm(
+        17,
+        "three-sample-coning",
+        "three samples, optimised for coning",
+        "Miller 1983, three-sample",
+        three_sample_coning,
+        samples=3,
+        order=3,
+        coning_order=6,
+        constant_rate=True,
+        max_increment=math.pi / 3,
+    ),
+    Algorithm(
+        18,
+        "four-sample-coning",
+        "four samples, optimised for coning",
+        "Lee et al. 1990; Savage 1998",
+        four_sample_coning,
+        samples=4,
+        order=3,
+        coning_order=8,
+        constant_rate=True,
+        max_increment=math.pi / 4,
+    ),
+    Algorithm(
+        19,
+        "five-sample-coning",
+        "five samples, optimised for coning",
+        "Savage 1998, five-sample",
+        five_sample_coning,
+        samples=5,
+        order=3,
+        coning_order=10,
+        constant_rate=True,
+        max_increment=math.pi / 5,
+    ),
+)

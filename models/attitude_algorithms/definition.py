@@ -1,6 +1,7 @@
 """What an attitude algorithm is, as data, and the range in which it is used."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 MAX_INCREMENT = math.pi
@@ -12,7 +13,7 @@ RANGE_ERROR = 1e-3
 
 @dataclass(frozen=True)
 class Algorithm:
-    """An attitude algorithm as data; its kernel has the name `kernel` and stands in the same module.
+    """An attitude algorithm as data.
 
     Attributes
     ----------
@@ -20,14 +21,17 @@ class Algorithm:
         value of the parameter `algorithm` of the attitude computer
     name, title, source : str
         how it is chosen, how it is shown, where it stands
-    kernel : str
-        name of the kernel
+    kernel : callable
+        restricted Python; what it takes beside the increments depends on the algorithm
     samples : int
         gyro samples that one update takes
     order : int
         observed order of the attitude's error in the step over a fixed time; one update errs by one order more
     coning_order : int
         power of (frequency times sample interval) in the relative drift under coning
+    max_increment : float
+        valid range: longest increment over one sample [rad]. Where a constant rate is exact: half a turn over a step,
+        or to where it stays exact; else to where one update at a constant rate errs by `RANGE_ERROR`
     norm_order : int or None
         order of the quaternion's deviation from the unit sphere over a fixed time, where it is not renormalised;
         None: none but rounding
@@ -35,20 +39,17 @@ class Algorithm:
         whether the increments of the step before are used; there are none at the first update: they count as zero
     constant_rate : bool
         whether a turn at a constant rate is exact but for rounding
-    max_increment : float
-        valid range: longest increment over one sample [rad]. Where a constant rate is exact: half a turn over a step,
-        or to where it stays exact; else to where one update at a constant rate errs by `RANGE_ERROR`
     """
 
     number: int
     name: str
     title: str
     source: str
-    kernel: str
+    kernel: Callable[..., int | None]
     samples: int
     order: int
     coning_order: int
-    norm_order: int | None
-    previous: bool
-    constant_rate: bool
     max_increment: float
+    norm_order: int | None = None
+    previous: bool = False
+    constant_rate: bool = False

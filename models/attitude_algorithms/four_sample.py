@@ -13,21 +13,6 @@ from .quaternion_forms import (
     sum_of_increments,
 )
 
-PANOV = Algorithm(
-    number=13,
-    name="panov",
-    title="four samples, Panov's rotation vector and exact formulas",
-    source="Chelnokov et al. 2016, (24), (25)",
-    kernel="panov",
-    samples=4,
-    order=4,
-    coning_order=6,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi / 4,
-)
-
 
 def panov_rotation_vector(g: Vector, turned: Vector) -> None:
     """Equation (24): φ = Σ γi + (22/45)(γ1 + γ2) × (γ3 + γ4) + (32/45)(γ1 × γ2 + γ3 × γ4), in turned[1..3]."""
@@ -45,42 +30,10 @@ def panov(g: Vector, turned: Vector) -> None:
     complete_rotation_vector(turned)
 
 
-PANOV_SERIES = Algorithm(
-    number=14,
-    name="panov-series",
-    title="four samples, Panov's rotation vector and series",
-    source="Chelnokov et al. 2016, (24), (25) as series to the fifth power",
-    kernel="panov_series",
-    samples=4,
-    order=4,
-    coning_order=6,
-    norm_order=5,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.44,
-)
-
-
 def panov_series(g: Vector, turned: Vector) -> None:
     """Equation (24), and (25) as series: λ0 = 1 - f/8 + f²/384, λv = (1/2 - f/48 + f²/3840) φ."""
     panov_rotation_vector(g, turned)
     complete_rotation_vector_by_series(turned)
-
-
-PANOV_CUT_OFF = Algorithm(
-    number=15,
-    name="panov-cut-off",
-    title="four samples, Panov's rotation vector and a series cut off too early",
-    source="Chelnokov et al. 2016, remark 3 (fitted to the published errors)",
-    kernel="panov_cut_off",
-    samples=4,
-    order=2,
-    coning_order=6,
-    norm_order=3,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.07,
-)
 
 
 def panov_cut_off(g: Vector, turned: Vector) -> None:
@@ -88,22 +41,6 @@ def panov_cut_off(g: Vector, turned: Vector) -> None:
     panov_rotation_vector(g, turned)
     turned[0] = 1.0 - square_of_vector(turned) / 8.0
     scale_vector(0.5, turned)
-
-
-FOUR_SAMPLE_ROTATION_VECTOR = Algorithm(
-    number=16,
-    name="four-sample-rotation-vector",
-    title="four samples, rotation vector of a cubic rate",
-    source="Jiang and Lin 1992, four-sample polynomial algorithm",
-    kernel="four_sample_rotation_vector",
-    samples=4,
-    order=4,
-    coning_order=6,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi / 4,
-)
 
 
 def four_sample_rotation_vector(g: Vector, turned: Vector) -> None:
@@ -119,3 +56,55 @@ def four_sample_rotation_vector(g: Vector, turned: Vector) -> None:
     add_cross(526.0 / 945.0, g, 0, g, 3, turned)
     add_cross(654.0 / 945.0, g, 1, g, 2, turned)
     complete_rotation_vector(turned)
+
+
+ALGORITHMS = (
+    Algorithm(
+        13,
+        "panov",
+        "four samples, Panov's rotation vector and exact formulas",
+        "Chelnokov et al. 2016, (24), (25)",
+        panov,
+        samples=4,
+        order=4,
+        coning_order=6,
+        constant_rate=True,
+        max_increment=math.pi / 4,
+    ),
+    Algorithm(
+        14,
+        "panov-series",
+        "four samples, Panov's rotation vector and series",
+        "Chelnokov et al. 2016, (24), (25) as series to the fifth power",
+        panov_series,
+        samples=4,
+        order=4,
+        coning_order=6,
+        norm_order=5,
+        max_increment=0.44,
+    ),
+    Algorithm(
+        15,
+        "panov-cut-off",
+        "four samples, Panov's rotation vector and a series cut off too early",
+        "Chelnokov et al. 2016, remark 3 (fitted to the published errors)",
+        panov_cut_off,
+        samples=4,
+        order=2,
+        coning_order=6,
+        norm_order=3,
+        max_increment=0.07,
+    ),
+    Algorithm(
+        16,
+        "four-sample-rotation-vector",
+        "four samples, rotation vector of a cubic rate",
+        "Jiang and Lin 1992, four-sample polynomial algorithm",
+        four_sample_rotation_vector,
+        samples=4,
+        order=4,
+        coning_order=6,
+        constant_rate=True,
+        max_increment=math.pi / 4,
+    ),
+)

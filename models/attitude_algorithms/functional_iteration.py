@@ -29,24 +29,6 @@ MOST_INCREMENTS = 8
 LARGEST_TABLE = (2 * MOST_INCREMENTS + EXTRA_NODES + 1) * (MOST_INCREMENTS + EXTRA_NODES)
 """Length of the table for the most increments."""
 
-FUNCTIONAL_ITERATIONS = tuple(
-    Algorithm(
-        number=18 + count,
-        name=f"functional-iteration-{count}",
-        title=f"functional iteration through {count} samples",
-        source="Wu 2018, functional iteration on Chebyshev nodes",
-        kernel="functional_iteration",
-        samples=count,
-        order=count + 2 if count % 2 == 0 else count + 1,
-        coning_order=count + 2 if count % 2 == 0 else count + 1,
-        norm_order=None,
-        previous=False,
-        constant_rate=True,
-        max_increment=LONGEST_INCREMENT,
-    )
-    for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1)
-)
-
 
 def prepare_functional_iteration(count: int, table: Vector) -> None:
     """Write what depends on the number of increments alone.
@@ -192,3 +174,20 @@ def quaternion_slope(rates: Vector, i: int, values: Vector, slopes: Vector) -> N
     slopes[4 * i + 1] = w * x + (b * z - c * y)
     slopes[4 * i + 2] = w * y + (c * x - a * z)
     slopes[4 * i + 3] = w * z + (a * y - b * x)
+
+
+ALGORITHMS = tuple(
+    Algorithm(
+        18 + count,
+        f"functional-iteration-{count}",
+        f"functional iteration through {count} samples",
+        "Wu 2018, functional iteration on Chebyshev nodes",
+        functional_iteration,
+        samples=count,
+        order=count + 2 if count % 2 == 0 else count + 1,
+        coning_order=count + 2 if count % 2 == 0 else count + 1,
+        constant_rate=True,
+        max_increment=LONGEST_INCREMENT,
+    )
+    for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1)
+)

@@ -14,42 +14,11 @@ from .quaternion_forms import (
     sum_of_increments,
 )
 
-MEAN_RATE = Algorithm(
-    number=2,
-    name="mean-rate",
-    title="one sample, mean angular rate",
-    source="Chelnokov et al. 2016, (7.18)",
-    kernel="mean_rate",
-    samples=1,
-    order=2,
-    coning_order=2,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi,
-)
-
 
 def mean_rate(g: Vector, turned: Vector) -> None:
     """Equation (7.18): φ = γ."""
     sum_of_increments(g, 1, turned)
     complete_rotation_vector(turned)
-
-
-ONE_SAMPLE_QUATERNION = Algorithm(
-    number=3,
-    name="one-sample-quaternion",
-    title="one sample and the one before, series of the quaternion",
-    source="Chelnokov et al. 2016, (7.20)",
-    kernel="one_sample_quaternion",
-    samples=1,
-    order=3,
-    coning_order=4,
-    norm_order=3,
-    previous=True,
-    constant_rate=False,
-    max_increment=0.86,
-)
 
 
 def one_sample_quaternion(previous: Vector, g: Vector, turned: Vector) -> None:
@@ -61,22 +30,6 @@ def one_sample_quaternion(previous: Vector, g: Vector, turned: Vector) -> None:
     add_cross(1.0 / 24.0, previous, 0, g, 0, turned)
 
 
-ONE_SAMPLE_RODRIGUES = Algorithm(
-    number=4,
-    name="one-sample-rodrigues",
-    title="one sample and the one before, modified Rodrigues parameters",
-    source="Chelnokov et al. 2016, (19)",
-    kernel="one_sample_rodrigues",
-    samples=1,
-    order=3,
-    coning_order=4,
-    norm_order=None,
-    previous=True,
-    constant_rate=False,
-    max_increment=1.15,
-)
-
-
 def one_sample_rodrigues(previous: Vector, g: Vector, turned: Vector) -> None:
     """Equation (19): x = γ/4 + (γ* × γ)/48 - ((γ·γ) γ* - 2 (γ·γ*) γ)/192."""
     clear(turned)
@@ -86,22 +39,6 @@ def one_sample_rodrigues(previous: Vector, g: Vector, turned: Vector) -> None:
     complete_rodrigues(turned)
 
 
-ONE_SAMPLE_RODRIGUES_SYMMETRIC = Algorithm(
-    number=5,
-    name="one-sample-rodrigues-symmetric",
-    title="one sample and the one before, modified Rodrigues parameters, second form",
-    source="Chelnokov et al. 2016, (20)",
-    kernel="one_sample_rodrigues_symmetric",
-    samples=1,
-    order=3,
-    coning_order=4,
-    norm_order=None,
-    previous=True,
-    constant_rate=False,
-    max_increment=1.15,
-)
-
-
 def one_sample_rodrigues_symmetric(previous: Vector, g: Vector, turned: Vector) -> None:
     """Equation (20): x = γ/4 + (γ* × γ)/48 + ((γ*·γ*) γ* + (γ·γ) γ)/384."""
     clear(turned)
@@ -109,3 +46,56 @@ def one_sample_rodrigues_symmetric(previous: Vector, g: Vector, turned: Vector) 
     add_increment(dot(previous, 0, previous, 0) / 384.0, previous, 0, turned)
     add_cross(1.0 / 48.0, previous, 0, g, 0, turned)
     complete_rodrigues(turned)
+
+
+ALGORITHMS = (
+    Algorithm(
+        2,
+        "mean-rate",
+        "one sample, mean angular rate",
+        "Chelnokov et al. 2016, (7.18)",
+        mean_rate,
+        samples=1,
+        order=2,
+        coning_order=2,
+        constant_rate=True,
+        max_increment=math.pi,
+    ),
+    Algorithm(
+        3,
+        "one-sample-quaternion",
+        "one sample and the one before, series of the quaternion",
+        "Chelnokov et al. 2016, (7.20)",
+        one_sample_quaternion,
+        samples=1,
+        order=3,
+        coning_order=4,
+        norm_order=3,
+        previous=True,
+        max_increment=0.86,
+    ),
+    Algorithm(
+        4,
+        "one-sample-rodrigues",
+        "one sample and the one before, modified Rodrigues parameters",
+        "Chelnokov et al. 2016, (19)",
+        one_sample_rodrigues,
+        samples=1,
+        order=3,
+        coning_order=4,
+        previous=True,
+        max_increment=1.15,
+    ),
+    Algorithm(
+        5,
+        "one-sample-rodrigues-symmetric",
+        "one sample and the one before, modified Rodrigues parameters, second form",
+        "Chelnokov et al. 2016, (20)",
+        one_sample_rodrigues_symmetric,
+        samples=1,
+        order=3,
+        coning_order=4,
+        previous=True,
+        max_increment=1.15,
+    ),
+)

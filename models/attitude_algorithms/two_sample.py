@@ -16,21 +16,6 @@ from .quaternion_forms import (
     sum_of_increments,
 )
 
-TWO_SAMPLE_RODRIGUES = Algorithm(
-    number=1,
-    name="two-sample-rodrigues",
-    title="two samples, modified Rodrigues parameters",
-    source="Chelnokov et al. 2016, (22)",
-    kernel="two_sample_rodrigues",
-    samples=2,
-    order=4,
-    coning_order=4,
-    norm_order=None,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.57,
-)
-
 
 def two_sample_rodrigues(g: Vector, turned: Vector) -> None:
     """Equation (22): x = (1/4 + γ'·γ'/48) γ' + (1/4 + γ''·γ''/48) γ'' + (γ' × γ'')/6."""
@@ -39,22 +24,6 @@ def two_sample_rodrigues(g: Vector, turned: Vector) -> None:
     add_increment(0.25 + dot(g, 1, g, 1) / 48.0, g, 1, turned)
     add_cross(1.0 / 6.0, g, 0, g, 1, turned)
     complete_rodrigues(turned)
-
-
-TWO_SAMPLE_RODRIGUES_SECOND_ITERATE = Algorithm(
-    number=6,
-    name="two-sample-rodrigues-second-iterate",
-    title="two samples, modified Rodrigues parameters, second Picard iterate",
-    source="Chelnokov et al. 2016, (23)",
-    kernel="two_sample_rodrigues_second_iterate",
-    samples=2,
-    order=3,
-    coning_order=4,
-    norm_order=None,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.57,
-)
 
 
 def two_sample_rodrigues_second_iterate(g: Vector, turned: Vector) -> None:
@@ -72,22 +41,6 @@ def two_sample_rodrigues_second_iterate(g: Vector, turned: Vector) -> None:
     complete_rodrigues(turned)
 
 
-TWO_SAMPLE_RODRIGUES_THIRD_ORDER = Algorithm(
-    number=7,
-    name="two-sample-rodrigues-third-order",
-    title="two samples, modified Rodrigues parameters, third order",
-    source="Chelnokov et al. 2016, (21)",
-    kernel="two_sample_rodrigues_third_order",
-    samples=2,
-    order=3,
-    coning_order=4,
-    norm_order=None,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.57,
-)
-
-
 def two_sample_rodrigues_third_order(g: Vector, turned: Vector) -> None:
     """Equation (21): x = (γ' + γ'')/4 + (γ' × γ'')/6 - (γ'' ∘ γ' ∘ γ'')/24."""
     clear(turned)
@@ -95,22 +48,6 @@ def two_sample_rodrigues_third_order(g: Vector, turned: Vector) -> None:
     add_increment(0.25 + dot(g, 0, g, 1) / 12.0, g, 1, turned)
     add_cross(1.0 / 6.0, g, 0, g, 1, turned)
     complete_rodrigues(turned)
-
-
-TWO_SAMPLE_QUATERNION = Algorithm(
-    number=8,
-    name="two-sample-quaternion",
-    title="two samples, series of the quaternion",
-    source="Chelnokov et al. 2016, (7.22)",
-    kernel="two_sample_quaternion",
-    samples=2,
-    order=4,
-    coning_order=4,
-    norm_order=3,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.43,
-)
 
 
 def two_sample_quaternion(g: Vector, turned: Vector) -> None:
@@ -122,22 +59,6 @@ def two_sample_quaternion(g: Vector, turned: Vector) -> None:
     add_cross(1.0 / 3.0, g, 0, g, 1, turned)
 
 
-TWO_SAMPLE_TEXTBOOK = Algorithm(
-    number=9,
-    name="two-sample-textbook",
-    title="two samples, rotation vector and series, as the textbook has it",
-    source="Chelnokov et al. 2016, [1, p. 355]",
-    kernel="two_sample_textbook",
-    samples=2,
-    order=4,
-    coning_order=4,
-    norm_order=5,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.58,
-)
-
-
 def two_sample_textbook(g: Vector, turned: Vector) -> None:
     """[1, p. 355]: φ = γ' + γ'' + (2/3) γ' × γ'', f = φ·φ, λ0 = 1 - f/8 + f²/384, λv = (1/2 - f/48) φ."""
     sum_of_increments(g, 2, turned)
@@ -145,22 +66,6 @@ def two_sample_textbook(g: Vector, turned: Vector) -> None:
     square = square_of_vector(turned)
     turned[0] = 1.0 - square / 8.0 + square * square / 384.0
     scale_vector(0.5 - square / 48.0, turned)
-
-
-TWO_SAMPLE_TEXTBOOK_AS_RUN = Algorithm(
-    number=10,
-    name="two-sample-textbook-as-run",
-    title="two samples, rotation vector and series, as the paper must have run it",
-    source="Chelnokov et al. 2016, [1, p. 355] (fitted to the published errors)",
-    kernel="two_sample_textbook_as_run",
-    samples=2,
-    order=4,
-    coning_order=4,
-    norm_order=3,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.43,
-)
 
 
 def two_sample_textbook_as_run(g: Vector, turned: Vector) -> None:
@@ -172,43 +77,11 @@ def two_sample_textbook_as_run(g: Vector, turned: Vector) -> None:
     add_cross((1.0 - square / 24.0) / 3.0, g, 0, g, 1, turned)
 
 
-TWO_SAMPLE_ROTATION_VECTOR = Algorithm(
-    number=11,
-    name="two-sample-rotation-vector",
-    title="two samples, rotation vector and exact formulas",
-    source="Miller 1983, two-sample; Chelnokov et al. 2016, (25)",
-    kernel="two_sample_rotation_vector",
-    samples=2,
-    order=4,
-    coning_order=4,
-    norm_order=None,
-    previous=False,
-    constant_rate=True,
-    max_increment=math.pi / 2,
-)
-
-
 def two_sample_rotation_vector(g: Vector, turned: Vector) -> None:
     """φ = γ' + γ'' + (2/3) γ' × γ'', then the exact formulas of (25)."""
     sum_of_increments(g, 2, turned)
     add_cross(2.0 / 3.0, g, 0, g, 1, turned)
     complete_rotation_vector(turned)
-
-
-TWO_SAMPLE_FIFTH_POWER = Algorithm(
-    number=12,
-    name="two-sample-fifth-power",
-    title="two samples, rotation vector, modified Rodrigues parameters to the fifth power",
-    source="(22) with the term in φ⁵ that it leaves out",
-    kernel="two_sample_fifth_power",
-    samples=2,
-    order=4,
-    coning_order=4,
-    norm_order=None,
-    previous=False,
-    constant_rate=False,
-    max_increment=0.94,
-)
 
 
 def two_sample_fifth_power(g: Vector, turned: Vector) -> None:
@@ -218,3 +91,99 @@ def two_sample_fifth_power(g: Vector, turned: Vector) -> None:
     square = square_of_vector(turned)
     scale_vector(0.25 * (1.0 + square / 48.0 + square * square / 1920.0), turned)
     complete_rodrigues(turned)
+
+
+ALGORITHMS = (
+    Algorithm(
+        1,
+        "two-sample-rodrigues",
+        "two samples, modified Rodrigues parameters",
+        "Chelnokov et al. 2016, (22)",
+        two_sample_rodrigues,
+        samples=2,
+        order=4,
+        coning_order=4,
+        max_increment=0.57,
+    ),
+    Algorithm(
+        6,
+        "two-sample-rodrigues-second-iterate",
+        "two samples, modified Rodrigues parameters, second Picard iterate",
+        "Chelnokov et al. 2016, (23)",
+        two_sample_rodrigues_second_iterate,
+        samples=2,
+        order=3,
+        coning_order=4,
+        max_increment=0.57,
+    ),
+    Algorithm(
+        7,
+        "two-sample-rodrigues-third-order",
+        "two samples, modified Rodrigues parameters, third order",
+        "Chelnokov et al. 2016, (21)",
+        two_sample_rodrigues_third_order,
+        samples=2,
+        order=3,
+        coning_order=4,
+        max_increment=0.57,
+    ),
+    Algorithm(
+        8,
+        "two-sample-quaternion",
+        "two samples, series of the quaternion",
+        "Chelnokov et al. 2016, (7.22)",
+        two_sample_quaternion,
+        samples=2,
+        order=4,
+        coning_order=4,
+        norm_order=3,
+        max_increment=0.43,
+    ),
+    Algorithm(
+        9,
+        "two-sample-textbook",
+        "two samples, rotation vector and series, as the textbook has it",
+        "Chelnokov et al. 2016, [1, p. 355]",
+        two_sample_textbook,
+        samples=2,
+        order=4,
+        coning_order=4,
+        norm_order=5,
+        max_increment=0.58,
+    ),
+    Algorithm(
+        10,
+        "two-sample-textbook-as-run",
+        "two samples, rotation vector and series, as the paper must have run it",
+        "Chelnokov et al. 2016, [1, p. 355] (fitted to the published errors)",
+        two_sample_textbook_as_run,
+        samples=2,
+        order=4,
+        coning_order=4,
+        norm_order=3,
+        max_increment=0.43,
+    ),
+    Algorithm(
+        11,
+        "two-sample-rotation-vector",
+        "two samples, rotation vector and exact formulas",
+        "Miller 1983, two-sample; Chelnokov et al. 2016, (25)",
+        two_sample_rotation_vector,
+        samples=2,
+        order=4,
+        coning_order=4,
+        constant_rate=True,
+        max_increment=math.pi / 2,
+    ),
+    Algorithm(
+        12,
+        "two-sample-fifth-power",
+        "two samples, rotation vector, modified Rodrigues parameters to the fifth power",
+        "(22) with the term in φ⁵ that it leaves out",
+        two_sample_fifth_power,
+        samples=2,
+        order=4,
+        coning_order=4,
+        max_increment=0.94,
+    ),
+)

@@ -2,17 +2,8 @@
 
 from ..restricted import Vector
 from .adaptive_degree import WINDOW, adaptive_degree
-from .coning_optimised import (
-    five_sample_coning,
-    four_sample_coning,
-    three_sample_coning,
-)
-from .four_sample import (
-    four_sample_rotation_vector,
-    panov,
-    panov_cut_off,
-    panov_series,
-)
+from .coning_optimised import five_sample_coning, four_sample_coning, three_sample_coning
+from .four_sample import four_sample_rotation_vector, panov, panov_cut_off, panov_series
 from .functional_iteration import (
     EXTRA_NODES,
     FEWEST_INCREMENTS,
@@ -21,12 +12,7 @@ from .functional_iteration import (
     functional_iteration,
     prepare_functional_iteration,
 )
-from .one_sample import (
-    mean_rate,
-    one_sample_quaternion,
-    one_sample_rodrigues,
-    one_sample_rodrigues_symmetric,
-)
+from .one_sample import mean_rate, one_sample_quaternion, one_sample_rodrigues, one_sample_rodrigues_symmetric
 from .two_sample import (
     two_sample_fifth_power,
     two_sample_quaternion,

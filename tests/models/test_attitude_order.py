@@ -33,7 +33,7 @@ def _fifty_digits():
 
 
 def rates_for(algorithm: Algorithm) -> list:
-    return HIGH if algorithm.kernel in ("functional_iteration", "adaptive_degree") else CUBIC
+    return HIGH if algorithm.kernel.__name__ in ("functional_iteration", "adaptive_degree") else CUBIC
 
 
 def attitude(rates: list, time: mpf, terms: int = 90) -> list:

@@ -12,16 +12,9 @@ import polars as pl
 from pydantic import Field
 
 from ...models import harmonic_motion, rotation
-from ...models.attitude_algorithms import (
-    ALGORITHMS,
-    Algorithm,
-    adaptive_degree,
-    coning_optimised,
-    four_sample,
-    functional_iteration,
-    one_sample,
-    two_sample,
-)
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...models.attitude_algorithms.adaptive_degree import adaptive_degree
+from ...models.attitude_algorithms.functional_iteration import functional_iteration
 from ...models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ..compiled import compile_callee, compiled
 from ..errors import InputError
@@ -33,9 +26,6 @@ from .attitude_error import attitude_error
 
 REFERENCE = "adaptive-degree"
 """The algorithm that the others are compared with, at the record's own rate."""
-
-FAMILIES = (one_sample, two_sample, four_sample, coning_optimised, functional_iteration, adaptive_degree)
-"""Modules with the kernels of the algorithms."""
 
 
 class ComparedAlgorithm(Result):
@@ -214,11 +204,6 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     return attitudes
 
 
-def step_kernel(algorithm: Algorithm) -> Callable[..., Any]:
-    """The kernel of an algorithm."""
-    return next(found for family in FAMILIES if (found := getattr(family, algorithm.kernel, None)) is not None)
-
-
 @cache
 def _sampler() -> Callable[..., None]:
     trapezoid, exactly, move = (
@@ -275,14 +260,14 @@ def _runner(algorithm: Algorithm) -> Callable[..., None]:
 
 def _turn(algorithm: Algorithm) -> Callable[..., None]:
     """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
-    kernel = compiled(step_kernel(algorithm))
+    kernel = compiled(algorithm.kernel)
     samples = algorithm.samples
-    if algorithm.kernel == "functional_iteration":
+    if algorithm.kernel is functional_iteration:
 
         def turn(previous, known, g, work, turned):
             kernel(samples, g, 0, work[0], work[3], work[4], work[5], turned)
 
-    elif algorithm.kernel == "adaptive_degree":
+    elif algorithm.kernel is adaptive_degree:
 
         def turn(previous, known, g, work, turned):
             kernel(previous, known, g, work[0], work[1], work[2], work[3], work[4], work[5], work[6], turned)

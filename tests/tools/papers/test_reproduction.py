@@ -12,12 +12,11 @@ import math
 import numpy as np
 import pytest
 
-from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.attitude_error import angle_errors
-from trihedron.tools.motion.compare import run_algorithm, sample_motion, step_kernel
+from trihedron.tools.motion.compare import run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import (
     CAUSES,
     EXACT,
@@ -101,11 +100,6 @@ def test_true_method_error_is_that_of_an_independent_computation():
     last = turned.as_euler("YZX") - euler
     history = angle_errors(attitudes[-1:], samples.angles_at_steps(algorithm)[-1:], True)
     assert np.abs(last) == pytest.approx(history, abs=1e-14)
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
-def test_every_algorithm_has_its_kernel(algorithm):
-    assert step_kernel(algorithm).__name__ == algorithm.kernel
 
 
 def test_angles_beyond_half_a_turn_are_compared_around_the_circle():
