@@ -6,8 +6,7 @@ import pkgutil
 from collections.abc import Mapping
 
 from .definition import Effect, EffectParameter, EffectPlace
-from .motion_rows import MotionRows
-from .rows import Rows, Variant
+from .rows import MotionRows, Rows, Variant
 
 __all__ = [
     "CATALOGUE",
@@ -26,9 +25,7 @@ __all__ = [
 
 def _read_catalogue() -> dict[str, Effect]:
     names = sorted(
-        module.name
-        for module in pkgutil.iter_modules(__path__)
-        if module.name not in ("definition", "rows", "motion_rows")
+        module.name for module in pkgutil.iter_modules(__path__) if module.name not in ("definition", "rows")
     )
     effects = (importlib.import_module(f"{__name__}.{name}").EFFECT for name in names)
     return {effect.name: effect for effect in effects}

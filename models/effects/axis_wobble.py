@@ -59,7 +59,6 @@ def of_place(place: EffectPlace) -> Effect:
 
 
 OUTER = table_effect(
-    "axis-wobble",
     outer_axis_wobble,
     (
         EffectParameter("amplitude", "rad", "amplitude of the harmonic of κ", 5e-3, smallest=0.0),
@@ -70,8 +69,8 @@ OUTER = table_effect(
         place, {"most": max(v for name, v in values.items() if name.endswith("amplitude"))}
     ),
     stage="geometry_effects",
+    name="axis-wobble",
     places=tuple(EffectPlace("axis-wobble", where, order) for where in AXES for order in ORDERS),
-    place_numbers=lambda place: (place.order or 1,),
     formula="Δκ = {amplitude} cos({order} α + ({phase}))",
     of_place=of_place,
 )

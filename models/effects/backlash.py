@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import SENSE_ALPHA, Vector
-from .definition import EffectParameter, EffectPlace, only_coefficient, table_effect
+from .definition import EffectParameter, EffectPlace, table_effect
 from .rows import Rows
 
 
@@ -21,12 +21,10 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 
 
 EFFECT = table_effect(
-    "backlash",
     backlash,
-    (EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),),
+    EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),
     turns,
     "the {axis} has {width_arcsec:.1f} arcsec of backlash",
     stage="encoder_effects",
-    from_coefficients=only_coefficient,
     formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
 )

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, Vector
-from .definition import EffectParameter, EffectPlace, all_coefficients, table_effect
+from .definition import EffectParameter, EffectPlace, table_effect
 from .rows import Rows
 
 
@@ -23,7 +23,6 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 
 
 EFFECT = table_effect(
-    "base-drift",
     base_drift,
     (
         EffectParameter("kappa_rate", "rad/h", "growth of κ with time", 1e-2),
@@ -34,7 +33,5 @@ EFFECT = table_effect(
     "α* by {alpha_star_rate_arcsec:+.1f} arcsec an hour",
     stage="geometry_effects",
     places=(EffectPlace("base-drift", "base"),),
-    place_numbers=lambda place: (),
-    from_coefficients=all_coefficients,
     formula="Δκ = {kappa_rate} t, Δα* = {alpha_star_rate} t, t 'in hours'",
 )

@@ -15,7 +15,6 @@ def bias_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added
 
 
 EFFECT = accelerometer_effect(
-    "bias-asymmetry",
     bias_asymmetry,
     EffectParameter("coefficient", "g", "c of c sign(n): half of the difference of the biases", 1e-2),
     lambda place, rows: np.sign(own_input(place, rows)),

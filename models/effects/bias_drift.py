@@ -10,7 +10,6 @@ def bias_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) -
 
 
 EFFECT = accelerometer_effect(
-    "bias-drift",
     bias_drift,
     EffectParameter("rate", "g/h", "growth of the bias with time", 1e-1),
     lambda place, rows: rows.hours,

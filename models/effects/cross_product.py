@@ -10,7 +10,6 @@ def cross_product(context: Vector, n: Vector, p: int, i: int, j: int, coefficien
 
 
 EFFECT = accelerometer_effect(
-    "cross-product",
     cross_product,
     EffectParameter("coefficient", "1/g", "c of c n_i n_j: response to the product of two inputs", 1e-2),
     lambda place, rows: rows.n[:, place.axes[0] - 1] * rows.n[:, place.axes[1] - 1],
@@ -18,7 +17,6 @@ EFFECT = accelerometer_effect(
     places=tuple(
         EffectPlace("cross-product", where, axes=axes) for where in ACCELEROMETERS for axes in ((1, 2), (1, 3), (2, 3))
     ),
-    place_numbers=lambda place: (place.index, place.axes[0] - 1, place.axes[1] - 1),
     degree=2,
     formula="Δf_{p}/g = {coefficient} n_{i} n_{j}",
 )

@@ -10,7 +10,6 @@ def cross_square(context: Vector, n: Vector, p: int, j: int, coefficient: float,
 
 
 EFFECT = accelerometer_effect(
-    "cross-square",
     cross_square,
     EffectParameter("coefficient", "1/g", "c of c n_j²: response to the square of another input", 1e-2),
     lambda place, rows: rows.n[:, place.axes[0] - 1] ** 2,
@@ -21,7 +20,6 @@ EFFECT = accelerometer_effect(
         for j in (1, 2, 3)
         if j != p
     ),
-    place_numbers=lambda place: (place.index, place.axes[0] - 1),
     degree=2,
     formula="Δf_{p}/g = {coefficient} n_{i}²",
 )

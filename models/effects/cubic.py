@@ -10,7 +10,6 @@ def cubic(context: Vector, n: Vector, p: int, coefficient: float, added: Vector)
 
 
 EFFECT = accelerometer_effect(
-    "cubic",
     cubic,
     EffectParameter("coefficient", "1/g2", "c of c n³: response to the cube of the input", 1e-2),
     lambda place, rows: own_input(place, rows) ** 3,

@@ -50,7 +50,6 @@ def _variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, 
 
 
 EFFECT = last_stage_effect(
-    "dead-zone",
     dead_zone,
     EffectParameter("width", "g", "inputs smaller than it are lost", LARGEST_WIDTH, smallest=0.0),
     variants,

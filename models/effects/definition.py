@@ -1,19 +1,25 @@
 """What an effect is: a piece of physics that the nominal model leaves out."""
 
+import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .rows import Rows, Variant
+from .rows import MotionRows, Rows, Variant
 
 ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")
+GYRO_BLOCK = "gyro-block"
 NOMINAL_TEMPERATURE = 20.0
 """Temperature [degC] at which effects of temperature vanish."""
+
+ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
+"""Gyro and axis of the elements of a matrix, as its parameters stand."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,39 @@ class EffectParameter:
         return low - room <= value <= self.largest + room
 
 
+Parameters = EffectParameter | tuple[EffectParameter, ...]
+Sentence = Callable[[EffectPlace, Mapping[str, float]], str]
+"""Place, values of the parameters by name -> what an engineer is told."""
+
+
+def no_signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """In place of the signature of an effect that is not linear."""
+    raise TypeError(f"{place.title} is not linear: it has variants, no signature")
+
+
+def no_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    """In place of the parameters' values from linear coefficients, of an effect that is not linear."""
+    raise TypeError("an effect that is not linear has values for each of its variants")
+
+
+def polar_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    """Amplitude and phase of each pair (amplitude·cos(phase), amplitude·sin(phase)) of coefficients (2 K,)."""
+    pairs = [(float(x), float(y)) for x, y in np.reshape(coefficients, (-1, 2))]
+    return tuple(value for x, y in pairs for value in (float(np.hypot(x, y)), float(np.arctan2(y, x))))
+
+
+def all_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    """Parameters of an effect that are its linear coefficients."""
+    return tuple(float(value) for value in coefficients)
+
+
+@cache
+def whole_numbers(kernel: Callable[..., None] | None) -> tuple[str, ...]:
+    """Names of the arguments of a kernel that are whole numbers; none where there is no kernel."""
+    arguments = inspect.signature(kernel).parameters.values() if kernel else ()
+    return tuple(a.name for a in arguments if a.annotation in (int, "int"))
+
+
 @dataclass(frozen=True)
 class Effect:
     """An entry of the catalogue.
@@ -101,21 +140,19 @@ class Effect:
     places : tuple of EffectPlace
         where it can sit
     parameters : tuple of EffectParameter
+    sentence : callable
+        place, values of the parameters -> what an engineer is told
     component : str or None
         the component that its kernel extends; None where an effect has no kernel
     stage : str or None
         the hook of that component's model that the kernel joins
     kernel : callable or None
         restricted Python: ``kernel(context, values, *whole numbers of the place, *parameters, added)``
-    place_numbers : callable
-        place -> the whole numbers that the kernel takes
     signature : callable
         place, rows -> (N, 3, K): how the readings [g], or of a gyro the rates [rad/s], change with each of K linear
         coefficients
     from_coefficients : callable
-        K linear coefficients -> values of the parameters
-    sentence : callable
-        place, values of the parameters -> what an engineer is told
+        K linear coefficients -> values of the parameters; by default they are the coefficients
     within : str or None
         name of the baseline whose model holds this effect already, so that it can add nothing there
     needs : tuple of str
@@ -149,13 +186,12 @@ class Effect:
     name: str
     places: tuple[EffectPlace, ...]
     parameters: tuple[EffectParameter, ...]
-    component: str | None
-    stage: str | None
-    kernel: Callable[..., None] | None
-    place_numbers: Callable[[EffectPlace], tuple[int, ...]]
-    signature: Callable[[EffectPlace, Any], NDArray[np.float64]]
-    from_coefficients: Callable[[NDArray[np.float64]], tuple[float, ...]]
-    sentence: Callable[[EffectPlace, Mapping[str, float]], str]
+    sentence: Sentence
+    component: str | None = None
+    stage: str | None = None
+    kernel: Callable[..., None] | None = None
+    signature: Callable[[EffectPlace, Any], NDArray[np.float64]] = no_signature
+    from_coefficients: Callable[[NDArray[np.float64]], tuple[float, ...]] = all_coefficients
     within: str | None = None
     needs: tuple[str, ...] = ()
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
@@ -171,48 +207,22 @@ class Effect:
         """The effect as it is at one of its places."""
         return self if self.of_place is None else self.of_place(place)
 
+    def place_numbers(self, place: EffectPlace) -> tuple[int, ...]:
+        """The whole numbers that the kernel takes at a place, by their names.
 
-def on_accelerometers(name: str) -> tuple[EffectPlace, ...]:
-    """The places of an effect that each accelerometer can have."""
-    return tuple(EffectPlace(name, where) for where in ACCELEROMETERS)
+        ``p`` and ``axis`` are where it sits, ``order`` is that of a harmonic, others are the axes in turn; all but the
+        order count from 0.
+        """
+        axes = iter(place.axes)
+        known = {"p": lambda: place.index, "axis": lambda: place.index, "order": lambda: place.order or 1}
+        return tuple(known.get(name, lambda: next(axes) - 1)() for name in whole_numbers(self.kernel))
 
 
 def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signature (N, 3, 1) of an effect that adds `values` (N,) to the readings of one accelerometer."""
-    columns = np.zeros((len(values), 3, 1))
-    columns[:, place.index, 0] = values
+    """Signature (N, 3, K) of an effect that adds `values` (N, K), or (N,), to the readings of one accelerometer."""
+    columns = np.zeros((len(values), 3, values.shape[1] if values.ndim == 2 else 1))
+    columns[:, place.index] = values.reshape(len(values), -1)
     return columns
-
-
-def accelerometer_number(place: EffectPlace) -> tuple[int, ...]:
-    """The whole number that an accelerometer's kernel takes: its index, 0 to 2."""
-    return (place.index,)
-
-
-def only_coefficient(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """Parameters of an effect whose only parameter is its linear coefficient."""
-    return (float(coefficients[0]),)
-
-
-def no_signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """In place of the signature of an effect that is not linear."""
-    raise TypeError(f"{place.title} is not linear: it has variants, no signature")
-
-
-def no_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """In place of the parameters' values from linear coefficients, of an effect that is not linear."""
-    raise TypeError("an effect that is not linear has values for each of its variants")
-
-
-def polar_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """Amplitude and phase of each pair (amplitude·cos(phase), amplitude·sin(phase)) of coefficients (2 K,)."""
-    pairs = [(float(x), float(y)) for x, y in np.reshape(coefficients, (-1, 2))]
-    return tuple(value for x, y in pairs for value in (float(np.hypot(x, y)), float(np.arctan2(y, x))))
-
-
-def all_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """Parameters of an effect that are its linear coefficients."""
-    return tuple(float(value) for value in coefficients)
 
 
 def turned(rows: Rows, turns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -228,7 +238,7 @@ def above_nominal(rows: Rows) -> NDArray[np.float64]:
     return rows.temperature - NOMINAL_TEMPERATURE
 
 
-def said(template: str) -> Callable[[EffectPlace, Mapping[str, float]], str]:
+def said(template: str) -> Sentence:
     """A sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
 
     {p} is the accelerometer, {i} and {j} are the axes of the place, {axis} is where it sits in words, {times} how often
@@ -247,43 +257,32 @@ def said(template: str) -> Callable[[EffectPlace, Mapping[str, float]], str]:
 
 
 def accelerometer_effect(
-    name: str,
     kernel: Callable[..., None],
-    parameter: EffectParameter,
-    values: Callable[[EffectPlace, Rows], NDArray[np.float64]],
-    sentence: str,
+    parameters: Parameters,
+    values: Callable[[EffectPlace, Any], NDArray[np.float64]],
+    sentence: str | Sentence,
     **more: Any,
 ) -> Effect:
-    """An effect of one accelerometer that adds its only parameter times known values to the reading.
+    """An effect of one accelerometer that adds its parameters times known values to the reading.
 
     Parameters
     ----------
-    name : str
-        of the effect
     kernel : callable
-        ``kernel(context, n, p, parameter, added)``
-    parameter : EffectParameter
+        ``kernel(context, n, p, *parameters, added)``; its name is the effect's
+    parameters : EffectParameter or tuple of EffectParameter
     values : callable
-        place, rows -> (N,): what the parameter is multiplied by
-    sentence : str
-        as `said` takes it
+        place, rows -> (N,) or (N, K): what the parameters are multiplied by
+    sentence : str or callable
+        as `said` takes it, or as in `Effect`
     more
         other fields of the `Effect`
     """
-    usual = {"places": on_accelerometers(name), "place_numbers": accelerometer_number}
-    fixed = {"component": "AccelerometerBlock", "stage": "reading_effects", "from_coefficients": only_coefficient}
 
-    def signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    def signature(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
         return accelerometer_column(place, values(place, rows))
 
-    return Effect(
-        name=name,
-        parameters=(parameter,),
-        kernel=kernel,
-        signature=signature,
-        sentence=said(sentence),
-        **(usual | fixed | more),
-    )
+    home = ("AccelerometerBlock", "reading_effects", ACCELEROMETERS)
+    return _effect(home, kernel, parameters, sentence, {"signature": signature}, more)
 
 
 def own_input(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
@@ -292,47 +291,119 @@ def own_input(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 
 
 def last_stage_effect(
-    name: str,
     kernel: Callable[..., None],
-    parameter: EffectParameter,
+    parameters: Parameters,
     variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], list[Variant]],
-    sentence: str,
+    sentence: str | Sentence,
     **more: Any,
 ) -> Effect:
     """An effect of one accelerometer that is not linear: a dead zone, clipping, rounding; `more` as in the other."""
-    usual = {"places": on_accelerometers(name), "place_numbers": accelerometer_number}
-    fixed = {"component": "AccelerometerBlock", "stage": "final_effects", "from_coefficients": no_coefficients}
-    return Effect(
-        name=name,
-        parameters=(parameter,),
-        kernel=kernel,
-        signature=no_signature,
-        variants=variants,
-        sentence=said(sentence),
-        **(usual | fixed | more),
-    )
+    home = ("AccelerometerBlock", "final_effects", ACCELEROMETERS)
+    own = {"variants": variants, "from_coefficients": no_coefficients}
+    return _effect(home, kernel, parameters, sentence, own, more)
 
 
 def table_effect(
-    name: str,
     kernel: Callable[..., None],
-    parameters: tuple[EffectParameter, ...],
+    parameters: Parameters,
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]],
-    sentence: str | Callable[[EffectPlace, Mapping[str, float]], str],
+    sentence: str | Sentence,
+    stage: str,
     **more: Any,
 ) -> Effect:
     """An effect of the table: small turns, whose effect on the readings is its signature to first order.
 
-    `more` has at least `stage`; an amplitude and a phase are told from a cosine and a sine where nothing else is given.
+    An amplitude and a phase are told from a cosine and a sine.
     """
-    usual = {"places": tuple(EffectPlace(name, where) for where in AXES), "component": "TurntableMotion"}
-    usual |= {"place_numbers": lambda place: (place.index,), "from_coefficients": polar_coefficients}
-    return Effect(
-        name=name,
-        parameters=parameters,
-        kernel=kernel,
-        signature=lambda place, rows: turned(rows, turns(place, rows)),
-        turns=turns,
-        sentence=said(sentence) if isinstance(sentence, str) else sentence,
-        **(usual | more),
+
+    def signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+        return turned(rows, turns(place, rows))
+
+    own: dict[str, Any] = {"signature": signature, "turns": turns}
+    if any(parameter.name.endswith("phase") for parameter in _several(parameters)):
+        own["from_coefficients"] = polar_coefficients
+    return _effect(("TurntableMotion", stage, AXES), kernel, parameters, sentence, own, more)
+
+
+def gyro_effect(
+    kernel: Callable[..., None],
+    parameters: Parameters,
+    signature: Callable[[EffectPlace, MotionRows], NDArray[np.float64]],
+    sentence: str | Sentence,
+    **more: Any,
+) -> Effect:
+    """An effect that adds to the readings of the gyros; its parameters are its linear coefficients.
+
+    The kernel is ``kernel(context, rate, *parameters, added)``; the others are as in `Effect`.
+    """
+    home = ("GyroBlock", "reading_effects", (GYRO_BLOCK,))
+    return _effect(home, kernel, parameters, sentence, {"signature": signature, "in_motion": True}, more)
+
+
+def _effect(
+    home: tuple[str, str, tuple[str, ...]],
+    kernel: Callable[..., None],
+    parameters: Parameters,
+    sentence: str | Sentence,
+    *fields: Mapping[str, Any],
+) -> Effect:
+    """An effect named as its kernel, at home in a component's stage, at some places; of fields given twice the last."""
+    name = kernel.__name__.replace("_", "-")
+    component, stage, places = home
+    known: dict[str, Any] = {"name": name, "places": tuple(EffectPlace(name, where) for where in places)}
+    for some in ({"component": component, "stage": stage}, *fields):
+        known |= some
+    told = said(sentence) if isinstance(sentence, str) else sentence
+    return Effect(parameters=_several(parameters), kernel=kernel, sentence=told, **known)
+
+
+def _several(parameters: Parameters) -> tuple[EffectParameter, ...]:
+    return (parameters,) if isinstance(parameters, EffectParameter) else parameters
+
+
+def of_each_gyro(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
+    """Three parameters, one for each gyro: "bias_1", "bias_2", "bias_3"."""
+    return tuple(EffectParameter(f"{name}_{p}", unit, f"{description} of gyro {p}", largest) for p in (1, 2, 3))
+
+
+def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
+    """Nine parameters, row by row: "gamma_11", "gamma_12", ..., of gyro 1 by axis 1, by axis 2, ..."""
+    return tuple(
+        EffectParameter(f"{name}_{p}{q}", unit, f"{description} of gyro {p} by axis {q}", largest)
+        for p, q in ROW_BY_ROW
     )
+
+
+def matrix_formula(name: str, columns: Sequence[str]) -> str:
+    """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
+    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
+    return f"[{' | '.join(rows)}]"
+
+
+def gyro_columns(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signature (N, 3, 3) of an effect that adds c_p · values (N, 3) to the reading of each gyro p."""
+    return values[:, :, None] * np.eye(3)
+
+
+def matrix_columns(inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signature (N, 3, 3 M) of an effect that adds a matrix (3, M), given row by row, times inputs (N, M)."""
+    count = inputs.shape[1]
+    columns = np.zeros((len(inputs), 3, 3 * count))
+    for p in range(3):
+        columns[:, p, count * p : count * (p + 1)] = inputs
+    return columns
+
+
+def sentence_of(words: str, unit: str) -> Sentence:
+    """A sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
+
+    def say(place: EffectPlace, values: Mapping[str, float]) -> str:
+        return f"{words}: {listed(list(values.values()))}" + (f" {unit}" if unit else "")
+
+    return say
+
+
+def listed(values: Sequence[float]) -> str:
+    """Values with their signs, in rows of three where there are more."""
+    rows = [", ".join(f"{value:+.2e}" for value in values[at : at + 3]) for at in range(0, len(values), 3)]
+    return "; ".join(rows)

@@ -35,7 +35,6 @@ def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 
 
 EFFECT = table_effect(
-    "encoder-harmonic",
     encoder_harmonic,
     (
         EffectParameter("amplitude", "rad", "amplitude of the harmonic", 5e-3, smallest=0.0),
@@ -45,6 +44,5 @@ EFFECT = table_effect(
     "the encoder of the {axis} errs by {amplitude_arcsec:.1f} arcsec, {times} a turn",
     stage="encoder_effects",
     places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in ORDERS),
-    place_numbers=lambda place: (place.index, place.order or 1),
     formula="{angle}_read = {angle} + {amplitude} sin({order} {angle} + ({phase}))",
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..restricted import Vector
-from .motion_rows import gyro_columns, gyro_effect, of_each_gyro, sentence_of
+from .definition import gyro_columns, gyro_effect, of_each_gyro, sentence_of
 
 
 def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_3: float, added: Vector) -> None:
@@ -14,7 +14,6 @@ def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_
 
 
 EFFECT = gyro_effect(
-    "gyro-bias",
     gyro_bias,
     of_each_gyro("bias", "rad/s", "bias", 0.2),
     lambda place, rows: gyro_columns(np.ones_like(rows.rate)),

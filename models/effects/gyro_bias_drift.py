@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..restricted import HOURS, Vector
-from .motion_rows import gyro_columns, gyro_effect, of_each_gyro, sentence_of
+from .definition import gyro_columns, gyro_effect, of_each_gyro, sentence_of
 
 
 def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float, rate_3: float, added: Vector) -> None:
@@ -14,7 +14,6 @@ def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float,
 
 
 EFFECT = gyro_effect(
-    "gyro-bias-drift",
     gyro_bias_drift,
     of_each_gyro("rate", "rad/s/h", "growth of the bias", 0.5),
     lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),

@@ -1,7 +1,7 @@
 """Bias of the gyros that depends on the specific force."""
 
 from ..restricted import INPUT, Vector
-from .motion_rows import gyro_effect, matrix_columns, matrix_formula, of_a_matrix, sentence_of
+from .definition import gyro_effect, matrix_columns, matrix_formula, of_a_matrix, sentence_of
 
 
 def gyro_g_sensitivity(
@@ -28,7 +28,6 @@ def gyro_g_sensitivity(
 
 
 EFFECT = gyro_effect(
-    "gyro-g-sensitivity",
     gyro_g_sensitivity,
     of_a_matrix("coefficient", "rad/s/g", "bias for each g of specific force", 0.05),
     lambda place, rows: matrix_columns(rows.specific_force),

@@ -1,8 +1,7 @@
 """Anisoelasticity of the gyros: a bias that depends on the product of two components of the specific force."""
 
 from ..restricted import INPUT, Vector
-from .definition import EffectParameter
-from .motion_rows import gyro_effect, matrix_columns, matrix_formula, sentence_of
+from .definition import EffectParameter, gyro_effect, matrix_columns, matrix_formula, sentence_of
 
 PRODUCTS = ((1, 2), (1, 3), (2, 3))
 """The two axes of each product, in the order of the parameters."""
@@ -32,7 +31,6 @@ def gyro_g_squared(
 
 
 EFFECT = gyro_effect(
-    "gyro-g-squared",
     gyro_g_squared,
     tuple(
         EffectParameter(

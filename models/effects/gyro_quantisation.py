@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import Vector
-from .definition import EffectParameter, EffectPlace, last_stage_effect
-from .motion_rows import MotionRows, no_numbers, on_gyros
+from .definition import GYRO_BLOCK, EffectParameter, EffectPlace, last_stage_effect
 from .quantisation import LARGEST_STEP, common_step
-from .rows import Variant, variant
+from .rows import MotionRows, Variant, variant
 
 LEAST_STEP = 1e-7
 FINEST = 1e-9
@@ -42,13 +41,11 @@ def variants(place: EffectPlace, rows: MotionRows, reading: NDArray[np.float64],
 
 
 EFFECT = last_stage_effect(
-    "gyro-quantisation",
     gyro_quantisation,
     EffectParameter("step", "rad/s", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),
     variants,
     "the gyros read in steps of {step:.3e} rad/s",
-    places=on_gyros("gyro-quantisation"),
+    places=(EffectPlace("gyro-quantisation", GYRO_BLOCK),),
     component="GyroBlock",
-    place_numbers=no_numbers,
     in_motion=True,
 )

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..restricted import Vector
-from .motion_rows import gyro_columns, gyro_effect, of_each_gyro, sentence_of
+from .definition import gyro_columns, gyro_effect, of_each_gyro, sentence_of
 
 
 def gyro_scale_asymmetry(
@@ -18,7 +18,6 @@ def gyro_scale_asymmetry(
 
 
 EFFECT = gyro_effect(
-    "gyro-scale-asymmetry",
     gyro_scale_asymmetry,
     of_each_gyro("coefficient", "1", "c of c |ω|: half the difference of the scale factors", 0.05),
     lambda place, rows: gyro_columns(np.abs(rows.rate)),

@@ -1,7 +1,7 @@
 """Scale factors and misalignment of the gyros."""
 
 from ..restricted import Vector
-from .motion_rows import gyro_effect, matrix_columns, matrix_formula, of_a_matrix, sentence_of
+from .definition import gyro_effect, matrix_columns, matrix_formula, of_a_matrix, sentence_of
 
 
 def gyro_scale_misalignment(
@@ -25,7 +25,6 @@ def gyro_scale_misalignment(
 
 
 EFFECT = gyro_effect(
-    "gyro-scale-misalignment",
     gyro_scale_misalignment,
     of_a_matrix("gamma", "1", "Γ: response", 0.2),
     lambda place, rows: matrix_columns(rows.rate),

@@ -19,7 +19,6 @@ def untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 
 
 EFFECT = accelerometer_effect(
-    "hysteresis",
     hysteresis,
     EffectParameter("width", "g", "difference of readings after falling and after rising input", 1e-2, smallest=0.0),
     lambda place, rows: -0.5 * rows.input_sense[:, place.index],

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import INTERVAL, STEP_LENGTH, Vector
-from .definition import EffectParameter, EffectPlace
-from .motion_rows import MotionRows, gyro_effect
+from .definition import EffectParameter, EffectPlace, MotionRows, gyro_effect
 
 
 def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
@@ -36,13 +35,8 @@ def signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
 
 
 EFFECT = gyro_effect(
-    "jitter",
     jitter,
-    (
-        EffectParameter(
-            "share", "1", "part of the time stamps' jitter that the sampling does not have", 1.5, smallest=0.0
-        ),
-    ),
+    EffectParameter("share", "1", "part of the time stamps' jitter that the sampling does not have", 1.5, smallest=0.0),
     signature,
     lambda place, values: (
         f"the time stamps jitter more than the sampling: {100.0 * values['share']:.0f} % of their jitter is the log's"

@@ -3,8 +3,7 @@
 import math
 
 from ..restricted import PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
-from .definition import EffectParameter
-from .motion_rows import gyro_effect
+from .definition import EffectParameter, gyro_effect
 
 
 def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
@@ -30,9 +29,8 @@ def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
 
 
 EFFECT = gyro_effect(
-    "latency",
     latency,
-    (EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),),
+    EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),
     lambda place, rows: ((rows.rate_before - rows.rate) / rows.step[:, None])[..., None],
     lambda place, values: (
         f"the gyros lag by {1e3 * values['delay']:.3f} ms"

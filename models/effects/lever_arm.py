@@ -4,15 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import ANGULAR_ACCELERATION, GRAVITY, RATE, Vector
-from .definition import (
-    Effect,
-    EffectParameter,
-    EffectPlace,
-    accelerometer_number,
-    all_coefficients,
-    on_accelerometers,
-)
-from .motion_rows import MotionRows
+from .definition import EffectParameter, EffectPlace, accelerometer_effect
+from .rows import MotionRows
 
 
 def lever_arm(context: Vector, n: Vector, p: int, r_1: float, r_2: float, r_3: float, added: Vector) -> None:
@@ -39,32 +32,25 @@ def lever_arm(context: Vector, n: Vector, p: int, r_1: float, r_2: float, r_3: f
     added[p] = added[p] + (axis * along - square * arm + turned) / context[GRAVITY]
 
 
-def signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
-    """Signature (N, 3, 3) in g for each metre of the arm: row p of ω ωᵀ − |ω|² + [ω' ×], over g."""
+def values(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
+    """What a metre of the arm adds (N, 3) [g]: row p of ω ωᵀ − |ω|² + [ω' ×], over g."""
     w, p = rows.rate, place.index
     acceleration = (w - rows.rate_before) / rows.step[:, None]
-    columns = np.zeros((len(w), 3, 3))
-    columns[:, p] = w[:, p, None] * w
-    columns[:, p, p] -= (w**2).sum(axis=1)
+    columns = w[:, p, None] * w
+    columns[:, p] -= (w**2).sum(axis=1)
     # ω' × e_k, its component p.
-    columns[:, p] += np.cross(acceleration[:, None, :], np.eye(3))[:, :, p]
+    columns += np.cross(acceleration[:, None, :], np.eye(3))[:, :, p]
     return columns / rows.gravity
 
 
-EFFECT = Effect(
-    name="lever-arm",
-    places=on_accelerometers("lever-arm"),
-    parameters=tuple(
+EFFECT = accelerometer_effect(
+    lever_arm,
+    tuple(
         EffectParameter(f"r_{k}", "m", f"position of the accelerometer along axis {k}, from the block's centre", 0.5)
         for k in (1, 2, 3)
     ),
-    component="AccelerometerBlock",
-    stage="reading_effects",
-    kernel=lever_arm,
-    place_numbers=accelerometer_number,
-    signature=signature,
-    from_coefficients=all_coefficients,
-    sentence=lambda place, values: (
+    values,
+    lambda place, values: (
         f"accelerometer {place.index + 1} is off the block's centre: "
         + ", ".join(f"{1e3 * value:+.1f}" for value in values.values())
         + " mm along the axes"

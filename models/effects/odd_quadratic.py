@@ -14,7 +14,6 @@ def odd_quadratic(context: Vector, n: Vector, p: int, coefficient: float, added:
 
 
 EFFECT = accelerometer_effect(
-    "odd-quadratic",
     odd_quadratic,
     EffectParameter("coefficient", "1/g", "c of c n |n|: response to the signed square of the input", 1e-2),
     lambda place, rows: own_input(place, rows) * np.abs(own_input(place, rows)),

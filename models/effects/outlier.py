@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .definition import Effect, EffectParameter, EffectPlace, only_coefficient
+from .definition import Effect, EffectParameter, EffectPlace, said
 from .rows import Rows
 
 
@@ -23,15 +23,7 @@ EFFECT = Effect(
     name="outlier",
     places=(),
     parameters=(EffectParameter("size", "g", "by how much the reading is off", 10.0),),
-    component=None,
-    stage=None,
-    kernel=None,
-    place_numbers=lambda place: (),
     signature=signature,
-    from_coefficients=only_coefficient,
-    sentence=lambda place, values: (
-        f"the reading of accelerometer {place.axes[0]} at {place.where.replace('-', ' ')} is off by "
-        f"{values['size']:+.2e} g"
-    ),
+    sentence=said("the reading of accelerometer {i} at {axis} is off by {size:+.2e} g"),
     formula="Δf_{i}/g = {size} 'at position' {p}",
 )

@@ -10,7 +10,6 @@ def quadratic(context: Vector, n: Vector, p: int, coefficient: float, added: Vec
 
 
 EFFECT = accelerometer_effect(
-    "quadratic",
     quadratic,
     EffectParameter("coefficient", "1/g", "c of c n²: response to the square of the input", 1e-2),
     lambda place, rows: own_input(place, rows) ** 2,

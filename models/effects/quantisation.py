@@ -149,7 +149,6 @@ def misses(values: NDArray[np.float64] | float, steps: NDArray[np.float64]) -> N
 
 
 EFFECT = last_stage_effect(
-    "quantisation",
     quantisation,
     EffectParameter("step", "g", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),
     variants,

@@ -1,4 +1,4 @@
-"""What an effect sees of a record, and the ways in which one that is not linear can act on it."""
+"""What an effect sees of a record at rest or in motion, and the ways in which one that is not linear can act on it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -77,6 +77,43 @@ class Rows:
         for name, values in instead.items():
             if len(getattr(self, name)) != len(self.hours):
                 object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True)
+class MotionRows:
+    """Steps of a record in motion as the signatures see them: N rows, one a step.
+
+    Signatures (N, 3, K) of gyro effects are in rad/s of the reading: reading = true rate + signature · coefficients,
+    with means over the step on both sides; those of accelerometers in motion are in g.
+
+    Attributes
+    ----------
+    rate : (N, 3)
+        mean rates over the steps [rad/s]
+    rate_before : (N, 3)
+        mean rates over the steps before; at the first step and after a gap, the rates themselves
+    specific_force : (N, 3)
+        in block axes [g]
+    hours : (N,)
+        time since the record's first row [h], at the ends of the steps
+    step : (N,)
+        lengths of the steps [s]
+    temperature : (N,) or None
+        [degC]; None where the record has none
+    period : float
+        nominal time between samples [s]; 0 where there is none
+    gravity : float
+        model value [m/s²]
+    """
+
+    rate: NDArray[np.float64]
+    rate_before: NDArray[np.float64]
+    specific_force: NDArray[np.float64]
+    hours: NDArray[np.float64]
+    step: NDArray[np.float64]
+    temperature: NDArray[np.float64] | None = None
+    period: float = 0.0
+    gravity: float = 9.80665
 
 
 @dataclass(frozen=True)

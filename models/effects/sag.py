@@ -39,7 +39,6 @@ def open_argument(place: EffectPlace, rows: Rows) -> float:
 
 
 EFFECT = table_effect(
-    "sag",
     sag,
     (
         EffectParameter("amplitude", "rad", "amplitude of the elastic turn", 5e-3, smallest=0.0),

@@ -65,7 +65,6 @@ def _variant(
 
 
 EFFECT = last_stage_effect(
-    "saturation",
     saturation,
     EffectParameter("level", "g", "largest reading", LARGEST_LEVEL, smallest=LEAST_LEVEL),
     variants,

@@ -14,7 +14,6 @@ def scale_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, adde
 
 
 EFFECT = accelerometer_effect(
-    "scale-asymmetry",
     scale_asymmetry,
     EffectParameter("coefficient", "1", "c of c |n|: half of Γ⁺ - Γ⁻", 2e-2),
     lambda place, rows: np.abs(own_input(place, rows)),

@@ -10,7 +10,6 @@ def scale_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) 
 
 
 EFFECT = accelerometer_effect(
-    "scale-drift",
     scale_drift,
     EffectParameter("rate", "1/h", "growth of the scale factor with time", 1e-1),
     lambda place, rows: rows.hours * own_input(place, rows),

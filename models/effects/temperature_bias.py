@@ -10,7 +10,6 @@ def temperature_bias(context: Vector, n: Vector, p: int, coefficient: float, add
 
 
 EFFECT = accelerometer_effect(
-    "temperature-bias",
     temperature_bias,
     EffectParameter("coefficient", "g/K", "c of c (T - 20 degC): change of the bias with temperature", 1e-3),
     lambda place, rows: above_nominal(rows),

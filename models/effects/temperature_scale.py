@@ -10,7 +10,6 @@ def temperature_scale(context: Vector, n: Vector, p: int, coefficient: float, ad
 
 
 EFFECT = accelerometer_effect(
-    "temperature-scale",
     temperature_scale,
     EffectParameter("coefficient", "1/K", "c of c (T - 20 degC) n: change of the scale factor with temperature", 1e-3),
     lambda place, rows: above_nominal(rows) * own_input(place, rows),

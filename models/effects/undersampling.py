@@ -3,8 +3,7 @@
 import numpy as np
 
 from ..restricted import Vector
-from .definition import EffectParameter, EffectPlace
-from .motion_rows import gyro_effect
+from .definition import EffectParameter, EffectPlace, gyro_effect
 
 
 def undersampling(before: Vector, increment: Vector, coefficient: float, added: Vector) -> None:
@@ -19,14 +18,11 @@ def undersampling(before: Vector, increment: Vector, coefficient: float, added: 
 
 
 EFFECT = gyro_effect(
-    "undersampling",
     undersampling,
-    (EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),),
+    EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),
     # The attitude computer adds what the readings lack.
     lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
-    lambda place, values: (
-        f"the attitude computer leaves coning out: {values['coefficient']:+.3f} of the product of two increments"
-    ),
+    "the attitude computer leaves coning out: {coefficient:+.3f} of the product of two increments",
     places=(EffectPlace("undersampling", "attitude-computer"),),
     component="AttitudeComputer",
     stage="increment_effects",

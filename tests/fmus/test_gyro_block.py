@@ -9,7 +9,6 @@ from trihedron.fmus import components
 from trihedron.fmus.component import extend
 from trihedron.fmus.source import flat_source, instantiate, references
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter, EffectPlace, parameter_name
-from trihedron.models.effects.definition import no_coefficients, no_signature
 from trihedron.models.restricted import HOURS, INPUT, PREVIOUS_RATE, STEP_LENGTH, Vector
 
 G = 9.80665
@@ -135,37 +134,37 @@ def test_a_last_step_of_nothing_does_no_harm():
     assert [model.get(i) for i in shown] == before
 
 
-def drift(context: Vector, rate: Vector, p: int, slope: float, added: Vector) -> None:
+def drift(context: Vector, rate: Vector, gyro: int, slope: float, added: Vector) -> None:
     """Add slope·hours to a gyro's reading."""
-    added[p] = added[p] + slope * context[HOURS]
+    added[gyro] = added[gyro] + slope * context[HOURS]
 
 
-def asymmetry(context: Vector, rate: Vector, p: int, slope: float, added: Vector) -> None:
+def asymmetry(context: Vector, rate: Vector, gyro: int, slope: float, added: Vector) -> None:
     """Add slope·|ω| to a gyro's reading."""
-    added[p] = added[p] + slope * math.fabs(rate[p])
+    added[gyro] = added[gyro] + slope * math.fabs(rate[gyro])
 
 
-def g_sensitivity(context: Vector, rate: Vector, p: int, slope: float, added: Vector) -> None:
+def g_sensitivity(context: Vector, rate: Vector, gyro: int, slope: float, added: Vector) -> None:
     """Add slope times the third input [g] to a gyro's reading."""
-    added[p] = added[p] + slope * context[INPUT + 2]
+    added[gyro] = added[gyro] + slope * context[INPUT + 2]
 
 
-def lag(context: Vector, rate: Vector, p: int, delay: float, added: Vector) -> None:
+def lag(context: Vector, rate: Vector, gyro: int, delay: float, added: Vector) -> None:
     """Read what the rate was up to one step before, joined by straight lines."""
-    added[p] = added[p] + (context[PREVIOUS_RATE + p] - rate[p]) * (delay / context[STEP_LENGTH])
+    added[gyro] = added[gyro] + (context[PREVIOUS_RATE + gyro] - rate[gyro]) * (delay / context[STEP_LENGTH])
 
 
-def clip(context: Vector, own: Vector, p: int, level: float, reading: Vector) -> None:
+def clip(context: Vector, own: Vector, gyro: int, level: float, reading: Vector) -> None:
     """Clip a gyro's reading."""
-    if reading[p] > level:
-        reading[p] = level
+    if reading[gyro] > level:
+        reading[gyro] = level
 
 
 def composed(monkeypatch, kernel, stage: str = "reading_effects"):
     """The block with an effect on gyro 1 that the catalogue does not have, and the name of its parameter."""
     # Kernels are made once for each name: each has its own.
     name = f"gyro-{kernel.__name__}"
-    place = EffectPlace(name, "gyro-block")
+    place = EffectPlace(name, "gyro-block", axes=(1,))
     entry = Effect(
         name=name,
         places=(place,),
@@ -173,9 +172,6 @@ def composed(monkeypatch, kernel, stage: str = "reading_effects"):
         component="GyroBlock",
         stage=stage,
         kernel=kernel,
-        place_numbers=lambda place: (0,),
-        signature=no_signature,
-        from_coefficients=no_coefficients,
         sentence=lambda place, values: "",
     )
     monkeypatch.setitem(CATALOGUE, entry.name, entry)
@@ -214,16 +210,16 @@ def test_the_history_has_the_eight_steps_before(monkeypatch):
         assert rate[:steps, 0] == pytest.approx(w[0, 0], rel=1e-12)
 
 
-def late_1(context: Vector, rate: Vector, p: int, size: float, added: Vector) -> None:
-    added[p] = added[p] + size * (context[PREVIOUS_RATE + p] - rate[p])
+def late_1(context: Vector, rate: Vector, gyro: int, size: float, added: Vector) -> None:
+    added[gyro] = added[gyro] + size * (context[PREVIOUS_RATE + gyro] - rate[gyro])
 
 
-def late_5(context: Vector, rate: Vector, p: int, size: float, added: Vector) -> None:
-    added[p] = added[p] + size * (context[PREVIOUS_RATE + 12 + p] - rate[p])
+def late_5(context: Vector, rate: Vector, gyro: int, size: float, added: Vector) -> None:
+    added[gyro] = added[gyro] + size * (context[PREVIOUS_RATE + 12 + gyro] - rate[gyro])
 
 
-def late_8(context: Vector, rate: Vector, p: int, size: float, added: Vector) -> None:
-    added[p] = added[p] + size * (context[PREVIOUS_RATE + 21 + p] - rate[p])
+def late_8(context: Vector, rate: Vector, gyro: int, size: float, added: Vector) -> None:
+    added[gyro] = added[gyro] + size * (context[PREVIOUS_RATE + 21 + gyro] - rate[gyro])
 
 
 LATE = {1: late_1, 5: late_5, 8: late_8}

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...models.bench import TARGETS
 from ...models.effects import CATALOGUE
-from ...models.effects.motion_rows import matrix_formula
+from ...models.effects.definition import matrix_formula
 from ..calibration import Calibration
 from ..calibration.correction import Correction
 from ..diagnosis.result import Cause, Diagnosis
