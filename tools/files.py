@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written beside their place, then renamed."""
+"""Files read, with what may be meant by one that is not there, and written: whole or not at all, beside their place."""
 
 import os
 import shutil
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .errors import InputError, reason
+from .errors import InputError, nearest_file, reason
 
 
 @contextmanager
@@ -72,6 +72,20 @@ def whole_folder(path: Path) -> Iterator[Path]:
         raise InputError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def bytes_of(path: Path, wanted: str = "give the name of a file") -> bytes:
+    """The bytes of a file; an InputError for a directory, a device, no file, or one that may not be read."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: is a directory; {wanted}")
+        if not path.exists():
+            raise InputError(f"{path}: no such file{nearest_file(path)}")
+        if not path.is_file():
+            raise InputError(f"{path}: is not a regular file; {wanted}")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def write_text(path: Path, text: str) -> None:

@@ -4,7 +4,7 @@ import csv
 import json
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -18,20 +18,20 @@ from ..calibration.correction import correction_of
 from ..calibration.mountings import checked_mounting
 from ..campaign.file import Campaign, campaign_problems
 from ..diagnosis import Diagnosis
-from ..errors import InputError, nearest, nearest_file
-from ..field_problems import field_problems
+from ..errors import InputError, nearest
+from ..field_problems import field_problems, json_lines, toml_lines
+from ..files import bytes_of
 from ..orchestrator.interface import interface_of
 from ..orchestrator.load import unpack
 from ..orchestrator.stimuli import read_table
 from ..planning.check import read_angles
-from ..records.columns import ANGLES, FORCE, RAW, Columns, RecordError, extra_warning, warnings
+from ..planning.plan import Plan, Plans, PositionPlan
+from ..records.columns import ANGLES, FORCE, RAW, Columns, extra_warning, warnings
 from ..records.kinds import RawRecord
 from ..records.read import MAGIC, all_faults, read_record
 from ..records.rests import position_record_of
 from ..ssp.read import scenario_of_ssp
-from .findings import Check, Findings, Problem, found_in
-from .lines import json_lines, toml_lines
-from .published import PositionPlanFile, TargetPlanFile, TargetPlansFile
+from .findings import Check, Findings
 from .scenario import check_scenario
 
 SCENARIO = "trihedron.scenario/1"
@@ -42,7 +42,7 @@ SCHEMAS = {
     "trihedron.plan/1": "plan",
 }
 MOST = 200
-"""So many problems of a file are listed."""
+"""So many problems of a record are listed."""
 
 
 def check(path: Path | str) -> Check:
@@ -64,267 +64,198 @@ def check(path: Path | str) -> Check:
         no file that can be read
     """
     path = Path(path)
-    data = contents(path)
-    ending = path.suffix.lower()
+    data, ending = bytes_of(path), path.suffix.lower()
+    found = Findings(path)
     if data.startswith(b"PK"):
-        return check_ssp(path) if ending == ".ssp" else check_fmu(path)
-    if ending in (".fmu", ".ssp"):
-        what = Problem(f"is not a ZIP archive, which an {ending} is")
-        return found_in(path, "FMU" if ending == ".fmu" else "SSP archive", (what,))
-    if ending not in (".toml", ".json"):
-        return check_record(path, data)
-    try:
-        text = data.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        row = data[: error.start].count(b"\n") + 1
-        return found_in(path, "unknown", (Problem(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", row),))
-    if ending == ".json":
-        return check_results(path, text)
-    return check_toml(path, text)
+        (_check_ssp if ending == ".ssp" else _check_fmu)(found)
+    elif ending in (".fmu", ".ssp"):
+        found.kind = "FMU" if ending == ".fmu" else "SSP archive"
+        found.add(f"is not a ZIP archive, which an {ending} is")
+    elif ending not in (".toml", ".json"):
+        _check_table(found, data)
+        return found.check(MOST)
+    else:
+        try:
+            text = data.decode("utf-8-sig").replace("\r\n", "\n")
+        except UnicodeDecodeError as error:
+            line = data[: error.start].count(b"\n") + 1
+            found.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
+        else:
+            (_check_json if ending == ".json" else _check_toml)(found, text)
+    return found.check()
 
 
-def contents(path: Path) -> bytes:
-    """The bytes of a file.
-
-    Raises
-    ------
-    InputError
-        a directory, a device, no file, or one that may not be read
-    """
-    try:
-        if path.is_dir():
-            raise InputError(f"{path}: is a directory; give the name of a file")
-        if not path.exists():
-            raise InputError(f"{path}: no such file{nearest_file(path)}")
-        if not path.is_file():
-            raise InputError(f"{path}: is not a regular file; give the name of a file")
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-
-
-def check_toml(path: Path, text: str) -> Check:
-    """Check a scenario, a campaign or a file of mountings."""
+def _check_toml(found: Findings, text: str) -> None:
+    """A scenario, a campaign or a file of mountings."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         said, _, place = str(error).partition(" (at line ")
         line = place.partition(",")[0]
-        return found_in(path, "unknown", (Problem(f"is not TOML: {said}", int(line) if line.isdigit() else None),))
+        found.add(f"is not TOML: {said}", line=int(line) if line.isdigit() else None)
+        return
     except (ValueError, RecursionError) as error:
-        return found_in(path, "unknown", (Problem(f"is not TOML: {error}"),))
+        found.add(f"is not TOML: {error}")
+        return
+    found.lines = toml_lines(text)
     schema = data.get("schema")
     if schema == CAMPAIGN:
-        return _check_campaign(path, text, data)
-    if schema == SCENARIO or "fmus" in data or "run" in data:
-        return _scenario(path, text, data)
-    if schema is None and data and all(isinstance(v, dict) and "matrix" in v for v in data.values()):
-        return _check_mountings(path, text, data)
-    known = nearest(str(schema), [SCENARIO, CAMPAIGN])
-    what = f"schema: {schema!r} is not known; {known}" if schema is not None else f'schema is missing; as "{SCENARIO}"'
-    return found_in(path, "unknown", (Problem(what, toml_lines(text).get(("schema",))),))
-
-
-def _scenario(path: Path, text: str, data: dict[str, Any]) -> Check:
-    found = check_scenario(path, text, data)
-    if "schema" in data:
-        return found
-    missing = Problem(f'schema is missing; write schema = "{SCENARIO}"')
-    return found_in(path, "scenario", (missing, *found.problems))
-
-
-def _check_campaign(path: Path, text: str, data: dict[str, Any]) -> Check:
-    findings = Findings(toml_lines(text))
-    try:
-        Campaign.model_validate(data)
-    except ValidationError as error:
-        for problem in campaign_problems(error):
-            findings.add(problem.text, problem.location)
-    return found_in(path, "campaign", findings.problems())
-
-
-def _check_mountings(path: Path, text: str, data: dict[str, Any]) -> Check:
-    findings = Findings(toml_lines(text))
-    for name, table in data.items():
-        for key in table:
-            if key != "matrix":
-                findings.add(f"{name}.{key}: unknown key; write matrix = [[...], [...], [...]]", (name, key))
-        with findings.of((name, "matrix")):
-            checked_mounting(table["matrix"], f"[{name}]")
-    return found_in(path, "file of mountings", findings.problems(), summary=(f"mountings {', '.join(data)}",))
-
-
-def check_fmu(path: Path) -> Check:
-    """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
-    with tempfile.TemporaryDirectory(prefix="trihedron-check-") as folder:
+        found.kind = "campaign"
         try:
-            # Before anything else opens the archive: this refuses what is not safe to unpack.
-            unpacked = unpack(path, str(path), lambda _: Path(folder) / "fmu")
-            interface = interface_of("fmu", str(path), unpacked.description)
-        except InputError as error:
-            return found_in(path, "FMU", (Problem(str(error).removeprefix(f"{path}: ")),))
-        problems = tuple(Problem(" ".join(text.split())) for text in validate_fmu(str(path)))
-        described = unpacked.description
+            Campaign.model_validate(data)
+        except ValidationError as error:
+            for problem in campaign_problems(error):
+                found.add(problem.text, problem.location)
+    elif schema == SCENARIO or "fmus" in data or "run" in data:
+        found.kind = "scenario"
+        if "schema" not in data:
+            found.add(f'schema is missing; write schema = "{SCENARIO}"')
+        check_scenario(data, found)
+    elif schema is None and data and all(isinstance(v, dict) and "matrix" in v for v in data.values()):
+        found.kind, found.summary = "file of mountings", (f"mountings {', '.join(data)}",)
+        for name, table in data.items():
+            for key in table:
+                if key != "matrix":
+                    found.add(f"{name}.{key}: unknown key; write matrix = [[...], [...], [...]]", (name, key))
+            with found.of((name, "matrix")):
+                checked_mounting(table["matrix"], f"[{name}]")
+    elif schema is None:
+        found.add(f'schema is missing; as "{SCENARIO}"')
+    else:
+        found.add(f"schema: {schema!r} is not known; {nearest(str(schema), [SCENARIO, CAMPAIGN])}", ("schema",))
+
+
+def _check_fmu(found: Findings) -> None:
+    """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
+    found.kind = "FMU"
+    with tempfile.TemporaryDirectory(prefix="trihedron-check-") as folder, found.of():
+        # Before anything else opens the archive: this refuses what is not safe to unpack.
+        described = unpack(found.path, str(found.path), lambda _: Path(folder) / "fmu").description
+        interface = interface_of("fmu", str(found.path), described)
+        for text in validate_fmu(str(found.path)):
+            found.add(" ".join(text.split()))
         counts = {c: sum(v.causality == c for v in interface.variables.values()) for c in ("input", "output")}
-    summary = (
-        f"{described.modelName}, FMI {described.fmiVersion}, by {described.generationTool or 'an unnamed tool'}",
-        f"{len(interface.variables)} variables, {counts['input']} inputs, {counts['output']} outputs",
-    )
-    return found_in(path, "FMU", problems, summary=() if problems else summary)
-
-
-def check_ssp(path: Path) -> Check:
-    """Whether an .ssp can be read as a scenario; nothing of it is run."""
-    try:
-        with scenario_of_ssp(path) as (scenario, ignored):
-            warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
-            summary = (
-                f"FMUs: {', '.join(scenario.fmus)}",
-                f"{len(scenario.connections)} connections, step {scenario.run.step_s:g} s",
+        if not found.problems:
+            tool = described.generationTool or "an unnamed tool"
+            found.summary = (
+                f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
+                f"{len(interface.variables)} variables, {counts['input']} inputs, {counts['output']} outputs",
             )
-    except InputError as error:
-        return found_in(path, "SSP archive", (Problem(str(error).removeprefix(f"{path}: ")),))
-    return found_in(path, "SSP archive", warnings=warnings, summary=summary)
 
 
-def check_record(path: Path, data: bytes) -> Check:
-    """Check a table of measured or commanded numbers.
+def _check_ssp(found: Findings) -> None:
+    """Whether an .ssp can be read as a scenario; nothing of it is run."""
+    found.kind = "SSP archive"
+    with found.of(), scenario_of_ssp(found.path) as (scenario, ignored):
+        found.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
+        found.summary = (
+            f"FMUs: {', '.join(scenario.fmus)}",
+            f"{len(scenario.connections)} connections, step {scenario.run.step_s:g} s",
+        )
 
-    Parameters
-    ----------
-    path : Path
-    data : bytes
-        of the file, CSV or Parquet
 
-    Returns
-    -------
-    Check
-        every field that is wrong, by row; of a raw record without such fields also whether it has rests
+def _check_table(found: Findings, data: bytes) -> None:
+    """A table of measured or commanded numbers, CSV or Parquet.
+
+    Of a record every field that is wrong, by row; of a raw record without such fields also whether it has rests.
     """
     names = [] if data.startswith(MAGIC) else _header(data)
     if names and not set(names) & set(FORCE) and set(names) & {*ANGLES, "time_s"}:
-        return _check_commands(path, names)
-    found: list[RecordError] = []
-    reader = all_faults(path, data)
-    while True:
-        try:
-            found.append(next(reader))
-        except StopIteration as done:
-            columns: Columns | None = done.value
-            break
-    kind = "record" if columns is None else columns.layout.kind.name
-    said = () if columns is None else extra_warning(columns)
-    problems = sorted((Problem(_text(fault), fault.row) for fault in found), key=lambda p: p.line or 0)
-    if problems or columns is None:
-        return found_in(path, kind, tuple(problems[:MOST]), said, more=max(0, len(problems) - MOST))
-    summary = [f"{len(columns.row)} rows, columns {', '.join(columns.layout.present)}"]
-    rest_problems: tuple[Problem, ...] = ()
+        _check_commands(found, names)
+        return
+
+    def listed():
+        """The faults; what the reader has at its end is the columns."""
+        nonlocal columns
+        columns = yield from all_faults(found.path, data)
+
+    columns: Columns | None = None
+    for fault in listed():
+        found.add(f"column {fault.column}: {fault.what}" if fault.column is not None else fault.what, line=fault.row)
+    found.kind = "record" if columns is None else columns.layout.kind.name
+    if columns is None:
+        return
+    found.warnings = extra_warning(columns)
+    if found.problems:
+        return
+    found.warnings += warnings(columns)
+    found.summary = (f"{len(columns.row)} rows, columns {', '.join(columns.layout.present)}",)
     if columns.layout.kind is RAW:
-        rests, rest_problems = _rests(path)
-        summary += rests
-    return found_in(path, kind, rest_problems, (*said, *warnings(columns)), tuple(summary))
-
-
-def _text(fault: RecordError) -> str:
-    return f"column {fault.column}: {fault.what}" if fault.column is not None else fault.what
+        record = read_record(found.path)
+        assert isinstance(record, RawRecord)
+        with found.of():
+            averaged = position_record_of(record)
+            found.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
 
 
 def _header(data: bytes) -> list[str]:
     """The names in the first written line; none where there is no text."""
-    for line in _written(data):
-        try:
-            return [name.strip() for name in next(csv.reader([line]))]
-        except (csv.Error, StopIteration):
-            return []
-    return []
+    lines = data[:100_000].decode("utf-8-sig", "replace").splitlines()
+    written = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    try:
+        return [name.strip() for name in next(csv.reader([written]))]
+    except (csv.Error, StopIteration):
+        return []
 
 
-def _written(data: bytes) -> Iterator[str]:
-    text = data[:100_000].decode("utf-8-sig", "replace")
-    return (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
-
-
-def _check_commands(path: Path, names: list[str]) -> Check:
+def _check_commands(found: Findings, names: list[str]) -> None:
     """A table without readings: a position programme, the angles of a plan that were set, or rows for inputs."""
-    kind = "position programme" if set(names) <= {*ANGLES, "dwell_s"} else "table of numbers"
+    found.kind = "position programme" if set(names) <= {*ANGLES, "dwell_s"} else "table of numbers"
     try:
         if any(name.startswith("planned_") for name in names):
-            kind = "angles of a plan"
-            planned, _ = read_angles(path)
-            return found_in(path, kind, summary=(f"{len(planned)} positions",))
-        wanted = [name for name in names if name != "mounting"]
-        table, _ = read_table(path, str(path), wanted)
+            found.kind = "angles of a plan"
+            found.summary = (f"{len(read_angles(found.path)[0])} positions",)
+            return
+        table, _ = read_table(found.path, str(found.path), [name for name in names if name != "mounting"])
     except InputError as error:
-        return found_in(path, kind, (Problem(str(error).removeprefix(f"{path}").lstrip(":, ")),))
-    problems = [
-        Problem(f"column '{name}': {value:g} must be positive", int(line))
-        for name in ("dwell_s",)
-        if name in table.columns
-        for value, line in zip(table.columns[name], table.lines, strict=True)
-        if value <= 0.0
-    ]
-    return found_in(path, kind, tuple(problems), summary=(f"{len(table.lines)} rows, columns {', '.join(names)}",))
+        found.add(str(error).removeprefix(f"{found.path}").lstrip(":, "))
+        return
+    for value, line in zip(table.columns.get("dwell_s", ()), table.lines, strict=False):
+        if value <= 0.0:
+            found.add(f"column 'dwell_s': {value:g} must be positive", line=int(line))
+    found.summary = (f"{len(table.lines)} rows, columns {', '.join(names)}",)
 
 
-def _rests(path: Path) -> tuple[list[str], tuple[Problem, ...]]:
-    """What the rests of a raw record are, and why they cannot be averaged."""
-    record = read_record(path)
-    assert isinstance(record, RawRecord)
-    try:
-        found = position_record_of(record)
-    except InputError as error:
-        return [], (Problem(str(error).removeprefix(f"{path}: ")),)
-    return [f"{len(found.rests)} rests, {len(found)} of them good"], ()
-
-
-def check_results(path: Path, text: str) -> Check:
-    """Check a JSON file of results; one of a schema that is not known is not of this program."""
+def _check_json(found: Findings, text: str) -> None:
+    """A file of results; one of a schema that is not known is not of this program."""
     try:
         content = json.loads(text, parse_constant=_refused)
     except json.JSONDecodeError as error:
-        return found_in(path, "unknown", (Problem(f"is not JSON: {error.msg}, column {error.colno}", error.lineno),))
+        found.add(f"is not JSON: {error.msg}, column {error.colno}", line=error.lineno)
+        return
     except (ValueError, RecursionError) as error:
-        return found_in(path, "unknown", (Problem(f"is not JSON: {error}"),))
+        found.add(f"is not JSON: {error}")
+        return
     if not isinstance(content, dict) or "schema" not in content:
-        return found_in(path, "unknown", (Problem("has no schema; a file of results begins with one"),))
-    schema = content["schema"]
+        found.add("has no schema; a file of results begins with one")
+        return
+    found.lines, schema = json_lines(text), content["schema"]
     if not isinstance(schema, str) or schema not in SCHEMAS:
-        what = f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}"
-        return found_in(path, "unknown", [Problem(what, json_lines(text).get(("schema",)))])
-    return _check_content(path, text, content, SCHEMAS[schema])
-
-
-def _refused(constant: str) -> float:
-    raise ValueError(f"{constant} is no JSON number")
-
-
-def _model(kind: str, content: Mapping[str, Any]) -> type[BaseModel]:
+        found.add(f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}", ("schema",))
+        return
+    kind = found.kind = SCHEMAS[schema]
+    model: type[BaseModel] = {"calibration": Calibration, "diagnosis": Diagnosis}.get(kind, PositionPlan)
     if kind == "plan":
-        return TargetPlansFile if "plans" in content else TargetPlanFile if "target" in content else PositionPlanFile
-    if kind == "diagnosis":
-        return Diagnosis
-    return Calibration
-
-
-def _check_content(path: Path, text: str, content: dict[str, Any], kind: str) -> Check:
-    findings = Findings(json_lines(text))
-    model = _model(kind, content)
-    known = [field.alias or name for name, field in model.model_fields.items()]
-    warnings: list[str] = []
+        model = Plans if "plans" in content else Plan if "target" in content else PositionPlan
     try:
         model.model_validate_json(text, strict=True)
     except ValidationError as error:
+        known = [field.alias or name for name, field in model.model_fields.items()]
         for problem in field_problems(error, model):
             meant = ""
             if problem.text.endswith(": is missing"):
                 beside = _at(content, problem.location[:-1])
                 close = get_close_matches(str(problem.location[-1]), [k for k in beside if k not in known], n=1)
                 meant = f" (is '{close[0]}' meant?)" if close else ""
-            findings.add(problem.text + meant, problem.location)
-    if kind == "calibration" and not findings.problems():
-        _check_calibration(content, findings)
-    problems = findings.problems()
-    return found_in(path, kind, problems, tuple(warnings), () if problems else _summary_of(kind, content))
+            found.add(problem.text + meant, problem.location)
+    if kind == "calibration" and not found.problems:
+        _check_calibration(content, found)
+    if not found.problems:
+        found.summary = (_summary_of(kind, content),)
+
+
+def _refused(constant: str) -> float:
+    raise ValueError(f"{constant} is no JSON number")
 
 
 def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
@@ -334,7 +265,7 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
     return list(content) if isinstance(content, dict) else []
 
 
-def _check_calibration(content: dict[str, Any], findings: Findings) -> None:
+def _check_calibration(content: dict[str, Any], found: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     try:
         if content["verdict"] == "consistent" and "reading_errors" in content:
@@ -343,21 +274,19 @@ def _check_calibration(content: dict[str, Any], findings: Findings) -> None:
             target_estimates(content)
     except (InputError, ValueError) as error:
         said = str(error).removeprefix("calibration: ")
-        place = next(
-            (k for k, entry in enumerate(content["parameters"]) if said.startswith(f"{entry['symbol']}:")), None
-        )
-        findings.add(said, ("parameters",) if place is None else ("parameters", place))
+        named = (k for k, entry in enumerate(content["parameters"]) if said.startswith(f"{entry['symbol']}:"))
+        found.add(said, ("parameters", *list(named)[:1]))
     except KeyError as error:
-        findings.add(f"parameters: lack {error.args[0]!r}", ("parameters",))
+        found.add(f"parameters: lack {error.args[0]!r}", ("parameters",))
 
 
-def _summary_of(kind: str, content: Mapping[str, Any]) -> tuple[str, ...]:
+def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "calibration":
-        return (f"{content['verdict']}, {content['positions']} positions, σ = {content['noise_bound']:g} g",)
+        return f"{content['verdict']}, {content['positions']} positions, σ = {content['noise_bound']:g} g"
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
-        return (f"{content['verdict']}{f': {causes}' if causes else ''}",)
+        return f"{content['verdict']}{f': {causes}' if causes else ''}"
     if "positions" in content:
-        return (f"{len(content['positions'])} positions for all targets, worst ratio {content['worst_ratio']:g}",)
+        return f"{len(content['positions'])} positions for all targets, worst ratio {content['worst_ratio']:g}"
     plans = content.get("plans", [content])
-    return (f"optimal plans of {', '.join(str(plan['target']) for plan in plans)}",)
+    return f"optimal plans of {', '.join(str(plan['target']) for plan in plans)}"

@@ -1,17 +1,16 @@
 """What a check of a file has found: problems, gathered one after the other, with the lines of their fields."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from ..errors import InputError
-from ..field_problems import Location
+from ..field_problems import Location, line_of
 from ..result import Result
-from .lines import line_of
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -33,10 +32,6 @@ class Problem(Result):
 
     line: int | None = None
     text: str
-
-    def __init__(self, text: str, line: int | None = None) -> None:
-        fields: dict[str, Any] = {"text": text, "line": line}
-        super().__init__(**fields)
 
 
 class Check(Result):
@@ -81,30 +76,20 @@ class Check(Result):
         return pl.DataFrame(rows, schema={"line": pl.Int64, "text": pl.String}, orient="row")
 
 
-def found_in(
-    path: Path,
-    kind: str,
-    problems: Iterable[Problem] = (),
-    warnings: Iterable[str] = (),
-    summary: Iterable[str] = (),
-    more: int = 0,
-) -> Check:
-    """What was found in a file."""
-    listed = tuple(problems)
-    content = {"file": str(path), "kind": kind, "good": not listed, "problems": listed, "not_listed": more}
-    return Check(**content, warnings=tuple(warnings), summary=tuple(summary))
-
-
 class Findings:
-    """What was found; `lines` says where each field stands."""
+    """What is found in a file, gathered one after the other; `lines` says where each field stands."""
 
-    def __init__(self, lines: Mapping[Location, int]) -> None:
-        self._lines = lines
-        self._found: dict[str, int | None] = {}
+    def __init__(self, path: Path, kind: str = "unknown"):
+        self.path, self.kind = path, kind
+        self.lines: Mapping[Location, int] = {}
+        self.problems: list[Problem] = []
+        self.warnings: tuple[str, ...] = ()
+        self.summary: tuple[str, ...] = ()
 
-    def add(self, text: str, location: Location) -> None:
-        """Note a problem once."""
-        self._found.setdefault(text, line_of(self._lines, location))
+    def add(self, text: str, location: Location = (), line: int | None = None) -> None:
+        """Note a problem, of a field once."""
+        if line is not None or all(text != known.text for known in self.problems):
+            self.problems.append(Problem(text=text, line=line_of(self.lines, location) if line is None else line))
 
     @contextmanager
     def of(self, location: Location = (), number: int | None = None) -> Iterator[None]:
@@ -120,15 +105,23 @@ class Findings:
         try:
             yield
         except InputError as error:
-            text = str(error)
+            text = str(error).removeprefix(f"{self.path}: ")
             if number is not None:
                 text = _NUMBERED.sub(rf"\1[{number}]", text)
             self.add(text, location or named_location(text))
 
-    def problems(self) -> tuple[Problem, ...]:
-        """All of them, by line; those without a line first."""
-        found = [Problem(text, line) for text, line in self._found.items()]
-        return tuple(sorted(found, key=lambda problem: problem.line or 0))
+    def check(self, most: int | None = None) -> Check:
+        """All of it, the problems by line, those without a line first; at most so many of them are listed."""
+        problems = sorted(self.problems, key=lambda problem: problem.line or 0)
+        return Check(
+            file=str(self.path),
+            kind=self.kind,
+            good=not problems,
+            problems=tuple(problems[:most]),
+            not_listed=len(problems[most:]) if most is not None else 0,
+            warnings=self.warnings,
+            summary=self.summary,
+        )
 
 
 def named_location(text: str) -> Location:

@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ..calibration.model import Parametrisation, parametrise
 from ..calibration.mountings import mountings_of
+from ..calibration.result import Accelerometer, Number, Size
 from ..calibration.targets import asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import shown_status, tracked
@@ -29,20 +30,27 @@ if TYPE_CHECKING:
 
 FEWEST, MOST_POSITIONS = 5, 60
 """Fewest of a symmetric block, with fifteen parameters."""
+
+
+def _plain(value: float) -> int | float:
+    return int(value) if float(value).is_integer() else value
+
+
 ASKED = ("criterion", "reserve_deg", "resolution_deg", "keep_out", "order", "seed")
 ASKED += ("admissible", "bounds", "convention", "baseline")
 """What a plan of positions repeats of its request."""
-Number = int | float
-"""Whole numbers are written without a decimal point."""
+Degrees = Annotated[Number, AfterValidator(_plain)]
+"""Whole numbers without a decimal point, zero without its sign."""
+Cost = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class PlannedReading(Result):
     """A reading of a plan: the accelerometer, from 1, the angles of the table [deg], and its weight Φ."""
 
-    accelerometer: int
-    alpha_deg: Number
-    beta_deg: Number
-    weight: float
+    accelerometer: Accelerometer
+    alpha_deg: Degrees
+    beta_deg: Degrees
+    weight: Number
 
 
 class Plan(Result):
@@ -79,16 +87,16 @@ class Plan(Result):
     target: str
     name: str
     unit: str
-    cost: float
-    gap: float
-    lower_bound: float
-    grid_deg: Number | None
+    cost: Cost
+    gap: Size
+    lower_bound: Number
+    grid_deg: Degrees | None
     admissible: str
     bounds: tuple[float, float]
     baseline: str
     mounting: dict[str, list[list[float]]]
-    weights: tuple[PlannedReading, ...]
-    dual: dict[str, float]
+    weights: Annotated[tuple[PlannedReading, ...], Field(min_length=1)]
+    dual: dict[str, Number]
     optimum: Optimum = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
     parametrisation: Parametrisation = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
 
@@ -97,7 +105,7 @@ class Plans(Result):
     """The optimal plans of several targets, one after the other; one plan is published as it is."""
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
-    plans: tuple[Plan, ...]
+    plans: Annotated[tuple[Plan, ...], Field(min_length=1)]
 
     def __iter__(self) -> Iterator[Plan]:  # pyright: ignore[reportIncompatibleMethodOverride]
         return iter(self.plans)
@@ -174,13 +182,13 @@ def plan_targets(
                 cost=best.cost,
                 gap=best.gap,
                 lower_bound=best.lower_bound,
-                grid_deg=None if grid is None else _plain(grid),
+                grid_deg=grid,
                 admissible=request.admissible,
                 bounds=request.bounds,
                 baseline=request.baseline,
                 mounting={p.mountings[0]: p.matrices[0].tolist()},
                 weights=tuple(
-                    PlannedReading(accelerometer=int(k) + 1, alpha_deg=_plain(a), beta_deg=_plain(b), weight=float(w))
+                    PlannedReading(accelerometer=int(k) + 1, alpha_deg=a, beta_deg=b, weight=w)
                     for k, a, b, w in readings
                 ),
                 dual=dict(zip(p.symbols, best.dual.tolist(), strict=True)),
@@ -191,18 +199,13 @@ def plan_targets(
     return Plans(plans=tuple(plans))
 
 
-def _plain(value: float) -> Number:
-    """A whole number without its decimal point, zero without its sign."""
-    return int(value) if float(value).is_integer() else float(value)
-
-
 class PlannedPosition(Result):
     """Angles as commands to the table [deg], and the mounting where there are several."""
 
     omitted = frozenset({"mounting"})
 
-    alpha_deg: Number
-    beta_deg: Number
+    alpha_deg: Degrees
+    beta_deg: Degrees
     mounting: str | None = None
 
 
@@ -245,14 +248,14 @@ class PositionPlan(Result):
     omitted = frozenset({"detection"})
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
-    positions: tuple[PlannedPosition, ...]
+    positions: Annotated[tuple[PlannedPosition, ...], Field(min_length=1)]
     programme: tuple[int, ...]
-    worst_ratio: float
-    mean_ratio: float
-    lower_bound: float | None
+    worst_ratio: Annotated[float, Field(ge=1.0 - 1e-9, allow_inf_nan=False)]
+    mean_ratio: Number
+    lower_bound: Number | None
     lower_bound_on: str | None
-    costs: dict[str, float]
-    optima: dict[str, float]
+    costs: dict[str, Number]
+    optima: dict[str, Number]
     readings: int
     criterion: str
     reserve_deg: float
@@ -346,8 +349,8 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     return PositionPlan(
         positions=tuple(
             PlannedPosition(
-                alpha_deg=_plain(alpha),
-                beta_deg=_plain(beta),
+                alpha_deg=alpha,
+                beta_deg=beta,
                 mounting=None if mounting is None else p.mountings[int(mounting[row])],
             )
             for row, (alpha, beta) in zip(order, np.round(np.degrees(commands[order]), 9).tolist(), strict=True)

@@ -20,7 +20,8 @@ from typing import Any, Protocol, TypeAlias, TypeVar, overload, runtime_checkabl
 import numpy as np
 import polars as pl
 
-from ..errors import InputError, nearest_file
+from ..errors import InputError
+from ..files import bytes_of
 from ..progress import tracked
 from .columns import (
     ANGLES,
@@ -138,7 +139,9 @@ def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind], *, trusted
         data = written.getvalue()
     else:
         path = Path(source)
-        data = _contents(path)
+        data = bytes_of(path, "the file of a record is needed")
+        if not data:
+            raise InputError(f"{path}: is empty; a header and at least one row are needed")
         if path.suffix.lower() == ".parquet" and not data.startswith(MAGIC):
             raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     # a table in memory cannot be corrupt
@@ -186,22 +189,6 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     if columns is not None:
         yield from faults(columns)
     return columns
-
-
-def _contents(path: Path) -> bytes:
-    try:
-        if path.is_dir():
-            raise InputError(f"{path}: is a directory; the file of a record is needed")
-        if not path.exists():
-            raise InputError(f"{path}: no such file{nearest_file(path)}")
-        if not path.is_file():
-            raise InputError(f"{path}: is not a regular file; the file of a record is needed")
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    if not data:
-        raise InputError(f"{path}: is empty; a header and at least one row are needed")
-    return data
 
 
 def _record(columns: Columns) -> Record:
