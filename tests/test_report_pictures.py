@@ -152,7 +152,7 @@ def test_very_long_names_leave_room_for_the_picture() -> None:
 
 
 @given(st.text(), st.floats())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_any_text_and_any_number_give_a_picture(text: str, value: float) -> None:
     ElementTree.fromstring(candidates([text], [value if abs(value) < 1e9 else np.nan]))
 

@@ -99,7 +99,7 @@ def test_an_update_comes_with_the_last_sample_of_a_step(algorithm: Algorithm) ->
 
 
 @every
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.tuples(*[st.floats(-0.03, 0.03)] * 3), st.integers(0, 10**6))
 def test_turning_the_body_frame_turns_the_answer(algorithm: Algorithm, drift: tuple, seed: int) -> None:
     """Increments seen in a frame turned by r give the attitude turned by r."""

@@ -67,7 +67,7 @@ def of_points(points: np.ndarray):
     return lambda direction: float((points @ direction).max())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(-math.pi, math.pi), st.floats(0.1, 10.0))
 def test_the_length_of_a_pair_is_bounded_whatever_its_direction(angle, length):
     """A corner halfway between two directions is the worst: there the bound is attained."""
@@ -82,7 +82,7 @@ def test_the_bound_of_a_length_is_attained_between_two_directions():
     assert largest_length(of_points(corner)) == pytest.approx(1.0, rel=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(-math.pi, math.pi), st.floats(0.5, 3.0), st.floats(1e-3, 0.4))
 def test_amplitude_and_phase_of_a_set_away_from_zero(angle, distance, size):
     """A small square about a point: its corners are within the intervals, which are hardly wider than they."""

@@ -34,7 +34,7 @@ def every_set(size: int, effects: int, rows: int) -> list[EffectSet]:
     ]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.integers(0, 4), st.integers(0, 3))
 def test_bounds_never_exceed_the_radius(seed, rounds, size):
     problem = random_problem(seed)

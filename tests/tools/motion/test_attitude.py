@@ -352,7 +352,7 @@ def test_the_command_takes_an_algorithm_a_divisor_and_compares(
     assert "did you mean 'panov'?" in capsys.readouterr().err
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.floats(0.5, 4.0),
     st.floats(0.0, 6.0),

@@ -13,7 +13,7 @@ from trihedron.tools.planning.certificate import ROUNDING, ceiling
 from trihedron.tools.planning.forms import Ridges, Sheet, clearance, dual_forms, sheets, value
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), symmetric=st.booleans(), rule=st.sampled_from(["paper", "tables"]))
 def test_forms_are_the_model(seed: int, symmetric: bool, rule: str) -> None:
     rng = np.random.default_rng(seed)
@@ -60,7 +60,7 @@ def sampled_maximum(found: list[Sheet], dual: np.ndarray, seed: int) -> float:
     return greatest
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), symmetric=st.booleans(), rule=st.sampled_from(["paper", "tables"]))
 def test_the_bound_is_between_samples_and_violation(seed: int, symmetric: bool, rule: str) -> None:
     """Nothing sampled exceeds a proven bound; what is said to exceed a limit does, at an admissible position."""

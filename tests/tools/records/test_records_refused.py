@@ -177,7 +177,7 @@ def test_an_unreadable_file_is_refused(tmp_path):
         read_record(path)
 
 
-hostile = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+hostile = settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @hostile
