@@ -352,7 +352,7 @@ def write_parameter_set(result: Calibration, path: Path) -> None:
     for variable in component.interface:
         value = block.get(variable.name, [])
         for number in value if isinstance(value, list) else [value]:
-            least, most = variable.minimum, variable.maximum
+            least, most = variable.within
             if (least is not None and number < least) or (most is not None and number > most):
                 raise InputError(f"--ssv {path}: {variable.name} = {number:g} is beyond what the component takes")
     about = "an accelerometer block"
