@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from .component import Component, Variable
-from .units import UNITS, Unit
+from .units import UNITS, base_unit, number
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -40,26 +40,11 @@ TYPE_NAMES = {
 """Elements of the types in each version of FMI."""
 
 
-def number(value: float) -> str:
-    """Shortest text that reads back to the same number."""
-    return repr(float(value))
-
-
 def start_text(variable: Variable, value: float) -> str:
     """A start value as its type writes it."""
     if variable.type == "boolean":
         return "true" if value else "false"
     return number(value) if variable.type == "real" else str(int(value))
-
-
-def base_unit(unit: Unit) -> dict[str, str]:
-    """Attributes of a BaseUnit: exponents, factor and offset where they are others than 1 and 0."""
-    base = {key: str(power) for key, power in unit.exponents.items()}
-    if unit.factor != 1.0:
-        base["factor"] = number(unit.factor)
-    if unit.offset != 0.0:
-        base["offset"] = number(unit.offset)
-    return base
 
 
 def add_units(root: Element, component: Component) -> None:

@@ -4,7 +4,7 @@ A calibration is the published object of schema trihedron.calibration/1. What is
 does not name the file: who has read it says which it was.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 from xml.etree import ElementTree
@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..models.bench import SYMMETRIC_PAIRS, checked_rotation
 from .component import Component
-from .description import base_unit, number
-from .units import UNITS
+from .units import UNITS, Unit, base_unit, number
 
 CALIBRATION = "trihedron.calibration/1"
 GRAVITIES = (4.9, 14.7)
@@ -221,26 +220,40 @@ def parameter_set(component: Component, values: Mapping[str, float | list[float]
     known = {v.name: v for v in component.interface if v.causality == "parameter" and v.type == "real"}
     if unknown := [name for name in values if name not in known]:
         raise ValueError(f"{component.name} has no real parameter {unknown[0]}")
-    root = Element(
-        "ssv:ParameterSet",
-        {"xmlns:ssv": VALUES, "xmlns:ssc": COMMON, "version": "1.0", "name": component.name},
-        description=description,
-    )
-    parameters = SubElement(root, "ssv:Parameters")
-    used = []
-    for variable in known.values():
-        if variable.name not in values:
-            continue
+    rows: list[tuple[str, str, dict[str, str]]] = []
+    units: dict[str, Unit] = {}
+    for variable in (v for v in known.values() if v.name in values):
         value = values[variable.name]
         scalars = value if isinstance(value, list) else [value]
         if len(scalars) != len(variable.elements):
             raise ValueError(f"{variable.name} has {len(variable.elements)} elements, not {len(scalars)}")
-        used += [variable.unit]
+        units[variable.unit] = UNITS[variable.unit]
         for name, scalar in zip(variable.elements, scalars, strict=True):
-            parameter = SubElement(parameters, "ssv:Parameter", name=name)
-            SubElement(parameter, "ssv:Real", value=number(scalar), unit=variable.unit)
-    units = SubElement(root, "ssv:Units")
-    for name in sorted(set(used)):
-        SubElement(SubElement(units, "ssc:Unit", name=name), "ssc:BaseUnit", base_unit(UNITS[name]))
+            rows.append((name, "Real", {"value": number(scalar), "unit": variable.unit}))
+    return parameter_file(component.name, description, rows, units)
+
+
+def parameter_file(
+    name: str, description: str, values: Iterable[tuple[str, str, dict[str, str]]], units: Mapping[str, Unit]
+) -> bytes:
+    """An .ssv of SSP 1.0; a value is its name, its type, and its text and unit as the attributes that hold them."""
+    spaces = {"xmlns:ssv": VALUES, "xmlns:ssc": COMMON}
+    root = Element("ssv:ParameterSet", {**spaces, "version": "1.0", "name": name, "description": description})
+    parameters = SubElement(root, "ssv:Parameters")
+    for parameter, kind, attributes in values:
+        SubElement(SubElement(parameters, "ssv:Parameter", name=parameter), f"ssv:{kind}", attributes)
+    add_units(root, "ssv:Units", units)
+    return xml_bytes(root)
+
+
+def add_units(parent: Element, name: str, units: Mapping[str, Unit]) -> None:
+    """An element of SSP's units; nothing where there are none."""
+    element = SubElement(parent, name) if units else parent
+    for unit in sorted(units):
+        SubElement(SubElement(element, "ssc:Unit", name=unit), "ssc:BaseUnit", base_unit(units[unit]))
+
+
+def xml_bytes(root: Element) -> bytes:
+    """XML in UTF-8; the same element gives the same bytes."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"

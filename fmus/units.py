@@ -33,6 +33,21 @@ class Unit:
     display: dict[str, float] = field(default_factory=dict)
 
 
+def number(value: float) -> str:
+    """Shortest text that reads back to the same number."""
+    return repr(float(value))
+
+
+def base_unit(unit: Unit) -> dict[str, str]:
+    """Attributes of a BaseUnit: exponents, factor and offset where they are others than 1 and 0."""
+    base = {key: str(power) for key, power in unit.exponents.items()}
+    if unit.factor != 1.0:
+        base["factor"] = number(unit.factor)
+    if unit.offset != 0.0:
+        base["offset"] = number(unit.offset)
+    return base
+
+
 UNITS = {
     unit.name: unit
     for unit in (

@@ -1,4 +1,4 @@
-"""The fields of a file: what pydantic finds wrong with them, by their names, and in which line of the text they stand.
+"""Files of sections (TOML) and their fields: read, what is wrong with each by its name, in which line it stands.
 
 The libraries that read TOML and JSON do not say where a field stands.
 """
@@ -9,11 +9,12 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, get_args
+from pathlib import Path
+from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from .errors import nearest
+from .errors import InputError, nearest
 
 Location = tuple[int | str, ...]
 """Keys and indices that lead to a field, indices from 0."""
@@ -21,6 +22,68 @@ PATIENT = 64
 """A TOML statement of more lines is looked for at lines that can end one only."""
 
 _BLANK = re.compile(r"[ \t\r\n]*")
+
+
+class Section(BaseModel):
+    """A table of a file: no key beside its fields. Those with ``exclude=True`` are the program's: no file has them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+    def given(self, *names: str) -> list[str]:
+        """Which of these fields are given."""
+        return [name for name in names if getattr(self, name) is not None]
+
+    def as_written(self) -> dict[str, Any]:
+        """The section with all defaults filled in, as plain values."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+File = TypeVar("File", bound=Section)
+
+
+def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) -> File:
+    """What a TOML file says, whose `schema` is that of the model.
+
+    Parameters
+    ----------
+    content : bytes
+        of the file
+    path : Path
+        what messages call it
+    model : type
+    origin
+        values of the fields that no file has
+
+    Raises
+    ------
+    InputError
+        not UTF-8, not TOML (with the line), or the first field that is missing, unknown or wrong
+    """
+    schema = model.model_fields["schema_"].default
+    try:
+        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not TOML: {error}") from error
+    except RecursionError as error:
+        what = schema.partition(".")[2].partition("/")[0]
+        raise InputError(f"{path}: is not a {what} (nested too deeply)") from error
+    if "schema" not in data:
+        raise InputError(f'{path}: schema is missing; write schema = "{schema}"')
+    for name in origin:
+        if name in data:
+            raise InputError(f"{path}: {name}: unknown key; it is not for files")
+    return checked_sections({**data, **origin}, model, str(path))
+
+
+def checked_sections(data: Mapping[str, Any], model: type[File], label: str = "") -> File:
+    """The same from what would stand in a file, which messages call by its label."""
+    try:
+        return model.model_validate(dict(data))
+    except ValidationError as error:
+        said = field_problems(error, model)[0].text
+        raise InputError(f"{label}: {said}" if label else said) from error
 
 
 @dataclass(frozen=True)
@@ -46,35 +109,22 @@ def dotted(location: Location) -> str:
     return text
 
 
-def field_problems(error: ValidationError, model: type[BaseModel], hidden: Sequence[str] = ()) -> list[FieldProblem]:
-    """Everything that is wrong, in the order of the model.
-
-    Parameters
-    ----------
-    error : ValidationError
-        what pydantic says
-    model : type
-        what was checked
-    hidden : sequence of str
-        fields of the model that no file has
-    """
+def field_problems(error: ValidationError, model: type[BaseModel]) -> list[FieldProblem]:
+    """Everything that is wrong, in the order of the model that was checked."""
     problems = error.errors()
     unknown = [_location(problem) for problem in problems if problem["type"] == "extra_forbidden"]
-    return [_problem(problem, model, hidden, unknown) for problem in problems]
+    return [_problem(problem, model, unknown) for problem in problems]
 
 
 def _location(problem: Mapping[str, Any]) -> Location:
     return tuple(part for part in problem["loc"] if part != "[key]")
 
 
-def _problem(
-    problem: Mapping[str, Any], model: type[BaseModel], hidden: Sequence[str], unknown: Sequence[Location]
-) -> FieldProblem:
+def _problem(problem: Mapping[str, Any], model: type[BaseModel], unknown: Sequence[Location]) -> FieldProblem:
     where = _location(problem)
     name = dotted(where)
     if problem["type"] == "extra_forbidden":
-        known = [key for key in _keys_beside(where, model) if key not in hidden]
-        return FieldProblem(where, f"{name}: unknown key; {nearest(str(where[-1]), known)}")
+        return FieldProblem(where, f"{name}: unknown key; {nearest(str(where[-1]), _keys_beside(where, model))}")
     if problem["type"] == "missing":
         beside = [str(other[-1]) for other in unknown if other[:-1] == where[:-1]]
         close = get_close_matches(str(where[-1]), beside, n=1)
@@ -97,7 +147,7 @@ def _keys_beside(location: Location, model: type[BaseModel]) -> list[str]:
             if part in (name, field.alias):
                 at = _model_in(field.annotation)
                 break
-    return [] if at is None else [field.alias or name for name, field in at.model_fields.items()]
+    return [] if at is None else [field.alias or name for name, field in at.model_fields.items() if not field.exclude]
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

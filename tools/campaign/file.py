@@ -1,18 +1,17 @@
 """Campaign files: what is run how often, with which parameters, what is kept of a run, what is computed over all."""
 
 import math
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.special import ndtri
 
 from ..errors import InputError
-from ..field_problems import FieldProblem, field_problems
+from ..field_problems import Section, read_sections
 
 SCHEMA = "trihedron.campaign/1"
 KINDS = ("calibration", "attitude", "simulation", "hidden")
@@ -25,7 +24,6 @@ RUNS_OF_PARTITION = {"calibration": 50, "attitude": 50, "simulation": 50, "hidde
 MOST_FILES = 4000
 MOST_OF_PARTITION = 5000
 """Runs in a file all the same: a worker holds a file in memory, and what it is killed in is lost."""
-_NOT_IN_FILES = ("base_folder",)
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
 Span = tuple[Number, Number, Annotated[int, Field(ge=2, le=1_000_000)]]
@@ -41,11 +39,7 @@ Names = Annotated[list[str], Field(min_length=1)]
 Part = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class Axis(_Section):
+class Axis(Section):
     """How one parameter varies; exactly one of the fields is given.
 
     Attributes
@@ -71,7 +65,7 @@ class Axis(_Section):
 
     @model_validator(mode="after")
     def _one(self) -> "Axis":
-        given = [name for name in (*DISCRETE, *DISTRIBUTIONS) if getattr(self, name) is not None]
+        given = self.given(*DISCRETE, *DISTRIBUTIONS)
         if len(given) != 1:
             raise ValueError(
                 f"give one of {', '.join((*DISCRETE, *DISTRIBUTIONS))}; here: {' and '.join(given) or 'none'}"
@@ -95,7 +89,7 @@ class Axis(_Section):
     @property
     def discrete(self) -> bool:
         """Whether the values are given one by one."""
-        return any(getattr(self, name) is not None for name in DISCRETE)
+        return bool(self.given(*DISCRETE))
 
     def listed(self) -> list[Any]:
         """The values of a discrete axis; numbers as floats."""
@@ -134,7 +128,7 @@ def _of_one_kind(values: Sequence[Any]) -> bool:
     return len(kinds) == 1
 
 
-class CalibrationSetting(_Section):
+class CalibrationSetting(Section):
     """A static calibration: readings of a bench at some positions, with errors within σ, calibrated.
 
     Attributes
@@ -162,7 +156,7 @@ class CalibrationSetting(_Section):
     bounds: TwoNumbers = (3e-3, 1e-2)
 
 
-class AttitudeSetting(_Section):
+class AttitudeSetting(Section):
     """An attitude run: a motion, gyros with errors, an algorithm, against the true attitude.
 
     Attributes
@@ -190,14 +184,14 @@ class AttitudeSetting(_Section):
         return self
 
 
-class Reduction(_Section):
+class Reduction(Section):
     """A number from a column of a run's record."""
 
     column: str
     take: Literal["last", "first", "mean", "min", "max", "max-abs", "rms", "std"] = "last"
 
 
-class SimulationSetting(_Section):
+class SimulationSetting(Section):
     """A scenario, simulated.
 
     Attributes
@@ -221,7 +215,7 @@ class SimulationSetting(_Section):
     noise_bound: Positive = 1e-5
 
 
-class HiddenSetting(_Section):
+class HiddenSetting(Section):
     """A case of the hidden-effect suite: drawn, measured in time, diagnosed.
 
     Attributes
@@ -247,7 +241,7 @@ class HiddenSetting(_Section):
         return self
 
 
-class Computation(_Section):
+class Computation(Section):
     """One computation; exactly one of quantiles, rate, confusion and sensitivity is given.
 
     Attributes
@@ -275,7 +269,7 @@ class Computation(_Section):
 
     @model_validator(mode="after")
     def _one(self) -> "Computation":
-        kinds = [name for name in ("quantiles", "rate", "confusion", "sensitivity") if getattr(self, name) is not None]
+        kinds = self.given("quantiles", "rate", "confusion", "sensitivity")
         if len(kinds) != 1:
             raise ValueError(
                 f"give one of quantiles, rate, confusion, sensitivity; here: {' and '.join(kinds) or 'none'}"
@@ -301,12 +295,8 @@ class Computation(_Section):
         single = [name for name in (self.rate, self.against, self.confusion, self.of) if name is not None]
         return [*(self.quantiles or []), *(self.sensitivity or []), *single]
 
-    def as_written(self) -> dict[str, Any]:
-        """As plain values."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
-
-class Sampling(_Section):
+class Sampling(Section):
     """How distributions are sampled, and whether lists of values are combined or taken together."""
 
     method: Literal["random", "latin-hypercube", "sobol", "saltelli"] = "random"
@@ -321,7 +311,7 @@ class Sampling(_Section):
         return self
 
 
-class Keep(_Section):
+class Keep(Section):
     """What is kept of each run: scalars (all without a list), its record, a diagnosis."""
 
     scalars: list[str] | None = None
@@ -329,7 +319,7 @@ class Keep(_Section):
     diagnosis: bool = False
 
 
-class Campaign(_Section):
+class Campaign(Section):
     """A campaign; `base_folder` is where its relative paths begin."""
 
     schema_: Literal["trihedron.campaign/1"] = Field(default=SCHEMA, alias="schema")
@@ -354,7 +344,7 @@ class Campaign(_Section):
 
     @model_validator(mode="after")
     def _fits(self) -> "Campaign":
-        kinds = [name for name in KINDS if getattr(self, name) is not None]
+        kinds = self.given(*KINDS)
         if len(kinds) != 1:
             raise ValueError(f"give one section of {', '.join(KINDS)}; here: {' and '.join(kinds) or 'none'}")
         listed = [axis for axis in self.parameters.values() if axis.discrete]
@@ -379,7 +369,7 @@ class Campaign(_Section):
     @property
     def kind(self) -> str:
         """What a run is: the name of the section that is given."""
-        return next(name for name in KINDS if getattr(self, name) is not None)
+        return self.given(*KINDS)[0]
 
     @property
     def distributions(self) -> dict[str, Axis]:
@@ -436,34 +426,10 @@ class Campaign(_Section):
         digits = max(5, len(str(self.partitions - 1)))
         return f"part-{partition:0{digits}d}.parquet"
 
-    def as_written(self) -> dict[str, Any]:
-        """The campaign with its defaults filled in, as plain values."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
-
-
-def campaign_problems(error: ValidationError) -> list[FieldProblem]:
-    """Everything that is wrong with a campaign file."""
-    return field_problems(error, Campaign, _NOT_IN_FILES)
-
 
 def parse_campaign(content: bytes, path: Path) -> Campaign:
     """A campaign from the bytes of its file; arguments and errors as for `read_campaign`."""
-    try:
-        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
-    except (tomllib.TOMLDecodeError, ValueError) as error:
-        raise InputError(f"{path}: is not TOML: {error}") from error
-    except RecursionError as error:
-        raise InputError(f"{path}: is not a campaign (nested too deeply)") from error
-    if "schema" not in data:
-        raise InputError(f'{path}: schema is missing; write schema = "{SCHEMA}"')
-    if "base_folder" in data:
-        raise InputError(f"{path}: base_folder: unknown key; it is not for files")
-    try:
-        return Campaign.model_validate({**data, "base_folder": path.parent})
-    except ValidationError as error:
-        raise InputError(f"{path}: {campaign_problems(error)[0].text}") from error
+    return read_sections(content, path, Campaign, base_folder=path.parent)
 
 
 def read_campaign(path: Path) -> Campaign:

@@ -16,13 +16,13 @@ from ...fmus.parameters import target_estimates
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
 from ..calibration.mountings import checked_mounting
-from ..campaign.file import Campaign, campaign_problems
+from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
 from ..errors import InputError, nearest
 from ..field_problems import field_problems, json_lines, toml_lines
 from ..files import bytes_of
+from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
-from ..orchestrator.load import unpack
 from ..orchestrator.stimuli import read_table
 from ..planning.check import read_angles
 from ..planning.plan import Plan, Plans, PositionPlan
@@ -104,7 +104,7 @@ def _check_toml(found: Findings, text: str) -> None:
         try:
             Campaign.model_validate(data)
         except ValidationError as error:
-            for problem in campaign_problems(error):
+            for problem in field_problems(error, Campaign):
                 found.add(problem.text, problem.location)
     elif schema == SCENARIO or "fmus" in data or "run" in data:
         found.kind = "scenario"

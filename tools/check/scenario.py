@@ -7,11 +7,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..errors import InputError
-from ..field_problems import Location
+from ..field_problems import Location, field_problems
 from ..orchestrator.journal import resolve_columns
 from ..orchestrator.load import Loaded, Sources, check_steps, load, resolve_parameters
 from ..orchestrator.run import temporary_folder
-from ..orchestrator.scenario import FmuSetting, RunSetting, Scenario, Stimulus, scenario_problems
+from ..orchestrator.scenario import FmuSetting, RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import resolve_stimuli
 from ..orchestrator.wiring import (
     Wire,
@@ -42,7 +42,7 @@ def check_scenario(data: dict[str, Any], found: Findings) -> None:
     try:
         scenario = Scenario.model_validate({**data, **origin})
     except ValidationError as error:
-        wrong = scenario_problems(error)
+        wrong = field_problems(error, Scenario)
         for problem in wrong:
             found.add(problem.text, problem.location)
         try:
@@ -167,7 +167,7 @@ class _System:
         parameters: dict[str, Any] = {}
         for key, value in setting.parameters.items():
             with found.of((*at, "parameters", key)):
-                resolve_parameters(loaded.interface, {key: value}, {}, {})
+                resolve_parameters(loaded.interface, {key: value})
                 parameters[key] = value
         with found.of((*at, "parameters")):
             return load_as(parameters=parameters)

@@ -1,7 +1,9 @@
 """The program: its commands, what all of them share, how it is run."""
 
+import atexit
 import os
 import sys
+from contextlib import suppress
 
 from cyclopts import App, Parameter
 
@@ -29,6 +31,8 @@ from .studies import campaign, campaign_report, hidden, plan
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.
     os.environ.setdefault(_threads, "1")
+# They would be looked for among all that is installed.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
@@ -63,7 +67,25 @@ add_completion(app)
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    words = sys.argv[1:] if arguments is None else list(arguments)
+    if arguments is not None:
+        return _run(list(arguments))
+    ended: list[int] = []
+    # Registered first it is done last. To take numpy and polars apart takes as long as to load them.
+    atexit.register(_leave, ended)
+    ended.append(_run(sys.argv[1:]))
+    return ended[0]
+
+
+def _leave(ended: list[int]) -> None:
+    """End the process that has done its work; where what it said cannot be written, Python's own end says so."""
+    with suppress(OSError, ValueError):
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        for status in ended:
+            os._exit(status)
+
+
+def _run(words: list[str]) -> int:
     ours = words.index("--") if "--" in words else len(words)
     quiet = any(word in QUIET for word in words[:ours])
     kept = [word for place, word in enumerate(words) if place >= ours or word not in QUIET]

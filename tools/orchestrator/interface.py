@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from ...fmus.units import UNITS, column_units
+from ...fmus.units import UNITS, Unit, column_units
 from ..errors import InputError, nearest
 
 Value = bool | int | float | str
@@ -58,30 +58,20 @@ VALUE_TYPES = {
 """Every type by its name; FMI 2.0's Boolean, which is an int, is Boolean2."""
 
 
-@dataclass(frozen=True)
-class Scale:
-    """How a unit stands to SI: SI value = factor * value + offset, with exponents of the base units."""
-
-    exponents: tuple[tuple[str, int], ...]
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 0.0) -> Scale:
-    """A scale with its exponents in a fixed order, zeros left out."""
-    return Scale(tuple(sorted((base, n) for base, n in exponents.items() if n)), factor, offset)
+def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 0.0) -> Unit:
+    """How a unit that others define stands to SI, its exponents in a fixed order, zeros left out."""
+    return Unit("", "", dict(sorted((base, n) for base, n in exponents.items() if n)), factor, offset)
 
 
 _SCALES = {
-    name: scale_of(unit.exponents, unit.factor / display)
-    for unit in UNITS.values()
-    for name, display in unit.display.items()
-} | {unit.name: scale_of(unit.exponents, unit.factor, unit.offset) for unit in UNITS.values()}
+    **{n: scale_of(u.exponents, u.factor / display) for u in UNITS.values() for n, display in u.display.items()},
+    **UNITS,
+}
 _SUFFIXES = column_units()
 
 
 def between(
-    first: str | None, second: str | None, scales: Mapping[str, Scale], others: Mapping[str, Scale], *, relative: bool
+    first: str | None, second: str | None, scales: Mapping[str, Unit], others: Mapping[str, Unit], *, relative: bool
 ) -> tuple[float, float] | None:
     """How a value in one unit becomes a value in another: factor and offset.
 
@@ -113,10 +103,10 @@ def between(
     return factor, offset
 
 
-def is_angle(unit: str | None, scales: Mapping[str, Scale]) -> bool:
+def is_angle(unit: str | None, scales: Mapping[str, Unit]) -> bool:
     """Whether a unit is one of angles (and not of rates)."""
     scale = {**scales, **_SCALES}.get(unit or "")
-    return scale is not None and scale.exponents == (("rad", 1),)
+    return scale is not None and scale.exponents == {"rad": 1}
 
 
 def suffix_for(unit: str | None) -> str:
@@ -133,7 +123,7 @@ def suffix_for(unit: str | None) -> str:
     return next(exact, None) or next(displayed, spelled)
 
 
-def conversion(unit: str | None, column: str, scales: Mapping[str, Scale]) -> tuple[float, float]:
+def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tuple[float, float]:
     """How the value of a variable becomes the value of a column, whose name ends in the unit's suffix.
 
     Parameters
@@ -227,7 +217,7 @@ class Interface:
     name: str
     model: str
     variables: Mapping[str, Variable]
-    scales: Mapping[str, Scale]
+    scales: Mapping[str, Unit]
     version: int = 2
 
     @cached_property

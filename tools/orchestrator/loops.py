@@ -27,12 +27,12 @@ import numpy as np
 from ...fmus.native.compile import cache_folder
 from ..errors import InputError
 from . import program as op
+from .fmu import Slave, Slave3
 from .interface import VALUE_TYPES
 from .journal import Blocks, Column, Keep
 from .load import Loaded, keep
 from .program import Ports, Program, loop_of, step_program
 from .scenario import Scenario
-from .slave import Slave, Slave3
 from .stimuli import Grid
 from .wiring import Group
 

@@ -29,9 +29,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .fmu import Slave
 from .interface import VALUE_TYPES, Interface, Value, Variable
 from .scenario import RunSetting
-from .slave import Slave
 from .stimuli import Drive
 from .wiring import Group, Wire
 

@@ -198,7 +198,7 @@ class PreparedScenario:
         loaded = dict(self.loaded)
         for name, given in parameters.items():
             entry = loaded[name]
-            changed = resolve_parameters(entry.interface, given, {}, {})
+            changed = resolve_parameters(entry.interface, given)
             loaded[name] = Loaded(entry.fmu, entry.interface, {**entry.values, **changed})
         grid, drives = resolve_stimuli(self.scenario, self.sources, loaded)
         check_single_sources(self._wires, drives)

@@ -3,27 +3,16 @@
 import hashlib
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import polars as pl
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    field_serializer,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, field_serializer, field_validator, model_validator
 
 from ..errors import InputError, unreadable
-from ..field_problems import FieldProblem, field_problems
+from ..field_problems import Section, checked_sections, read_sections
 
 SCHEMA = "trihedron.scenario/1"
 _ROWS_OF_TEXT = 50_000
@@ -68,11 +57,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
-
-
-class RunSetting(_Section):
+class RunSetting(Section):
     """Time of the run [s], ended by the position programme without `stop_s`; how cycles of connections are taken.
 
     `coupling` is None where they are refused; "jacobi": within a cycle every input is what the output was at the
@@ -99,15 +84,14 @@ class RunSetting(_Section):
 
     @model_validator(mode="after")
     def _fits(self) -> "RunSetting":
-        for name in ("tolerance", "iterations"):
-            if getattr(self, name) is not None and self.coupling != "iterate":
-                raise ValueError(f'{name} goes with coupling = "iterate"')
+        for name in self.given("tolerance", "iterations") if self.coupling != "iterate" else ():
+            raise ValueError(f'{name} goes with coupling = "iterate"')
         if self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"stop_s = {self.stop_s!r} must be after start_s = {self.start_s!r}")
         return self
 
 
-class FmuSetting(_Section):
+class FmuSetting(Section):
     """One FMU of the scenario: a component of ours or a file, its effects and its parameters."""
 
     component: str | None = None
@@ -128,14 +112,14 @@ class FmuSetting(_Section):
         return self
 
 
-class Connection(_Section):
+class Connection(Section):
     """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`)."""
 
     source: str = Field(alias="from")
     target: str = Field(alias="to")
 
 
-class Stimulus(_Section):
+class Stimulus(Section):
     """What drives an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme."""
 
     to: str | None = None
@@ -161,7 +145,7 @@ class Stimulus(_Section):
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Stimulus":
-        sources = [k for k in ("constant", "csv", "programme", "table") if getattr(self, k) is not None]
+        sources = self.given("constant", "csv", "programme", "table")
         if len(sources) != 1:
             given = " and ".join(sources) or "none"
             raise ValueError(f"give one of constant, csv, programme and table; here: {given}")
@@ -190,7 +174,7 @@ class Stimulus(_Section):
         return {"columns": table.columns, "rows": table.height, "sha256_of_csv": digest.hexdigest()}
 
 
-class RecordSetting(_Section):
+class RecordSetting(Section):
     """What is written of the run: every n-th step, in which form, which columns."""
 
     every: int = Field(default=1, ge=1)
@@ -205,7 +189,7 @@ class RecordSetting(_Section):
         return columns
 
 
-class Scenario(_Section):
+class Scenario(Section):
     """A scenario; its relative paths begin at `base_folder`, and `source` is the file that it was read from."""
 
     schema_: Literal["trihedron.scenario/1"] = Field(default=SCHEMA, alias="schema")
@@ -226,18 +210,6 @@ class Scenario(_Section):
                 raise ValueError(f"'{name}' cannot name an FMU; use letters, digits, _ and -")
         return fmus
 
-    def as_written(self) -> dict[str, Any]:
-        """The scenario with all defaults filled in, as plain values; paths as they were written."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
-
-
-_NOT_IN_FILES = ("base_folder", "source")
-
-
-def scenario_problems(error: ValidationError) -> list[FieldProblem]:
-    """Everything that is wrong with a scenario."""
-    return field_problems(error, Scenario, _NOT_IN_FILES)
-
 
 def checked_scenario(data: Mapping[str, Any], label: str = "") -> Scenario:
     """A scenario from what would stand in a file, which messages call by its label.
@@ -247,11 +219,7 @@ def checked_scenario(data: Mapping[str, Any], label: str = "") -> Scenario:
     InputError
         a field that is missing, unknown or wrong: the first of them, by its dotted name
     """
-    try:
-        return Scenario.model_validate(dict(data))
-    except ValidationError as error:
-        said = scenario_problems(error)[0].text
-        raise InputError(f"{label}: {said}" if label else said) from error
+    return checked_sections(data, Scenario, label)
 
 
 def read_scenario(path: Path | str) -> Scenario:
@@ -274,18 +242,7 @@ def read_scenario(path: Path | str) -> Scenario:
     """
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+        content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {unreadable(path, error)}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
-    except (tomllib.TOMLDecodeError, ValueError) as error:
-        raise InputError(f"{path}: is not TOML: {error}") from error
-    except RecursionError as error:
-        raise InputError(f"{path}: is not a scenario (nested too deeply)") from error
-    if "schema" not in data:
-        raise InputError(f'{path}: schema is missing; write schema = "{SCHEMA}"')
-    for name in _NOT_IN_FILES:
-        if name in data:
-            raise InputError(f"{path}: {name}: unknown key; it is not for files")
-    return checked_scenario({**data, "base_folder": path.parent, "source": path}, str(path))
+    return read_sections(content, path, Scenario, base_folder=path.parent, source=path)

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
+from ...fmus.units import Unit
 from ..errors import InputError, one_line, unreadable
-from ..orchestrator.interface import Interface, Scale, Value, interface_of
-from ..orchestrator.load import DAMAGE, check_members, read_archive, unpack
+from ..orchestrator.fmu import DAMAGE, check_members, read_archive, unpack
+from ..orchestrator.interface import Interface, Value, interface_of
 from ..orchestrator.scenario import Scenario, checked_scenario, read_scenario
 from .values import (
     COUPLING,
@@ -211,7 +212,7 @@ def _run(root: Element, system: Element, label: str) -> dict[str, float]:
     return run
 
 
-def _read_part(element: Element, path: Path_, folder: Path, label: str, units: dict[str, Scale]) -> Part:
+def _read_part(element: Element, path: Path_, folder: Path, label: str, units: dict[str, Unit]) -> Part:
     part = Part(path)
     for connector in children(element, "ssd:Connectors/ssd:Connector"):
         part.connectors[str(connector.get("name"))] = str(connector.get("kind"))

@@ -1,18 +1,17 @@
-"""XML of SSP 1.0, read without entities and written in one way; the values of parameters in it, with their units."""
+"""XML of SSP 1.0, read without entities; the values of parameters in it, with their units."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
-from xml.parsers import expat
+from xml.etree.ElementTree import Element
 
-from ...fmus.description import number
+from ...fmus.units import Unit
 from ..errors import InputError, said_of
-from ..orchestrator.interface import BASE_UNITS, Scale, Value, Variable, checked, scale_of
-from ..orchestrator.load import refuse_outside
+from ..orchestrator.fmu import refuse_outside, xml_root
+from ..orchestrator.interface import BASE_UNITS, Value, Variable, checked, scale_of
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {
@@ -60,12 +59,6 @@ def declared(*prefixes: str) -> dict[str, str]:
     return {f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in prefixes}
 
 
-def xml_bytes(root: Element) -> bytes:
-    """XML in UTF-8; the same element gives the same bytes."""
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
-
-
 def parsed(xml: bytes, label: str, root: str) -> Element:
     """The root element of an XML document.
 
@@ -74,30 +67,12 @@ def parsed(xml: bytes, label: str, root: str) -> Element:
     InputError
         not well-formed, a DOCTYPE or an entity, nested too deeply, or another root
     """
-    depth = 0
-
-    def doctype(*_: object) -> None:
-        raise InputError(f"{label}: declares a DOCTYPE; an .ssp must not")
-
-    def begin(*_: object) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > DEEPEST:
-            raise InputError(f"{label}: is nested more than {DEEPEST} elements deep; not read")
-
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
     if len(xml) > MOST_BYTES:
         raise InputError(f"{label}: is larger than {MOST_BYTES >> 20} MiB; not read")
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = doctype
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    xml_root(xml, f"{label}:", "an .ssp", DEEPEST)
     try:
-        parser.Parse(xml, True)
         element = ElementTree.fromstring(xml)
-    except (expat.ExpatError, ElementTree.ParseError, LookupError, ValueError) as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise InputError(f"{label}: is not well-formed XML ({error})") from error
     prefix, _, name = root.partition(":")
     if element.tag != f"{{{NAMESPACES[prefix]}}}{name}":
@@ -144,9 +119,9 @@ def number_of(element: Element, attribute: str, label: str, default: float | Non
     return value
 
 
-def units_of(root: Element, path: str, label: str) -> dict[str, Scale]:
+def units_of(root: Element, path: str, label: str) -> dict[str, Unit]:
     """The units that a document defines; an InputError for one that is none."""
-    units: dict[str, Scale] = {}
+    units: dict[str, Unit] = {}
     for unit in children(root, f"{path}/ssc:Unit"):
         base = child(unit, "ssc:BaseUnit")
         if base is None:
@@ -164,68 +139,6 @@ def units_of(root: Element, path: str, label: str) -> dict[str, Scale]:
     return units
 
 
-def add_units(parent: Element, name: str, units: Mapping[str, Scale]) -> None:
-    """An element of SSP's units; nothing where there are none."""
-    element = SubElement(parent, name) if units else parent
-    for unit, scale in sorted(units.items()):
-        base = {key: str(power) for key, power in scale.exponents}
-        if scale.factor != 1.0:
-            base["factor"] = number(scale.factor)
-        if scale.offset != 0.0:
-            base["offset"] = number(scale.offset)
-        SubElement(SubElement(element, "ssc:Unit", name=unit), "ssc:BaseUnit", base)
-
-
-@dataclass
-class WrittenSet:
-    """A parameter set to be written.
-
-    Attributes
-    ----------
-    name, description : str
-    values : dict
-        name in the set -> (variable whose type and unit it has, value)
-    units : dict
-        the units that the values have
-    mapping : dict
-        name in the set -> names that it has in the system; empty where they are the same
-    """
-
-    name: str
-    description: str
-    values: dict[str, tuple[Variable, Value]] = field(default_factory=dict)
-    units: dict[str, Scale] = field(default_factory=dict)
-    mapping: dict[str, list[str]] = field(default_factory=dict)
-
-    def add(self, name: str, variable: Variable, value: Value, scales: Mapping[str, Scale]) -> None:
-        """Add a value in its variable's unit."""
-        self.values[name] = (variable, value)
-        if variable.unit is not None and variable.unit in scales:
-            self.units[variable.unit] = scales[variable.unit]
-
-    def files(self) -> dict[str, bytes]:
-        """The .ssv of the set, and the .ssm that gives its names those of the system where they differ."""
-        attributes = {"version": "1.0", "name": self.name, "description": self.description}
-        root = Element("ssv:ParameterSet", {**declared("ssv", "ssc"), **attributes})
-        parameters = SubElement(root, "ssv:Parameters")
-        for name, (variable, value) in self.values.items():
-            # An enumeration goes out as the whole number that FMI passes: neither OMSimulator nor FMPy reads its name.
-            kind = "Integer" if variable.kind == "Enumeration" else variable.kind
-            text = {"Real": lambda v: number(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
-            attributes = {"value": text.get(kind, lambda v: str(int(v)))(value)}
-            if kind == "Real" and variable.unit in self.units:
-                attributes["unit"] = str(variable.unit)
-            SubElement(SubElement(parameters, "ssv:Parameter", name=name), f"ssv:{kind}", attributes)
-        add_units(root, "ssv:Units", self.units)
-        written = {f"resources/{self.name}.ssv": xml_bytes(root)}
-        if self.mapping:
-            root = Element("ssm:ParameterMapping", {**declared("ssm", "ssc"), "version": "1.0"})
-            for source, target in ((source, target) for source, targets in self.mapping.items() for target in targets):
-                SubElement(root, "ssm:MappingEntry", source=source, target=target)
-            written[f"resources/{self.name}.ssm"] = xml_bytes(root)
-        return written
-
-
 @dataclass(frozen=True)
 class Given:
     """A value that a binding gives.
@@ -237,7 +150,7 @@ class Given:
     kind, text : str
         type and value as they are written
     unit : str or None
-    scale : Scale or None
+    scale : Unit or None
         of the unit, where the documents define it
     where : str
         for messages
@@ -253,7 +166,7 @@ class Given:
     kind: str
     text: str
     unit: str | None
-    scale: Scale | None
+    scale: Unit | None
     where: str
     factor: float = 1.0
     offset: float = 0.0
@@ -261,7 +174,7 @@ class Given:
     convert: bool = True
 
 
-def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str, Scale]) -> list[Given]:
+def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[Given]:
     """The values of an element's bindings in their order: a later one wins over an earlier one.
 
     Raises
@@ -292,7 +205,7 @@ def _document(element: Element, folder: Path, label: str, root: str, inside: str
     return read_document(folder, source, label, root) if source else child(element, f"{inside}{root}")
 
 
-def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[str, Scale]) -> list[Given]:
+def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[Given]:
     root = _document(binding, folder, label, "ssv:ParameterSet", "ssd:ParameterValues/")
     where = f"{label}: {binding.get('source')}" if binding.get("source") else label
     if root is None:
@@ -332,7 +245,7 @@ def _transformed(given: Given, entry: Element, label: str) -> Given:
     return given
 
 
-def value_for(given: Given, variable: Variable, scales: Mapping[str, Scale]) -> Value:
+def value_for(given: Given, variable: Variable, scales: Mapping[str, Unit]) -> Value:
     """A binding's value as the variable takes it, in the variable's unit.
 
     Parameters
@@ -384,7 +297,7 @@ def _ascii(text: str) -> str:
     return text
 
 
-def _converted(value: float, given: Given, variable: Variable, scales: Mapping[str, Scale]) -> float:
+def _converted(value: float, given: Given, variable: Variable, scales: Mapping[str, Unit]) -> float:
     """A value from the binding's unit into the variable's."""
     if given.unit is None or variable.unit is None:
         return value
@@ -393,6 +306,6 @@ def _converted(value: float, given: Given, variable: Variable, scales: Mapping[s
         return value
     if mine is None or theirs is None or mine.exponents != theirs.exponents:
         raise InputError(f"is in {given.unit}, but {variable.name} is in {variable.unit}")
-    if mine == theirs:
+    if (mine.factor, mine.offset) == (theirs.factor, theirs.offset):
         return value
     return (theirs.factor * value + theirs.offset - mine.offset) / mine.factor

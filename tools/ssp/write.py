@@ -7,6 +7,7 @@ import json
 import re
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement
@@ -15,13 +16,14 @@ import numpy as np
 
 from ...fmus import build
 from ...fmus.archive import write_archive
-from ...fmus.description import number
 from ...fmus.native.compile import BuildError, chosen_platforms
+from ...fmus.parameters import add_units, parameter_file, xml_bytes
+from ...fmus.units import Unit, number
 from ...models.effects import place_from_mapping
 from ...models.position_programme import POSITIONS
 from ..errors import InputError, said_of
 from ..files import whole_file
-from ..orchestrator.interface import Interface, Scale, Value, Variable, spread
+from ..orchestrator.interface import Interface, Value, Variable, spread
 from ..orchestrator.load import Loaded, Sources, calibrated_parameters, interfaces_of, load
 from ..orchestrator.scenario import Scenario, Stimulus
 from ..orchestrator.stimuli import (
@@ -35,17 +37,7 @@ from ..orchestrator.stimuli import (
     table_from,
 )
 from ..orchestrator.wiring import Wire, check_single_sources, resolve_connections
-from .values import (
-    COUPLING,
-    COUPLING_SETTINGS,
-    PROGRAMME,
-    RECORD,
-    STRUCTURE,
-    WrittenSet,
-    add_units,
-    declared,
-    xml_bytes,
-)
+from .values import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""
@@ -238,6 +230,52 @@ def _json_bytes(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
+@dataclass
+class WrittenSet:
+    """A parameter set to be written.
+
+    Attributes
+    ----------
+    name, description : str
+    values : dict
+        name in the set -> type, attributes of the value
+    units : dict
+        the units that the values have
+    mapping : dict
+        name in the set -> names that it has in the system; empty where they are the same
+    """
+
+    name: str
+    description: str
+    values: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
+    units: dict[str, Unit] = field(default_factory=dict)
+    mapping: dict[str, list[str]] = field(default_factory=dict)
+
+    def add(self, name: str, variable: Variable, value: Value, scales: Mapping[str, Unit]) -> None:
+        """Add a value in its variable's unit."""
+        # An enumeration goes out as the whole number that FMI passes: neither OMSimulator nor FMPy reads its name.
+        kind = "Integer" if variable.kind == "Enumeration" else variable.kind
+        text = {"Real": lambda v: number(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
+        attributes = {"value": text.get(kind, lambda v: str(int(v)))(value)}
+        if variable.unit is not None and variable.unit in scales:
+            self.units[variable.unit] = scales[variable.unit]
+        if kind == "Real" and variable.unit in self.units:
+            attributes["unit"] = str(variable.unit)
+        self.values[name] = (kind, attributes)
+
+    def files(self) -> dict[str, bytes]:
+        """The .ssv of the set, and the .ssm that gives its names those of the system where they differ."""
+        name = f"resources/{self.name}"
+        rows = [(key, *value) for key, value in self.values.items()]
+        written = {f"{name}.ssv": parameter_file(self.name, self.description, rows, self.units)}
+        if self.mapping:
+            root = Element("ssm:ParameterMapping", {**declared("ssm", "ssc"), "version": "1.0"})
+            for source, target in ((source, target) for source, targets in self.mapping.items() for target in targets):
+                SubElement(root, "ssm:MappingEntry", source=source, target=target)
+            written[f"{name}.ssm"] = xml_bytes(root)
+        return written
+
+
 def _parameter_sets(scenario: Scenario, loaded: Mapping[str, Loaded], sources: Sources) -> list[WrittenSet]:
     """One set for each calibration, mapped to the FMUs that take it; over them the scenario's own values."""
     sets: dict[str, WrittenSet] = {}
@@ -306,7 +344,7 @@ def _structure(
         ends |= {"endElement": wire.target, "endConnector": wire.input.name}
         SubElement(connections, "ssd:Connection", ends)
     enumerations: dict[str, Variable] = {}
-    units: dict[str, Scale] = {}
+    units: dict[str, Unit] = {}
     for name, (file, interface) in fmus.items():
         component = SubElement(
             elements, "ssd:Component", name=name, type="application/x-fmu-sharedlibrary", source=file
@@ -334,7 +372,7 @@ def _structure(
 
 
 def _connectors(
-    component: Element, name: str, variables: Sequence[Variable], units: Mapping[str, Scale]
+    component: Element, name: str, variables: Sequence[Variable], units: Mapping[str, Unit]
 ) -> dict[str, Variable]:
     """The connectors of an FMU; returns the enumerations that they need."""
     needed: dict[str, Variable] = {}

@@ -15,7 +15,7 @@ from scenario_runs import FAILING, GAIN, refusal, run
 from trihedron.fmus.native.compile import BuildError, host_compiler
 from trihedron.models.bench import TARGETS
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import load, loops
+from trihedron.tools.orchestrator import fmu, load, loops
 
 
 @pytest.fixture(autouse=True)
@@ -119,7 +119,7 @@ def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: p
     for content in (b"", b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
         (tmp_path / "Half.fmu").write_bytes(content)
         assert "is not a readable FMU archive" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
-    monkeypatch.setattr(load, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(fmu, "MOST_BYTES", 1 << 20)
     with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr("resources/zeros", bytes(2 << 20))
     assert "unpacks to more than" in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
@@ -173,7 +173,7 @@ def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch:
     def fails(*_: object, **__: object) -> None:
         raise BuildError("there is no C compiler here")
 
-    monkeypatch.setattr(load, "build", fails)
+    monkeypatch.setattr("trihedron.fmus.build", fails)
     assert compensated("python").table.equals(first.table)
     with pytest.raises(InputError, match=r"^fmus\.c\.flavour: there is no C compiler here$"):
         compensated("native")

@@ -1,28 +1,270 @@
-"""One running FMU, of FMI 2.0 or 3.0: its library, its instance, its log, every call with its status looked at."""
+"""An FMU: its archive checked before anything is unpacked; its instance, the status of each call looked at.
+
+What is checked of an archive holds for an .ssp too.
+"""
 
 import ctypes
+import hashlib
+import io
 import math
 import os
+import re
+import stat
+import struct
 import sys
+import zipfile
+import zlib
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from pathlib import Path
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 from weakref import WeakValueDictionary
+from xml.parsers import expat
 
 import fmpy
 import numpy as np
 from fmpy import fmi2, fmi3
 from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelDescription
 
-from ..errors import InputError
+from ..errors import InputError, nearest_file
 from .interface import Interface, Value, Variable
-from .load import UnpackedFmu
 
+MOST_MEMBERS = 20_000
+MOST_BYTES = 2 << 30
+MOST_DESCRIPTION_BYTES = 128 << 20
+LONGEST_SHOWN = 80
+DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 DISCARD = 2
 FATAL = 4
+_LOADED = 1
+"""Type of a segment of a library that is mapped into memory (PT_LOAD)."""
+
+
+@dataclass(frozen=True)
+class UnpackedFmu:
+    """An FMU on disk, ready to be loaded.
+
+    Attributes
+    ----------
+    label : str
+        as the user wrote it
+    sha256 : str
+        of the archive's bytes
+    folder, library : Path
+        where it was unpacked; the shared library for this platform
+    description : ModelDescription
+        FMPy's reading of modelDescription.xml
+    python_module : str or None
+        the script's module name, where the FMU is one of PythonFMU's
+    """
+
+    label: str
+    sha256: str
+    folder: Path
+    library: Path
+    description: ModelDescription
+    python_module: str | None
+
+    def says(self, *flags: str) -> bool:
+        """Whether its description claims a capability, by the name of FMI 2.0 or of 3.0."""
+        said = [getattr(self.description.coSimulation, flag, None) for flag in flags]
+        return any(str(flag).lower() in ("true", "1") for flag in said)
+
+
+def shown(name: str) -> str:
+    """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
+    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
+
+
+def read_archive(path: Path, label: str, kind: str) -> bytes:
+    """The bytes of an archive file, ".fmu" or ".ssp"; an OSError or an InputError where there are none to be had."""
+    if path.is_dir():
+        raise InputError(f"{label}: is a folder; give an {kind} file")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{label}: is a pipe or a device; give an {kind} file")
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(f"{label}: is larger than {MOST_BYTES >> 30} GiB; not read")
+    return path.read_bytes()
+
+
+def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
+    """Refuse a name inside an archive that could land outside the archive's folder."""
+    parts = PurePosixPath(name).parts
+    forbidden = '\\:\0<>|?*"' if ssp else "\\:\0"
+    if ".." in parts or name.startswith("/") or any(c in name for c in forbidden) or (ssp and not parts):
+        raise InputError(f"{label}: member {shown(name)} would leave the archive's folder; not unpacked")
+
+
+def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
+    """Refuse an archive that is not safe to unpack, or has not what makes it an FMU (an .ssp: an .ssd)."""
+    ssp = needed.endswith(".ssd")
+    whole, standard, other = ("an .ssp", "SSP", "a link or a device") if ssp else ("an FMU", "FMI", "a link")
+    for member in members:
+        # orig_filename still has the backslashes and what stands after a zero, which zipfile takes away.
+        for name in (member.orig_filename, member.filename):
+            refuse_outside(name, label, ssp=ssp)
+        named, kind = f"{label}: member {shown(member.filename)}", stat.S_IFMT(member.external_attr >> 16)
+        if kind == stat.S_IFLNK or (ssp and kind not in (0, stat.S_IFREG, stat.S_IFDIR)):
+            raise InputError(f"{named} is {other}; not unpacked")
+        if member.flag_bits & 1:
+            raise InputError(f"{named} is encrypted; {whole} must not be")
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise InputError(f"{named} is compressed in a way that {standard} does not have")
+    if len(members) > MOST_MEMBERS or sum(m.file_size for m in members) > MOST_BYTES:
+        raise InputError(f"{label}: unpacks to more than {MOST_BYTES >> 30} GiB or {MOST_MEMBERS} files")
+    names = [member.filename for member in members]
+    # Two names that differ in case only are one file on some systems.
+    if len({name.rstrip("/").casefold() if ssp else name for name in names}) != len(names):
+        raise InputError(f"{label}: has two members of one name; corrupt archive")
+    if needed not in names:
+        raise InputError(f"{label}: has no {needed}; it is not {whole}")
+
+
+def refuse_damaged(content: bytes, label: str) -> None:
+    """Refuse an ELF library whose segments do not all lie within the file: the loader of Linux dies of one.
+
+    Other formats are the loader's matter.
+    """
+    if not content.startswith(b"\x7fELF"):
+        return
+    try:
+        wide, order = content[4] == 2, "<" if content[5] == 1 else ">"
+        (start,) = struct.unpack_from(f"{order}{'Q' if wide else 'I'}", content, 32 if wide else 28)
+        size, count = struct.unpack_from(f"{order}HH", content, 54 if wide else 42)
+        for k in range(count):
+            fields = struct.unpack_from(f"{order}{'IIQQQQ' if wide else 'IIIII'}", content, start + k * size)
+            kind, offset, length = fields[0], fields[2 if wide else 1], fields[-1]
+            if kind == _LOADED and offset + length > len(content):
+                raise InputError(f"{label}: its library ends too early ({len(content)} bytes); it is damaged")
+    except (struct.error, IndexError, OverflowError) as error:
+        raise InputError(f"{label}: its library's headers make no sense ({error}); it is damaged") from error
+
+
+def xml_root(xml: bytes, name: str, whole: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
+    """The tag of the root of an XML document, and its attributes; elements nested deeper than so far are refused.
+
+    Raises
+    ------
+    InputError
+        a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, nested too deeply
+    """
+    roots: list[tuple[str, dict[str, str]]] = []
+    depth = 0
+
+    def doctype(*_: object) -> None:
+        raise InputError(f"{name} declares a DOCTYPE; {whole} must not")
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth == 1:
+            roots.append((tag, attributes))
+        if deepest is not None and depth > deepest:
+            raise InputError(f"{name} is nested more than {deepest} elements deep; not read")
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = doctype
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    try:
+        parser.Parse(xml, True)
+    except (expat.ExpatError, LookupError, ValueError) as error:
+        raise InputError(f"{name} is not well-formed XML ({error})") from error
+    return roots[0]
+
+
+def _described(xml: bytes, label: str) -> ModelDescription:
+    """FMPy's reading of modelDescription.xml; what it cannot read is refused with its first complaint."""
+    name = f"{label}: modelDescription.xml"
+    root, attributes = xml_root(xml, name, "an FMU")
+    if root != "fmiModelDescription":
+        raise InputError(f"{name} does not describe an FMU (root is <{root}>)")
+    version = attributes.get("fmiVersion", "")
+    if not re.fullmatch(r"2\.0(\.\d+)?|3\.\d+(\.\d+)?(-.*)?", version):
+        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; export as FMI 2.0 or 3.0")
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as alone:
+        alone.writestr("modelDescription.xml", xml)
+    try:
+        description = fmpy.read_model_description(archive, validate=False)
+    except Exception as error:  # FMPy raises whatever its parsing meets
+        reason = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, KeyError):
+            reason = f"it refers to {error.args[0]!r}, which is not there"
+        raise InputError(f"{name} cannot be used ({reason})") from error
+    if description.coSimulation is None:
+        raise InputError(f"{label}: is for model exchange only; export it for co-simulation")
+    if not description.coSimulation.modelIdentifier:
+        raise InputError(f"{name} gives no modelIdentifier for co-simulation")
+    return description
+
+
+def _library(names: set[str], description: ModelDescription, label: str) -> str:
+    """The member that holds the library for this platform."""
+    assert description.coSimulation is not None
+    # fmpy.platform says linux64 on every 64-bit processor; only the tuple tells ARM from Intel.
+    platforms = [fmpy.platform_tuple]
+    if str(description.fmiVersion).startswith("2") and (fmpy.architecture != "aarch64" or fmpy.system == "darwin"):
+        platforms.insert(0, fmpy.platform)
+    for platform in platforms:
+        member = f"binaries/{platform}/{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        if member in names:
+            return member
+    there = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
+    has = f"it has {', '.join(there)}" if there else "it has none at all"
+    raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); {has}")
+
+
+def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
+    """Check an FMU archive and unpack it.
+
+    Parameters
+    ----------
+    path : Path
+        the file
+    label : str
+        what to call it in messages
+    make_folder : callable
+        sha256 -> an empty folder to unpack into; called only when the archive has passed all checks
+
+    Raises
+    ------
+    InputError
+        missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or without a binary for this platform
+    """
+    try:
+        content = read_archive(path, label, ".fmu")
+    except FileNotFoundError as error:
+        raise InputError(f"{label}: there is no such file (looked for {path}){nearest_file(path)}") from error
+    except OSError as error:
+        raise InputError(f"{label}: cannot be read ({error.strerror})") from error
+    sha256 = hashlib.sha256(content).hexdigest()
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+            check_members(members, label, "modelDescription.xml")
+            if archive.getinfo("modelDescription.xml").file_size > MOST_DESCRIPTION_BYTES:
+                raise InputError(f"{label}: modelDescription.xml is too large")
+            xml = archive.read("modelDescription.xml")
+            description = _described(xml, label)
+            library = _library({m.filename for m in members}, description, label)
+            refuse_damaged(archive.read(library), label)
+            folder = make_folder(sha256)
+            # Sources and documentation are nothing that an FMU may read when it runs.
+            needed = [m for m in members if not m.filename.startswith(("sources/", "documentation/"))]
+            archive.extractall(folder, needed)
+    except DAMAGE as error:
+        raise InputError(f"{label}: is not a readable FMU archive ({error})") from error
+    script = folder / "resources" / "slavemodule.txt"
+    module = script.read_text("utf-8", errors="replace").strip() if script.is_file() else None
+    return UnpackedFmu(label, sha256, folder, folder / library, description, module)
 
 
 def forget_script(fmu: UnpackedFmu) -> None:
