@@ -32,6 +32,7 @@ def computer_source() -> str:
     return flat_source(components()["AttitudeComputer"])
 
 
+@cache
 def precise_kernels(source: str) -> dict[str, Any]:
     """The kernels of a source with mpmath's numbers and functions in place of floats and `math`."""
     functions = {name: getattr(mpmath.mp, name) for name in ("sqrt", "sin", "cos", "atan2", "floor", "fabs", "pi")}
@@ -43,20 +44,15 @@ def precise_kernels(source: str) -> dict[str, Any]:
 
 
 @cache
-def standard_kernels() -> dict[str, Any]:
-    """The kernels as they are, in multiple precision."""
-    return precise_kernels(computer_source())
-
-
-def updater(algorithm: Algorithm, kernels: dict[str, Any]) -> Callable[[Sequence, Sequence | None], list]:
-    """A function that makes one update.
+def updater(algorithm: Algorithm, source: str = "") -> Callable[[Sequence, Sequence | None], list]:
+    """A function that makes one update by the kernels of a source, by default those as they are.
 
     Returns
     -------
     callable
         (increments of the step, those of the step before or None) -> quaternion; increments are flat lists
     """
-    number = mpf(algorithm.number)
+    kernels, number = precise_kernels(source or computer_source()), mpf(algorithm.number)
     table, half_table = [mpf(0)] * TABLE_SIZE, [mpf(0)] * HALF_TABLE_SIZE
     kernels["prepare_update"](number, table, half_table)
 

@@ -49,6 +49,15 @@ def _interpreters_let_go_in_time() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder for the path with a `trihedron` that starts at once."""
+    from warm_commands import warm_commands
+
+    with warm_commands(tmp_path_factory.mktemp("programs"), os.environ) as folder:
+        yield folder
+
+
+@pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the FMU of every component."""
     from trihedron.fmus import build, component_names

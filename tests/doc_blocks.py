@@ -97,17 +97,19 @@ class Reader:
         empty
     records : Path
         folder of records that several pages begin with, as `$RECORDS`
+    programs : Path
+        folder that stands first on the path
     long : bool
         whether blocks that take long are run too
     """
 
-    def __init__(self, page: Path, folder: Path, records: Path, *, long: bool):
+    def __init__(self, page: Path, folder: Path, records: Path, programs: Path, *, long: bool):
         self._page, self._folder, self._long = page, folder, long
         self._names: dict[str, object] = {"__name__": "__main__"}
         self._printed: str | None = None
         home = folder.parent / "home"
         home.mkdir(exist_ok=True)
-        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+        path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ.get("PATH", "")])
         scenarios = str(ROOT / "scenarios")
         self._environment = {
             **os.environ,

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,7 +18,7 @@ RUNNABLE = [page for page in PAGES if any(block.language != "text" for block in 
 
 
 @pytest.fixture(scope="module")
-def records(tmp_path_factory) -> Path:
+def records(tmp_path_factory, programs) -> Path:
     """A bench that was simulated, and a record with a secret."""
     folder = tmp_path_factory.mktemp("records")
     page = folder / "page.md"
@@ -26,29 +27,35 @@ def records(tmp_path_factory) -> Path:
         "cp run/positions.csv positions.csv\ntrihedron hidden measured.csv --seed 7\n```\n",
         encoding="utf-8",
     )
-    Reader(page, folder, folder, long=False).read()
+    Reader(page, folder, folder, programs, long=False).read()
     return folder
 
 
-def read_page(page: Path, tmp_path: Path, records: Path, *, long: bool) -> None:
-    if page.name == "native-fmus.md" and not shutil.which("cc"):
-        pytest.skip("no C compiler")
-    folder = tmp_path / "reader"
-    folder.mkdir()
-    Reader(page, folder, records, long=long).read()
+@pytest.fixture
+def read(tmp_path, records, programs) -> Callable[..., None]:
+    """Do what a page says, in an empty folder."""
+
+    def read_page(page: Path, *, long: bool) -> None:
+        if page.name == "native-fmus.md" and not shutil.which("cc"):
+            pytest.skip("no C compiler")
+        folder = tmp_path / "reader"
+        folder.mkdir()
+        Reader(page, folder, records, programs, long=long).read()
+
+    return read_page
 
 
 @pytest.mark.parametrize(
     "page", [p for p in RUNNABLE if any(not b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem
 )
-def test_blocks_of_code_do_what_the_page_says(page, tmp_path, records):
-    read_page(page, tmp_path, records, long=False)
+def test_blocks_of_code_do_what_the_page_says(page, read):
+    read(page, long=False)
 
 
 @pytest.mark.acceptance
 @pytest.mark.parametrize("page", [p for p in RUNNABLE if any(b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem)
-def test_long_blocks_do_what_the_page_says_too(page, tmp_path, records):
-    read_page(page, tmp_path, records, long=True)
+def test_long_blocks_do_what_the_page_says_too(page, read):
+    read(page, long=True)
 
 
 def test_no_code_hides_in_indented_blocks():

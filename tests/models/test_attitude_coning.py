@@ -7,7 +7,7 @@ import mpmath
 import pytest
 from mpmath import mpf
 
-from attitude_kernels import product, standard_kernels, updater
+from attitude_kernels import product, updater
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 
 PHASES = ("0.05", "0.1", "0.2", "0.4", "0.8", "1.571")
@@ -48,7 +48,7 @@ def relative_drift(algorithm: Algorithm, sample: mpf, cone: mpf) -> mpf:
 
     Coning repeats itself from step to step but for a turn about that axis, so one update tells the drift.
     """
-    update, span = updater(algorithm, standard_kernels()), sample * algorithm.samples
+    update, span = updater(algorithm), sample * algorithm.samples
     g = coning_increments(cone, mpf(0), sample, algorithm.samples)
     computed = product(coning(cone, mpf(0)), update(g, coning_increments(cone, -span, sample, algorithm.samples)))
     error = product(computed, conjugate(coning(cone, span)))

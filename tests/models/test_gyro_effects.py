@@ -169,9 +169,13 @@ def test_undersampling_leaves_out_what_the_computer_then_adds():
     fine = step * (np.arange(cut * rows) + 0.5) / cut
     small = np.stack([np.cos(20.0 * fine), np.sin(20.0 * fine), 0.0 * fine], axis=1) * (step / cut)
     increments = np.stack([np.diff(np.sin(20.0 * edges)), -np.diff(np.cos(20.0 * edges)), 0.0 * edges[1:]], axis=1) / 20
-    truth = Rotation.identity()
-    for turn in small:
-        truth = truth * Rotation.from_rotvec(turn)
+    turns = Rotation.from_rotvec(small).as_quat()
+    while len(turns) > 1:
+        # Neighbours are joined, so that all turn in their order.
+        odd = turns[len(turns) - len(turns) % 2 :]
+        even = len(turns) // 2 * 2
+        turns = np.vstack(((Rotation(turns[0:even:2]) * Rotation(turns[1:even:2])).as_quat(), odd))
+    truth = Rotation(turns[0])
     left = {c: (truth.inv() * attitude_after(increments, step, place, c)).magnitude() for c in (None, 0.0, 1.0 / 12.0)}
     assert left[0.0] == left[None] > 6e-4
     assert left[1.0 / 12.0] < 0.03 * left[0.0]
