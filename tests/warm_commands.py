@@ -107,15 +107,15 @@ def answer(caller: socket.socket, said: dict, streams: list[int]) -> None:
             status = main() or 0
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else int(end.code is not None)
-        with suppress(OSError):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        atexit._run_exitfuncs()
     except BaseException:
         traceback.print_exc()
     finally:
         with suppress(OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        with suppress(OSError):
             caller.sendall(str(status).encode())
+        atexit._run_exitfuncs()
         os._exit(status)
 
 
