@@ -17,10 +17,9 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document.pdf import without_times, write_html
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning.plan import plan_targets
-from trihedron.tools.reports.calibration import calibration_page
-from trihedron.tools.reports.diagnosis import diagnosis_page
+from trihedron.tools.reports.calibration import page as calibration_page
+from trihedron.tools.reports.diagnosis import page as diagnosis_page
 from trihedron.tools.reports.plan import plan_page
-from trihedron.tools.reports.strapdown import strapdown_page
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 PROGRAM = browser_program()
@@ -60,7 +59,7 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     run = measured["consistent"]
     texts["calibration"] = html_of(calibration_page, calibrate(run, noise_bound=NOISE_BOUND), run)
     drift = strapdown_record(drift=np.array([0.5, -0.4, 0.3]), seed=3)
-    texts["strapdown"] = html_of(strapdown_page, diagnose(drift))
+    texts["strapdown"] = html_of(diagnosis_page, diagnose(drift))
     texts["plan"] = html_of(plan_page, plan_targets(("X4", "X6+X8"), grid=15.0))
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")

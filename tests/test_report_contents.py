@@ -31,10 +31,11 @@ from trihedron.tools.document.numbers import (
 )
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.planning.plan import plan_targets
-from trihedron.tools.reports.calibration import calibration_page, target_section
-from trihedron.tools.reports.diagnosis import diagnosis_page
-from trihedron.tools.reports.evidence import next_positions_csv
+from trihedron.tools.reports.calibration import page as calibration_page
+from trihedron.tools.reports.calibration import target_section
+from trihedron.tools.reports.diagnosis import page as diagnosis_page
 from trihedron.tools.reports.plan import plan_page
+from trihedron.tools.reports.record import next_positions_csv
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 MATH = "{http://www.w3.org/1998/Math/MathML}"

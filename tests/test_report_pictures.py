@@ -13,22 +13,27 @@ from scipy import stats
 
 from explanation_pictures import interval_picture, strips_picture
 from trihedron.tools.document.theme import COLOURS
-from trihedron.tools.reports.pictures.rankings import likeness_picture
+from trihedron.tools.reports.pictures.records import (
+    MOST_POINTS,
+    attitude_error,
+    bench_tour,
+    next_directions,
+    thinned,
+)
 from trihedron.tools.reports.pictures.residuals import (
     candidates,
     held_out,
-    next_directions,
+    likeness_picture,
     residuals,
     residuals_over_inputs,
 )
 from trihedron.tools.reports.pictures.suites import (
     chance_of,
     confusion_picture,
-    detection_picture,
     distributions_picture,
+    rates_picture,
     size_errors_picture,
 )
-from trihedron.tools.reports.pictures.time import MOST_POINTS, attitude_error, bench_tour, thinned
 from trihedron.tools.reports.plan import decimals_of
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -60,7 +65,9 @@ PICTURES: dict[str, Callable[[], str]] = {
     "over inputs": lambda: residuals_over_inputs(np.eye(3), np.eye(3), 0.1 * np.eye(3), np.eye(3) > 0.5),
     "next directions": lambda: next_directions([0.1, 0.2], [1.0, 2.0], [0.5], [3.0], ["1"]),
     "confusion": lambda: confusion_picture({"cubic": {"cubic": 3, "odd-quadratic": 1}, "sag": {"sag": 2}}),
-    "detection": lambda: detection_picture([0.5, 1.2], [0.4, 1.0], [0.1, 0.9], [10, 12]),
+    "rates": lambda: rates_picture(
+        {"falsified": [{"low": 0.5, "high": 1.2, "cases": 12, "rate": 0.5, "interval": [0.3, 0.7]}]}, "size"
+    ),
     "size errors": lambda: size_errors_picture([1.2, 3.0], [0.01, -0.02]),
     "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]),
 }
@@ -79,7 +86,7 @@ NOTHING: dict[str, Callable[[], str]] = {
     "no inputs": lambda: residuals_over_inputs(np.zeros((0, 3)), np.zeros((0, 3))),
     "no directions": lambda: next_directions([], [], [], []),
     "nothing hidden": lambda: confusion_picture({}),
-    "nothing detected": lambda: detection_picture([], [], [], []),
+    "nothing detected": lambda: rates_picture({"falsified": []}, "size"),
     "no sizes": lambda: size_errors_picture([], []),
     "no candidates": lambda: candidates([], []),
     "no radius": lambda: candidates(["a", "b"], [np.nan, np.inf]),

@@ -15,10 +15,10 @@ from trihedron.tools.diagnosis import Cause, diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
 from trihedron.tools.document.numbers import to_bound
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
-from trihedron.tools.reports.excluded import in_words
-from trihedron.tools.reports.model import effect_lines, own_words
-from trihedron.tools.reports.strapdown import parameter_section, strapdown_page, verdict_sentence
-from trihedron.tools.reports.words import sets_of
+from trihedron.tools.reports.diagnosis import page as strapdown_page
+from trihedron.tools.reports.diagnosis import sets_of, verdict_sentence
+from trihedron.tools.reports.evidence import in_words, parameter_section
+from trihedron.tools.reports.model import cause_lines, own_words
 from trihedron.tools.trials.draw import BlockOptions, draw_block_case
 from trihedron.tools.trials.measure import measure_block
 
@@ -74,7 +74,7 @@ def test_the_page_goes_from_the_record_to_the_cause_and_to_what_is_excluded(page
         "The block's own parameters",
         "Evidence: which effect mends it",
         "Evidence: what could be taken for what",
-        "The gain on parts of the record that were not used",
+        "The gain on what was not used",
         "Excluded: effects of the gyros",
         "What these results rest on",
         "Methods used, and where they are published",
@@ -123,7 +123,7 @@ def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used(
     found = diagnose(strapdown_record(true_motion(POSES[:1])))
     assert found.verdict == "insufficient"
     text = unescape(html_of(strapdown_page, found))
-    assert "One rest of" in text
+    assert "1 rests of" in text
     assert all(str(thing) in text for thing in found.missing or ())
     assert "Lawson" not in text
     assert "Groves" not in text
@@ -132,9 +132,11 @@ def test_a_short_record_is_told_what_to_add_and_cites_nothing_that_was_not_used(
 def test_sets_that_remain_are_numbered_and_all_named(ambiguous):
     text = html_of(strapdown_page, ambiguous)
     rows = table_with(text, "set", "effect")
-    assert [row["set"] for row in rows] == [str(k + 1) for k, causes in enumerate(sets_of(ambiguous)) for _ in causes]
-    for causes in sets_of(ambiguous):
-        assert causes[0].place.title in verdict_sentence(ambiguous)
+    assert [row["set"] for row in rows] == [
+        str(k + 1) for k, found in enumerate(sets_of(ambiguous)) for _ in found.causes
+    ]
+    for found in sets_of(ambiguous):
+        assert found.title in verdict_sentence(ambiguous)
     assert "Causes that remain" in text
     assert "no interval is given" in parameter_section(ambiguous).paragraphs[0]
 
@@ -150,7 +152,7 @@ def test_every_effect_on_gyros_and_attitude_computer_that_is_searched_has_a_form
         place = effect.places[0]
         own = effect.at(place).parameters
         values = tuple(k + 0.25 for k, _ in enumerate(own, start=1))
-        (line,) = effect_lines([Cause.found(place, (), values, [(v - 0.01, v + 0.01) for v in values])])
+        (line,) = cause_lines([Cause.found(place, (), values, [(v - 0.01, v + 0.01) for v in values])])
         said = "".join(ElementTree.fromstring(line.replace("&nbsp;", " ")).itertext())
         for value in values:
             assert f"{value:.3f}" in said, effect.name

@@ -25,10 +25,10 @@ from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
-from .reports.calibration import calibration_section, calibration_summary
-from .reports.diagnosis import diagnosis_sections, diagnosis_summary
-from .reports.inspection import attitude_lines
-from .reports.run import attitude_section, run_section
+from .reports.calibration import calibration_section
+from .reports.diagnosis import sections_of
+from .reports.inspection import attitude_lines, attitude_section
+from .reports.record import run_section
 from .trials.bench import NOISE_BOUND
 from .trials.draw import draw_alone
 from .trials.suite import write_hidden_record
@@ -76,7 +76,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     write_text(out / "calibration.json", calibration.json_text())
     truth = true_targets(read_scenario(scenario_file))
     inside = inside_intervals(calibration, truth)
-    print(calibration_summary(calibration))
+    print(calibration)
     print(f"{inside} of {len(truth)} true values lie inside their intervals")
 
     say("3  Measure: a record with one hidden effect comes in")
@@ -85,11 +85,10 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     write_hidden_record(draw_alone(seed, effects=EXTENDING_EFFECTS), measured, answer_file, progress=True)
 
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
-    measured_record = read_record(measured, PositionRecord)
-    diagnosis = diagnose(measured_record, noise_bound=NOISE_BOUND, progress=True)
+    diagnosis = diagnose(read_record(measured, PositionRecord), noise_bound=NOISE_BOUND, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = list(export_extended([cause.place for cause in diagnosis.causes], out / "extended").values())
-    print(diagnosis_summary(diagnosis))
+    print(diagnosis)
     hidden = json.loads(answer_file.read_text(encoding="utf-8"))["hidden"]
     named = names_the_hidden_effect(diagnosis, hidden)
     print(f"what was hidden: {words_of(hidden)} -> {'named' if named else 'NOT named'}")
@@ -112,7 +111,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
             ],
             files=[measured, answer_file],
         ),
-        *diagnosis_sections(diagnosis, measured_record, [out / "diagnosis.json", *extended]),
+        *sections_of(diagnosis, [out / "diagnosis.json", *extended]),
         attitude,
     ]
     page = out / "index.html"

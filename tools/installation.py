@@ -4,11 +4,12 @@ import os
 import platform
 import sys
 import tempfile
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
 
 from ..fmus.native.compile import PLATFORMS, cache_folder, compiles, has_prebuilt, host_compiler, host_name, zig_version
 from .calibration import calibrate
@@ -16,13 +17,12 @@ from .document.pdf import converter
 from .orchestrator.load import usual_flavour
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import read_scenario
-from .shown import Shown
+from .result import Result
 from .templates import new
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-SCHEMA = "trihedron.doctor/1"
 CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
     *("matplotlib", "numba", "llvmlite", "joblib", "lazy-loader"),
@@ -33,8 +33,7 @@ POSITIONS, DWELL_S = 12, 2.0
 """Of the run that is tried."""
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(Result):
     """One thing that was looked at: what, how it is, and whether that is as it should be (None: a matter of choice)."""
 
     subject: str
@@ -42,34 +41,25 @@ class Finding:
     good: bool | None = True
 
 
-@dataclass(frozen=True, repr=False)
-class Installation(Shown):
-    """The state of the installation."""
+class Installation(Result):
+    """The state of the installation.
 
+    Attributes
+    ----------
+    works : bool
+        whether everything that is needed is there and a run works
+    findings : tuple of Finding
+    """
+
+    schema_: Literal["trihedron.doctor/1"] = Field(default="trihedron.doctor/1", alias="schema")
+    works: bool
     findings: tuple[Finding, ...]
-
-    @property
-    def works(self) -> bool:
-        """Whether everything that is needed is there and a run works."""
-        return all(finding.good is not False for finding in self.findings)
-
-    def lines(self) -> list[str]:
-        """The verdict, then a line for each finding."""
-        wrong = [finding.subject for finding in self.findings if finding.good is False]
-        verdict = "everything works" if not wrong else f"does not work: {', '.join(wrong)}"
-        width = max(len(finding.subject) for finding in self.findings)
-        mark = {True: "yes", False: "NO", None: "-"}
-        return [verdict, *(f"{mark[f.good]:>4}  {f.subject:<{width}}  {f.state}" for f in self.findings)]
 
     def to_polars(self) -> "DataFrame":
         """A row for each finding: subject, state, good."""
         import polars as pl
 
-        return pl.DataFrame([vars(f) for f in self.findings], schema_overrides={"good": pl.Boolean})
-
-    def to_json(self) -> dict[str, Any]:
-        """The object of schema trihedron.doctor/1."""
-        return {"schema": SCHEMA, "works": self.works, "findings": [dict(vars(f)) for f in self.findings]}
+        return pl.DataFrame([f.to_json() for f in self.findings], schema_overrides={"good": pl.Boolean})
 
 
 def doctor() -> Installation:
@@ -79,31 +69,35 @@ def doctor() -> Installation:
     -------
     Installation
     """
-    return Installation(
-        (
-            Finding("trihedron", metadata.version("trihedron")),
-            Finding("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),
-            *_packages(),
-            *_platforms(),
-            _cache(),
-            _printing(),
-            _run(),
-        )
+    findings = (
+        found("trihedron", metadata.version("trihedron")),
+        found("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),
+        *_packages(),
+        *_platforms(),
+        _cache(),
+        _printing(),
+        _run(),
     )
+    return Installation(works=all(finding.good is not False for finding in findings), findings=findings)
+
+
+def found(subject: str, state: str, good: bool | None = True) -> Finding:
+    """What was found of a subject."""
+    return Finding(subject=subject, state=state, good=good)
 
 
 def _packages() -> list[Finding]:
-    found = [_package(name) for name in CORE]
-    missing = [name for name, state in zip(CORE, found, strict=True) if state is None]
-    shown = ", ".join(f"{name} {state}" for name, state in zip(CORE, found, strict=True) if state is not None)
+    there = [(name, _package(name)) for name in CORE]
+    missing = [name for name, state in there if state is None]
+    shown = ", ".join(f"{name} {state}" for name, state in there if state is not None)
     said = f"{shown}; MISSING: {', '.join(missing)}" if missing else shown
-    findings = [Finding("libraries", said, not missing)]
+    findings = [found("libraries", said, not missing)]
     for extra, names in EXTRAS.items():
         versions = [_package(name) for name in names]
-        there = all(state is not None for state in versions)
+        whole = all(state is not None for state in versions)
         state = ", ".join(f"{name} {v or 'missing'}" for name, v in zip(names, versions, strict=True))
-        hint = "" if there else f'; pip install "trihedron[{extra}]"'
-        findings.append(Finding(f"extra {extra}", state + hint, True if there else None))
+        hint = "" if whole else f'; pip install "trihedron[{extra}]"'
+        findings.append(found(f"extra {extra}", state + hint, True if whole else None))
     return findings
 
 
@@ -117,7 +111,7 @@ def _package(name: str) -> str | None:
 def _platforms() -> list[Finding]:
     compiler, zig = host_compiler(), zig_version()
     said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
-    findings = [Finding("C compiler", said if zig is None else f"{said}; zig {zig}", True if compiler or zig else None)]
+    findings = [found("C compiler", said if zig is None else f"{said}; zig {zig}", True if compiler or zig else None)]
     for name in PLATFORMS:
         here = ", this machine" if name == host_name() else ""
         if compiles(name):
@@ -126,7 +120,7 @@ def _platforms() -> list[Finding]:
             state, good = f"components as they came with the package; none with effects{here}", True
         else:
             state, good = f'cannot be exported{here}; pip install "trihedron[native]"', None
-        findings.append(Finding(f"native FMUs for {name}", state, good))
+        findings.append(found(f"native FMUs for {name}", state, good))
     return findings
 
 
@@ -136,7 +130,7 @@ def _cache() -> Finding:
     while not at.exists() and at != at.parent:
         at = at.parent
     writable = at.is_dir() and os.access(at, os.W_OK)
-    return Finding(
+    return found(
         "cache",
         str(folder) if writable else f"{folder}, not writable: each run begins anew",
         True if writable else None,
@@ -145,7 +139,7 @@ def _cache() -> Finding:
 
 def _printing() -> Finding:
     program = converter()
-    return Finding(
+    return found(
         "reports as PDF", program or "no Chromium, Chrome or Edge; reports are HTML", True if program else None
     )
 
@@ -162,10 +156,10 @@ def _run() -> Finding:
             done = simulate_table(read_scenario(scenario))
             seconds = perf_counter() - begin
             if done.positions is None:
-                return Finding(subject, f"gives no positions: {done.no_positions}", False)
+                return found(subject, f"gives no positions: {done.no_positions}", False)
             verdict = calibrate(done.positions, noise_bound=1e-5).verdict
     except Exception as error:
         # Whatever stops it is what the user asked for.
-        return Finding(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
+        return found(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
     said = f"{done.height} steps in {seconds:.1f} s by {usual_flavour()} FMUs; calibrated: {verdict}"
-    return Finding(subject, said, verdict == "consistent")
+    return found(subject, said, verdict == "consistent")

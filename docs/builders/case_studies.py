@@ -24,7 +24,7 @@ from trihedron.tools.diagnosis.search import is_stable
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record
-from trihedron.tools.reports.words import sentence_of, witnesses_of
+from trihedron.tools.reports.diagnosis import sentence_of, witnesses_of
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
@@ -45,7 +45,7 @@ def broad_page(result: Diagnosis, pictures: str) -> str:
     record, found = result.evidence.found.record, result.evidence.found
     period = found.sampling.period
     named = " and ".join(cause.place.effect for cause in result.causes) or "nothing"
-    sentences = "\n".join(f"- {sentence_of(cause, period)};" for cause in result.causes)
+    sentences = "\n".join(f"- {sentence_of(cause, result)};" for cause in result.causes)
     bias = (
         ", ".join(f"{math.degrees(value):+.3f}" for value in result.bias_at_rest.radps)
         if result.bias_at_rest is not None
@@ -226,7 +226,7 @@ accelerometer data", ICINS 2020; columns reordered, time added.
 
 def write_broad(data: Path, docs: Path) -> None:
     """Write the page and the pictures of BROAD 03."""
-    from trihedron.tools.reports.strapdown import write_pictures
+    from trihedron.tools.reports.diagnosis import write_pictures
 
     result = diagnose(read(data, BROAD))
     written = write_pictures(result, docs / "pictures", "broad")
@@ -238,7 +238,7 @@ def write_mpu(data: Path, docs: Path) -> None:
     records = [read(data, name) for name in MPU]
     results = [diagnose(record, rerun=False) for record in records]
     nominal = [diagnose(record, baseline="nominal", rerun=False) for record in records]
-    from trihedron.tools.reports.strapdown import write_pictures
+    from trihedron.tools.reports.diagnosis import write_pictures
 
     written = write_pictures(results[0], docs / "pictures", "mpu9150")
     write_text(docs / "case-study-mpu9150.md", mpu_page(results, nominal, picture_lines(written, "mpu9150")))

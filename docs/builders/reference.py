@@ -12,7 +12,7 @@ from trihedron.fmus.units import UNITS
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.files import write_text
-from trihedron.tools.reports.diagnosis import residual_sections
+from trihedron.tools.reports.evidence import residual_sections
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 from trihedron.tools.trials.measure import measure

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from trihedron.tools.calibration.mountings import PRESETS
-from trihedron.tools.reports.trials import suite_text
 from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND, Bench
 from trihedron.tools.trials.draw import draw_bench_case
 from trihedron.tools.trials.measure import BenchCase, measure_bench
@@ -27,7 +26,7 @@ SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 def run(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[Sequence[BenchOutcome], Counter[str]]:
     suite = named_suite(name)
     done: Any = run_suite(suite.options, max(1, round(SHARE * suite.cases)), suite.seed)
-    say(capsys, suite_text(done))
+    say(capsys, str(done))
     return done.results, Counter(done.outcomes)
 
 

@@ -8,7 +8,7 @@ import pytest
 from case_studies import BROAD, MPU, main
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.records import StrapdownRecord, read_record
-from trihedron.tools.reports.diagnosis import said
+from trihedron.tools.reports.diagnosis import lines
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TRIHEDRON_DATA", ROOT / ".." / "shared" / "data"))
@@ -28,7 +28,7 @@ def test_no_effect_is_named_in_the_logs_of_the_mpu9150(name):
     found = diagnosed(name, rerun=False)
     assert found.verdict == "consistent"
     assert found.causes == ()
-    assert any("no effect is named" in line for line in said(found))
+    assert any("no effect is named" in line for line in lines(found))
     assert {entry["effect"] for entry in found.excluded or ()} >= {"gyro-bias-drift", "gyro-g-sensitivity"}
 
 

@@ -11,8 +11,8 @@ import pytest
 
 import trihedron as th
 from trihedron.tools import cli, library
+from trihedron.tools.document.text import table_html
 from trihedron.tools.result import Result
-from trihedron.tools.shown import Shown, table_html
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -98,9 +98,10 @@ def test_results_show_themselves(run, hidden, tmp_path):
         th.export("AccelerometerBlock", out=tmp_path),
         th.apply(calibration, tmp_path / "r.csv"),
         th.check(tmp_path / "c.json"),
+        th.doctor(),
     ]
     for result in results:
-        assert isinstance(result, Shown | Result)
+        assert isinstance(result, Result)
         table = result.to_polars()  # type: ignore[attr-defined]
         assert isinstance(table, pl.DataFrame)
         said = str(result)

@@ -125,7 +125,7 @@ def apply(
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
     result = library.apply(calibration, record, noise_bound=noise_bound)
-    text = reports.application_summary(result, latitude_deg)
+    text = "\n".join(reports.application_lines(result, latitude_deg))
     if out is not None:
         records.write_record(result.record, out)
     return answer(text, json, result.to_json())

@@ -303,7 +303,7 @@ def _suite(options: "trials.Options", cases: int, seed: int, what: HiddenOptions
     """Draw, measure, diagnose and count the cases of a suite."""
     done = trials.run_suite(options, cases, seed, records=_records_folder(what.out), jobs=what.jobs, progress=True)
     files = reports.write_suite(done, what.out) if what.out is not None else ()
-    return answer(reports.suite_text(done), json, done.to_json(), files=files)
+    return answer(done, json, done.to_json(), files=files)
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:

@@ -55,6 +55,11 @@ class Table:
             if len(row) != len(self.header):
                 raise ValueError(f"row {number} has {len(row)} cells, the header {len(self.header)}")
 
+    def told(self) -> "Table":
+        """The same without the columns that say nothing: None in every row."""
+        kept = [k for k in range(len(self.header)) if any(row[k] is not None for row in self.rows)]
+        return Table([self.header[k] for k in kept], [[row[k] for k in kept] for row in self.rows], self.caption)
+
 
 @dataclass(frozen=True)
 class Section:

@@ -30,6 +30,9 @@ class Written:
 
     text: str
 
+    def __str__(self) -> str:
+        return self.text
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -107,6 +110,11 @@ def minus(text: str) -> str:
     return _POWER.sub(r"e\1\2", text.replace("-", "−"))
 
 
+def sentence(text: str) -> str:
+    """A line for a terminal as a sentence of a page."""
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 def unit_of(unit: str) -> str:
     """A unit behind a number: nothing for what has none."""
     return "" if unit == "1" else unit
@@ -155,6 +163,14 @@ def outwards(low: float | None, high: float | None, bound: float | None) -> tupl
     # An end that is a whole number of last places but for rounding stays what it is.
     ends = math.floor(low * scale + 1e-6) / scale, math.ceil(high * scale - 1e-6) / scale
     return Written(minus(f"{ends[0]:z.{places}f}")), Written(minus(f"{ends[1]:z.{places}f}"))
+
+
+def interval(value: float | None, low: float | None, high: float | None) -> tuple[Cell, Cell, Cell]:
+    """A value and the ends of what is possible, to the second digit of half of it; an end may be infinite."""
+    half = half_width(low, high)
+    if low is None or high is None or (half is not None and 0.0 < half < math.inf):
+        return to_bound(value, half), *outwards(low, high, half)
+    return to_bound(value, None), Written(minus(f"{low:.3g}")), Written(minus(f"{high:.3g}"))
 
 
 def significant(value: float | None, digits: int = 2) -> Written | None:

@@ -17,6 +17,7 @@ from ..document.numbers import (
     bars,
     outwards,
     places_of,
+    sentence,
     significant,
     symbol_text,
     to_bound,
@@ -26,31 +27,50 @@ from ..document.numbers import (
 )
 from ..errors import InputError
 from ..records import PositionRecord
-from .evidence import centre_residual, next_sections, proved, witness_section
-from .model import calibrated_values, correction_lines, model_section
-from .pictures.residuals import joint_set, refused_rests, residuals
-from .record import calibration_sources, key_figures, measured_section, provenance
-from .words import VERDICTS, missing_lines, open_targets, physical_words, position_text, witness_lines
+from .model import (
+    bench_section,
+    calibrated_values,
+    correction_lines,
+    missing_lines,
+    open_targets,
+    physical_words,
+)
+from .pictures.records import refused_rests
+from .pictures.residuals import joint_set, residuals
+from .record import (
+    VERDICTS,
+    calibration_sources,
+    centre_residual,
+    key_figures,
+    measured_section,
+    next_section,
+    position_text,
+    proof_lines,
+    proof_section,
+    proved,
+    provenance,
+)
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 
 
-def calibration_page(result: Calibration, record: PositionRecord) -> Page:
-    """The page as HTML: verdict, record, model, residuals, targets, evidence, what next, provenance."""
+def page(result: Calibration, record: PositionRecord) -> Page:
+    """Verdict, record, model, residuals, targets, evidence, what next, provenance."""
+    sections = [
+        measured_section(record, result),
+        bench_section(result, calibrated_values(result)),
+        residual_section(result, record.position),
+        target_section(result),
+        proof_section(result, record.position),
+        next_section(result.linearised, result.next_positions),
+        levelling_section(result),
+        *joint_set_sections(result),
+        *rest_sections(record),
+    ]
     return Page(
         f"Calibration of {record.path.name}",
-        calibration_verdict(result),
-        [
-            measured_section(record, result, rests=len(record.rests) if record.raw is not None else None),
-            model_section(result, calibrated_values(result)),
-            residual_section(result, record.position),
-            target_section(result),
-            *witness_section(result, record.position),
-            *next_sections(result.linearised, result.next_positions),
-            *levelling_sections(result),
-            *joint_set_sections(result),
-            *rest_sections(record),
-        ],
+        verdict_sentence(result),
+        [section for section in sections if section is not None],
         tone=TONES.get(result.verdict, "attention"),
         key=key_figures(result),
         provenance=provenance(result),
@@ -58,7 +78,7 @@ def calibration_page(result: Calibration, record: PositionRecord) -> Page:
     )
 
 
-def calibration_verdict(result: Calibration) -> str:
+def verdict_sentence(result: Calibration) -> str:
     """The verdict in a sentence with its figures."""
     if result.verdict == "falsified":
         return (
@@ -78,22 +98,19 @@ def calibration_verdict(result: Calibration) -> str:
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
     """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
     here = result.linearised
-    ideal = here.residual_at(np.zeros(len(here.point))).reshape(-1, 3)
-    left = centre_residual(result)
-    rms = [significant(float(np.sqrt(np.mean(values**2)))) for values in (ideal, left)]
-    most = [significant(float(np.abs(values).max())) for values in (ideal, left)]
-    texts = [value.text if value is not None else "–" for value in (*rms, *most)]
+    parts = here.residual_at(np.zeros(len(here.point))), centre_residual(result).ravel()
+    figures = ([significant(float(v)) for v in (np.sqrt(np.mean(r**2)), np.abs(r).max())] for r in parts)
+    ideal, left = (f"{rms or 0} g (root mean square), at most {most or 0} g" for rms, most in figures)
     return Section(
         "Residuals before and after",
         [
-            f"Against an ideal bench without errors the readings are off by {texts[0]} g (root mean square), at most "
-            f"{texts[2]} g; against the calibrated one by {texts[1]} g, at most {texts[3]} g. The picture shows the "
-            "latter, in units of σ."
+            f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
+            f"{left}. The picture shows the latter, in units of σ."
         ],
         residuals(
             np.degrees(here.positions.alpha),
             np.degrees(here.positions.beta),
-            left / here.bound.reshape(-1, 3),
+            parts[1] / here.bound,
             None,
             proved(result, numbers),
         ),
@@ -125,10 +142,10 @@ def joint_set_sections(result: Calibration) -> list[Section]:
     ]
 
 
-def levelling_sections(result: Calibration) -> list[Section]:
+def levelling_section(result: Calibration) -> Section | None:
     """The correction as equations, and the error of the vertical before and after it, attitude by attitude."""
     if not is_corrected(result):
-        return []
+        return None
     correction = correction_of(result.to_json(), "calibration")
     names, reading = face_readings(correction)
     gained = levelling(correction, reading)
@@ -136,46 +153,41 @@ def levelling_sections(result: Calibration) -> list[Section]:
         [name, significant(before / ARCSEC, 3), upwards(after / ARCSEC)]
         for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
     ]
-    return [
-        Section(
-            "What it bought",
-            [
-                "An inertial system that aligns itself by these accelerometers takes their readings for the vertical. "
-                "The errors below are those of the block at rest; the readings' own errors come on top.",
-                "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
-            ],
-            equations=correction_lines(correction, places_of(result.noise_bound)),
-            table=Table(
-                ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"],
-                rows,
-            ),
-        )
-    ]
+    header = ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"]
+    return Section(
+        "What it bought",
+        [
+            "An inertial system that aligns itself by these accelerometers takes their readings for the vertical. "
+            "The errors below are those of the block at rest; the readings' own errors come on top.",
+            "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
+        ],
+        equations=correction_lines(correction, places_of(result.noise_bound)),
+        table=Table(header, rows),
+    )
 
 
 def rest_sections(record: PositionRecord) -> list[Section]:
     """The rests of a raw record that were left out, each with its picture and its reason."""
     if record.raw is None:
         return []
-    refused = [rest for rest in record.rests if rest.refused is not None]
+    raw, refused = record.raw, [rest for rest in record.rests if rest.refused is not None]
     if not refused:
         return []
-    kept = len(record.rests) - len(refused)
-    pictures = refused_rests(record.raw, record.rests)
-    duration = [float(np.ptp(record.raw.time_s[rest.first : rest.last + 1])) for rest in refused]
     rows = [
-        [int(record.raw.row[rest.first]), int(record.raw.row[rest.last]), lasts, rest.refused]
-        for rest, lasts in zip(refused, duration, strict=True)
-    ]
+        [int(raw.row[rest.first]), int(raw.row[rest.last]), float(np.ptp(raw.time_s[rest.first : rest.last + 1])),
+         rest.refused]
+        for rest in refused
+    ]  # fmt: skip
+    kept = len(record.rests) - len(refused)
+    picture, *others = refused_rests(raw, record.rests)
     first = Section(
         "Rests that were left out",
         [f"{len(record.rests)} rests were found, {kept} are used, {len(refused)} are not."],
-        pictures[0],
+        picture,
         "Angles and readings, less their medians, during the rests that were refused.",
         Table(["first row", "last row", "lasts [s]", "why"], rows),
     )
-    more = [Section("Rests that were left out, continued", svg=picture) for picture in pictures[1:]]
-    return [first, *more]
+    return [first, *(Section("Rests that were left out, continued", svg=other) for other in others)]
 
 
 def calibration_section(
@@ -185,7 +197,7 @@ def calibration_section(
     return Section(
         "Calibration with guaranteed bounds",
         [
-            VERDICTS[result.verdict].capitalize() + ".",
+            sentence(VERDICTS[result.verdict]),
             f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
             f"({result.noise_bound_basis}); least possible largest residual {result.radius:.3f} σ.",
             *missing_lines(result),
@@ -211,64 +223,44 @@ def target_section(result: Calibration) -> Section:
 
 
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
-    """Each target with its interval, drawn in units of σ about its estimate."""
-    known = truth or {}
-    sigma = result.noise_bound
+    """Each target with its interval, drawn in units of σ about its estimate; columns that say nothing are left out."""
+    known, sigma = truth or {}, result.noise_bound
     falsified = result.verdict == "falsified"
 
     def over(value: float | None, estimate: float | None) -> float | None:
         return None if value is None or estimate is None else (value - estimate) / sigma
 
+    # Of a model that the readings contradict nothing is guaranteed.
+    errors = [None if e.estimate is None or falsified else e.guaranteed_error for e in result.parameters]
     drawn, reach = bars(
         [
             Bar(
-                None if e.guaranteed_error is None or e.estimate is None or falsified else e.guaranteed_error / sigma,
-                over(e.low, e.estimate),
-                over(e.high, e.estimate),
-                over(known.get(e.symbol), e.estimate),
+                None if error is None else error / sigma,
+                *(over(value, e.estimate) for value in (e.low, e.high, known.get(e.symbol))),
             )
-            for e in result.parameters
+            for e, error in zip(result.parameters, errors, strict=True)
         ]
     )
     rows: list[list[Cell]] = []
-    for e, bar in zip(result.parameters, drawn, strict=True):
-        low, high = outwards(e.low, e.high, e.guaranteed_error)
-        error = None if e.estimate is None or falsified else upwards(e.guaranteed_error)
-        row: list[Cell] = [
-            symbol_text(e.symbol),
-            physical_words(e.name),
-            to_bound(e.estimate, e.guaranteed_error),
-            error,
-        ]
-        row += [bar, low, high, unit_text(e.unit)]
-        if truth is not None:
-            row.append(to_bound(known.get(e.symbol), e.guaranteed_error))
-        rows.append(row)
-    header = ["target", "meaning", "estimate", "guaranteed error", "interval", "low", "high", "unit"]
-    if truth is not None:
-        header.append("truth")
-    if falsified:
-        dropped = [k for k, name in enumerate(header) if name in ("guaranteed error", "interval", "low", "high")]
-        header = [name for k, name in enumerate(header) if k not in dropped]
-        rows = [[cell for k, cell in enumerate(row) if k not in dropped] for row in rows]
-        return Table(header, rows)
-    if reach == 0.0:
-        # Nothing is determined: columns without a number say nothing.
-        kept = [k for k in range(len(header)) if any(row[k] is not None for row in rows)]
-        return Table([header[k] for k in kept], [[row[k] for k in kept] for row in rows])
+    for e, error, bar in zip(result.parameters, errors, drawn, strict=True):
+        row: list[Cell] = [symbol_text(e.symbol), physical_words(e.name), to_bound(e.estimate, e.guaranteed_error)]
+        ends = (None, None) if falsified else outwards(e.low, e.high, e.guaranteed_error)
+        row += [upwards(error), None if falsified else bar, *ends, unit_text(e.unit)]
+        rows.append([*row, to_bound(known.get(e.symbol), e.guaranteed_error)])
+    header = ["target", "meaning", "estimate", "guaranteed error", "interval", "low", "high", "unit", "truth"]
     marks = "band: estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
-    if truth is not None:
-        marks += "; bar: truth"
-    return Table(header, rows, f"Drawn from −{reach:.2g} to {reach:.2g} σ about each estimate. {marks.capitalize()}.")
+    marks += "; bar: truth" if known else ""
+    drawn_from = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each estimate. {sentence(marks)}"
+    return Table(header, rows, "" if falsified or reach == 0.0 else drawn_from).told()
 
 
 LATITUDE_DEG = 55.75
 """Where the azimuth's error is told when nothing else is asked for."""
 
 
-def calibration_summary(result: Calibration) -> str:
+def lines(result: Calibration) -> list[str]:
     """Verdict and table of targets."""
-    lines = [
+    said = [
         VERDICTS[result.verdict],
         f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
         f"({result.noise_bound_basis}), radius {result.radius:.3f}",
@@ -277,21 +269,18 @@ def calibration_summary(result: Calibration) -> str:
     ]
     for row in result.parameters:
         if row.estimate is None or row.guaranteed_error is None:
-            lines.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
+            said.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
             continue
         ends = ["" if end is None else f"{end:+z.7f}" for end in (row.low, row.high)]
         # Of a model that the readings contradict nothing is guaranteed.
         error = "" if result.verdict == "falsified" else f"{row.guaranteed_error:.1e}"
-        lines.append(
+        said.append(
             f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {error:>11} "
             f"{ends[0]:>13} {ends[1]:>13}  {unit_of(row.unit)}".rstrip()
         )
-    lines += levelling_lines(result)
-    lines += witness_lines(result)
-    lines += missing_lines(result)
-    lines += [f"measure next: {position_text(position)}" for position in result.next_positions]
-    lines += [f"warning: {warning}" for warning in result.warnings]
-    return "\n".join(lines)
+    said += [*levelling_lines(result), *proof_lines(result), *missing_lines(result)]
+    said += [f"measure next: {position_text(position)}" for position in result.next_positions]
+    return said + [f"warning: {warning}" for warning in result.warnings]
 
 
 def is_corrected(result: Calibration) -> bool:
@@ -311,7 +300,7 @@ def levelling_lines(result: Calibration) -> list[str]:
     ]
 
 
-def application_summary(result: Application, latitude_deg: float = LATITUDE_DEG) -> str:
+def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -> list[str]:
     """The equation with its numbers, and what the correction is worth for an alignment.
 
     Raises
@@ -335,8 +324,7 @@ def application_summary(result: Application, latitude_deg: float = LATITUDE_DEG)
     ]
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
-    lines += [f"warning: {warning}" for warning in result.warnings]
-    return "\n".join(lines)
+    return lines + [f"warning: {warning}" for warning in result.warnings]
 
 
 def correction_equation(correction: Correction) -> list[str]:

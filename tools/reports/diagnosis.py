@@ -1,312 +1,486 @@
-"""What a diagnosis says: text, evidence, cause, gain, what is excluded; the page."""
+"""What a diagnosis says, whatever the record: lines for a terminal, and the page."""
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ...models.effects import CATALOGUE
-from ..diagnosis import Cause, Diagnosis
+from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOfEffects, Witness
+from ..diagnosis.search import is_stable
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.numbers import Cell, Written, outwards, to_bound, unit_of, unit_text
+from ..document.numbers import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
+from ..files import write_text
 from ..records import PositionRecord
-from .calibration import target_section
+from . import calibration
 from .evidence import (
-    CONFUSION,
-    centred,
     confusion_section,
-    deciding,
-    judgement_sections,
-    next_sections,
-    proved,
+    error_pictures,
+    error_sections,
+    excluded_sections,
+    first_words,
+    judgement_section,
+    length_section,
+    nothing_tells,
+    of_bench,
+    orders_of,
+    parameter_section,
+    quoted_words,
     ranking_section,
-    structure_sections,
-    target_sections,
-    witness_section,
+    residual_sections,
+    structure_section,
+    target_section,
 )
-from .excluded import excluded_sections
-from .model import cause_lines, extended_values, model_section
-from .pictures.residuals import held_out, residuals, residuals_over_inputs
-from .record import diagnosis_sources, key_figures, measured_section, provenance
-from .strapdown import diagnosis_lines, strapdown_page
-from .words import VERDICTS, open_targets, position_text, witness_lines
+from .inspection import record_sections
+from .model import Value, bench_section, calibrated_values, carried_section, cause_lines, open_targets
+from .pictures.residuals import gain_picture, held_out, order_picture
+from .record import (
+    VERDICTS,
+    deciding,
+    diagnosis_sources,
+    key_figures,
+    measured_section,
+    next_section,
+    position_text,
+    proof_lines,
+    proof_section,
+    provenance,
+    versions,
+)
 
 FEW_RIVALS = 3
 """Up to so many sets of effects are named in the verdict."""
+MOST_SETS = 6
+"""So many sets that remain are printed."""
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
+OF_CARRIED = {
+    "consistent": "consistent: the simulation explains the record within its noise; no effect is named",
+    "insufficient": "insufficient: the record cannot tell whether the simulation is wrong",
+    "explained": "explained: a smallest set of effects brings every error within its bound, and no other does",
+    "ambiguous": "ambiguous: several sets of effects would bring every error within its bound",
+    "unexplained": "unexplained: the simulation is falsified and nothing that can be named mends it",
+}
+"""The verdicts on a block that is carried."""
 
 
-def diagnosis_page(result: Diagnosis, record: PositionRecord) -> Page:
-    """The page as HTML: verdict, record, model, residuals, targets, evidence, what is excluded, what next."""
-    named = result.causes if result.verdict == "explained" else ()
-    seeds = {}
-    if result.witness is not None and result.witness.shuffles:
-        seeds["seed of the shuffles"] = len(record)
-    sections = [
-        measured_section(record, result.evidence.calibration),
-        model_section(result.evidence.calibration, extended_values(result), named),
-        *diagnosis_sections(result, record),
+def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
+    """The sets that remain, the best first; one where a cause is named."""
+    return result.findings if result.causes else ()
+
+
+def sentence_of(cause: Cause, result: Diagnosis) -> str:
+    """What an engineer is told of a cause; latency also in samples."""
+    if cause.place.effect == "latency":
+        return f"{cause.sentence}, {abs(cause.values[0]) / result.evidence.found.sampling.period:.2f} samples"
+    return cause.sentence
+
+
+def sentences_of(finding: Finding, result: Diagnosis) -> str:
+    """What an engineer is told of the causes of a set."""
+    return "; ".join(sentence_of(cause, result) for cause in finding.causes)
+
+
+# Lines for a terminal
+
+
+def lines(result: Diagnosis) -> list[str]:
+    """Verdict, evidence, causes and gain."""
+    said = [(VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
+    said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
+    for position in result.next_positions or ():
+        said.append(f"measure next: {position_text(position)}")
+    said += [f"measure next: {text}" for text in result.next or ()]
+    warnings = result.evidence.calibration.warnings if of_bench(result) else result.warnings
+    return said + [f"warning: {text}" for text in warnings]
+
+
+def _bench_lines(result: Diagnosis) -> list[str]:
+    nominal = result.evidence.calibration
+    said = [
+        f"{nominal.positions} positions, {nominal.measurements} readings, σ = {nominal.noise_bound:.3g} g "
+        f"({nominal.noise_bound_basis}); nominal model: radius {nominal.radius:.3f}",
+        *proof_lines(nominal),
     ]
+    for finding in sets_of(result)[:MOST_SETS]:
+        for cause in finding.causes:
+            said += _cause_lines(cause, result)
+        said.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {finding.fit.radius:.3f}")
+    if len(sets_of(result)) > MOST_SETS:
+        said.append(f"  ... and {len(sets_of(result)) - MOST_SETS} sets more")
+    said += [f"  cannot be told from {' and '.join(place.title for place in same)}" for same in result.equal_sets]
+    if (g := result.gain) is not None:
+        said.append(
+            f"held-out positions, simulated again ({int(np.isfinite(g.before).sum())} readings): "
+            f"rms {g.held_out_rms_before:.2e} -> {g.held_out_rms_after:.2e} g, "
+            f"max {g.held_out_max_before:.2e} -> {g.held_out_max_after:.2e} g"
+        )
+        said += [] if g.improves else ["warning: the extension does not improve the positions that were held out"]
+    elif result.verdict == "explained":
+        said.append("gain on held-out positions: not possible with these effects and positions")
+    if isinstance(result.judgement, Witness):
+        said += _witness_lines(result.judgement)
+    if (other := result.second_mounting) is not None:
+        said.append(
+            f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
+            f"correlation {other.correlation_before:.2f} -> {other.correlation_after:.2f}"
+        )
+    if result.complete is False:
+        said.append("warning: the search was cut off: more sets of effects would make the model consistent")
+    return said + _structure_lines(result, "residual of accelerometer", 5)
+
+
+def _carried_lines(result: Diagnosis) -> list[str]:
+    said = [f"to add: {text}" for text in result.missing or ()]
+    if result.baseline.radius is None or result.noise_bound_arcmin is None:
+        return said
+    said.append(
+        f"reference {result.reference}, {result.baseline_model} block; bound {result.noise_bound_arcmin:.3g} arcmin "
+        f"({result.noise_bound_from}); radius {result.baseline.radius:.3f}"
+    )
+    said += bias_lines(result)
+    sets = sets_of(result)
+    for number, finding in enumerate(sets[:MOST_SETS]):
+        said += ["or"] if number else []
+        for cause in finding.causes:
+            said += _cause_lines(cause, result)
+    if sets and result.extended is not None:
+        what = "the first set" if len(sets) > 1 else "it" if len(result.causes) == 1 else "them"
+        said.append(f"radius with {what} {result.extended.radius:.3f}")
+    if len(sets) > MOST_SETS:
+        said.append(f"... and {len(sets) - MOST_SETS} sets more")
+    said += _length_lines(result)
+    said += [
+        f"not used, simulated by the exported FMUs over {gain.over} ({gain.pieces} pieces): rms "
+        f"{gain.held_out_rms_before:.3g} -> {gain.held_out_rms_after:.3g} arcmin, max "
+        f"{gain.held_out_max_before:.3g} -> {gain.held_out_max_after:.3g}"
+        for gain in ([] if result.gain is None else [result.gain, *(result.gain.others or ())])
+    ]
+    said += [
+        f"left out: rms {w.rms_without:.2f} -> {w.rms_with:.2f} of the bound by {w.title}; as good when "
+        f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
+        for w in witnesses_of(result)
+    ]
+    said += [f"not named: {text}" for text in result.not_named or ()]
+    return [*said, *_why_lines(result), *_structure_lines(result, "error about axis", 4)]
+
+
+def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
+    """A cause with its parameters."""
+    said = [f"cause: {cause.place.title}: {sentence_of(cause, result)}"]
+    for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+        text = f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {unit_of(parameter.unit)}"
+        said.append(text.rstrip())
+    told = "told" if of_bench(result) else "told in this record"
+    return said + [f"  cannot be {told} from {other.title}" for other in cause.alike]
+
+
+def _witness_lines(told: Witness) -> list[str]:
+    """What readings that were left out say."""
+    said = []
+    for name, score in (("positions", told.folds), ("parts in time", told.blocks)):
+        if score is not None:
+            said.append(
+                f"left-out {name} ({score.scored} readings): rms {score.rms_before:.2e} -> {score.rms_after:.2e} g, "
+                f"max {score.max_before:.2e} -> {score.max_after:.2e} g"
+            )
+    if told.shuffles:
+        said.append(f"as good when shuffled: {told.shuffles.as_good} of {told.shuffles.tried}")
+    return said + [f"warning: {warning}" for warning in told.warnings]
+
+
+def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:
+    return [
+        f"{what} {entry.get('accelerometer', entry.get('axis'))}: {100 * entry['explained']:.0f} % of it is predicted "
+        f"by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
+        for entry in (result.residual_structure or ())[:most]
+    ]
+
+
+def bias_lines(result: Diagnosis) -> list[str]:
+    """The gyros' mean at rest that was taken out."""
+    if result.bias_at_rest is None:
+        return []
+    shown = ", ".join(f"{math.degrees(value):+.4f}" for value in result.bias_at_rest.radps)
+    text = f"gyro bias at rest, taken out: {shown} deg/s"
+    if result.bias_at_rest.rms_if_left_in_arcmin is not None:
+        text += f"; left in it would make the errors {result.bias_at_rest.rms_if_left_in_arcmin:.3g} arcmin rms"
+    return [text]
+
+
+def witnesses_of(result: Diagnosis) -> tuple[EffectWitness, ...]:
+    """What was left out says of each effect of the first set."""
+    return result.judgement if isinstance(result.judgement, tuple) else ()
+
+
+def _length_lines(result: Diagnosis) -> list[str]:
+    """What each length of windows or moves says, and the order in which effects help."""
+
+    def order_text(order: OrderOfEffects) -> str:
+        steps = [f"{step.effect} {step.held_out_rms_arcmin:.3g}" for step in order.steps]
+        helped = f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
+        return f"left out {order.held_out_rms_arcmin:.3g}{helped}"
+
+    said, lengths = [], result.lengths or ()
+    for length in lengths:
+        text = (
+            f"over {length.over} ({length.pieces} pieces): rms {length.rms_arcmin:.3g} arcmin, largest "
+            f"{length.max_arcmin:.3g}, bound {length.noise_bound_arcmin:.3g}, radius {length.radius:.3g}"
+        )
+        said.append(text if length.order is None else f"{text}; {order_text(length.order)}")
+        if length.order_as_measured is not None:
+            said.append(f"  with the bias at rest left in: {order_text(length.order_as_measured)}")
+    if result.order_stable is not None and len(lengths) > 1:
+        stable = "the same at every length" if result.order_stable else "not stable over the lengths"
+        said.append(f"the order of the effects is {stable}")
+    raw = [length.order_as_measured for length in lengths if length.order_as_measured is not None]
+    if len(raw) > 1:
+        said.append(f"with the bias at rest left in it is {'the same' if is_stable(raw) else 'not stable'}")
+    return said
+
+
+def _why_lines(result: Diagnosis) -> list[str]:
+    """Why nothing is named in a record that the simulation explains."""
+    if result.verdict != "consistent":
+        return []
+    said = [
+        "no effect is named: with the block's own parameters every error stays within the noise, so nothing more is "
+        "supported"
+    ]
+    excluded = result.excluded or ()
+    if excluded:
+        said.append(f"{len({(e['effect'], e['where']) for e in excluded})} effects are bounded by the record:")
+    for e in excluded:
+        if e["where"] in ("gyro-block", "attitude-computer"):
+            said.append(f"  {e['effect']} {e['parameter']} below {e['above']:.2g} {unit_of(e['unit'])}".rstrip())
+    if result.cannot_be_seen:
+        names = dict.fromkeys(place.effect for place in result.cannot_be_seen)
+        said.append(f"this record cannot show: {', '.join(names)}")
+    return said
+
+
+# The page
+
+
+def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
+    """Verdict, record, model, residuals, causes, evidence, gain, what is excluded, what next.
+
+    Parameters
+    ----------
+    result : Diagnosis
+    record : PositionRecord
+        where the diagnosis is of one
+    """
+    named = result.causes if result.verdict == "explained" else ()
+    evidence = result.evidence
+    if of_bench(result):
+        assert record is not None
+        name, nominal = record.path.name, evidence.calibration
+        first = [measured_section(record, nominal), bench_section(nominal, extended_values(result), named)]
+        key = key_figures(nominal)
+        if result.findings:
+            key |= {f"with {first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"}
+        shuffled = result.witness is not None and result.witness.shuffles
+        rests_on = provenance(nominal, {"seed of the shuffles": len(record)} if shuffled else {})
+    else:
+        name, own = evidence.found.record.path.name, result.baseline.parameters or ()
+        # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
+        forces = not any(p.name.startswith("accelerometer") for p in own)
+        first = record_sections(evidence.found, result.warnings, forces=forces, told=bool(result.missing))
+        first += [carried_section(result)] if evidence.parts else []
+        key, rests_on = _key_of_carried(result), _provenance_of_carried(result)
     return Page(
-        f"Diagnosis of {record.path.name}",
+        f"Diagnosis of {name}",
         verdict_sentence(result),
-        sections,
+        [*first, *sections_of(result)],
         tone=TONES.get(result.verdict, "attention"),
-        key=key_figures(result.evidence.calibration)
-        | ({f"with {first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"} if result.findings else {}),
-        provenance=provenance(result.evidence.calibration, seeds),
-        sources=diagnosis_sources(result, compared=any(s.title == CONFUSION for s in sections)),
+        key=key,
+        provenance=rests_on,
+        sources=diagnosis_sources(result),
     )
 
 
-def first_words(result: Diagnosis) -> str:
-    """What the figures with the effects are of: the effects that were named, or the first of the sets that remain."""
-    if result.verdict != "explained":
-        return "the first of the sets that remain"
-    return "the effect" if len(result.causes) == 1 else "the effects"
+def extended_values(result: Diagnosis) -> dict[str, Value]:
+    """The targets with the effects that were found, else those of the nominal model."""
+    values = calibrated_values(result.evidence.calibration)
+    for target in result.targets or ():
+        if target["symbol"] in values:
+            values[target["symbol"]] = target["after"], half_width(target["low"], target["high"])
+    return values
+
+
+def _key_of_carried(result: Diagnosis) -> dict[str, object]:
+    """What stands below the verdict."""
+    key: dict[str, object] = {"rows": len(result.evidence.found.record), "reference": result.reference}
+    if result.baseline.radius is None or result.noise_bound_arcmin is None:
+        return key
+    key |= {f"bound, {quoted_words(result)}": f"{result.noise_bound_arcmin:.3g} arcmin"}
+    key |= {"largest error": f"{result.baseline.radius:.3g} of its bound"}
+    return key | ({} if result.extended is None else {f"with {first_words(result)}": f"{result.extended.radius:.3g}"})
+
+
+def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
+    """What the result rests on: record, options, versions, seeds."""
+    record = result.evidence.found.record
+    given: dict[str, object] = {"record": record.path.name, "record, SHA-256": record.sha256}
+    given |= {"reference": result.reference, "gravity": f"{result.evidence.found.gravity:.8g} m/s²"}
+    given["model"] = f"{result.baseline_model} block"
+    if record.rate is not None:
+        given["a rate in the record is"] = result.evidence.rates
+    if result.noise_bound_from:
+        given["bounds from"] = result.noise_bound_from
+    if witnesses_of(result):
+        given["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
+    return given | versions()
 
 
 def verdict_sentence(result: Diagnosis) -> str:
     """The verdict, with the cause when one is named."""
-    nominal = result.evidence.calibration
+    lacks = "The simulation lacks something"
     if result.verdict == "explained":
-        return f"The simulation lacked this: {'; '.join(cause.sentence for cause in result.causes)}."
+        return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
     if result.verdict == "ambiguous":
-        return f"The simulation lacks something, and the record does not say what: {rivals(result)}"
+        return f"{lacks}, and the record does not say what: {rivals(result)}"
+    if of_bench(result):
+        nominal = result.evidence.calibration
+        if result.verdict == "unexplained":
+            return (
+                f"{lacks} that is not in the catalogue: no parameters leave less than {nominal.radius:.3g} σ, and no "
+                "set of up to three effects mends it."
+            )
+        if result.verdict == "insufficient":
+            open_ones = open_targets(nominal)
+            return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
+        return sentence(VERDICTS[result.verdict])
     if result.verdict == "unexplained":
+        why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
+        return f"{lacks}: its largest error is {result.baseline.radius or 0.0:.3g} times its bound, and {why}."
+    if result.verdict == "insufficient" and result.missing:
+        return f"Too little was measured to judge the simulation. To add: {'; '.join(map(str, result.missing))}."
+    if result.verdict == "consistent" and result.baseline.radius is not None:
         return (
-            f"The simulation lacks something that is not in the catalogue: no parameters leave less than "
-            f"{nominal.radius:.3g} σ, and no set of up to three effects mends it."
+            "Consistent: the simulation explains the record within its noise; no error is more than "
+            f"{result.baseline.radius:.2g} of its bound, and no effect is named."
         )
-    if result.verdict == "insufficient":
-        return (
-            f"Too little was measured to judge the simulation: the readings do not determine {open_targets(nominal)}."
-        )
-    return VERDICTS[result.verdict].capitalize() + "."
+    return sentence(OF_CARRIED[result.verdict])
 
 
 def rivals(result: Diagnosis) -> str:
     """The sets of effects that remain, few by their names, and what further positions would do."""
-    if result.complete is not False and len(result.findings) <= FEW_RIVALS:
-        said = f"{' or '.join(finding.title for finding in result.findings)} would explain it."
-    else:
-        more = " or more" if result.complete is False else ""
-        said = f"{len(result.findings)}{more} sets of effects would explain it."
+    sets = sets_of(result)
+    said = f"{' or '.join(finding.title for finding in sets)} would explain it."
+    if result.complete is False or len(sets) > FEW_RIVALS:
+        said = f"{len(sets)}{' or more' if result.complete is False else ''} sets of effects would explain it."
     proposed = len(result.next_positions or ())
     if not proposed:
         return said
     sure = len(deciding(result.evidence.calibration.linearised, result.next_positions or ()))
     if sure == proposed:
         return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
-    return f"{said} Of {proposed} further positions that are proposed {tells(sure)} two of them apart."
+    tells = "none surely tells" if not sure else "one surely tells" if sure == 1 else f"{sure} surely tell"
+    return f"{said} Of {proposed} further positions that are proposed {tells} two of them apart."
 
 
-def tells(count: int) -> str:
-    """So many positions surely tell something."""
-    return "none surely tells" if not count else "one surely tells" if count == 1 else f"{count} surely tell"
-
-
-def named_words(result: Diagnosis) -> str:
-    """The first of several sets by its name."""
-    return "" if result.verdict == "explained" else f", {result.findings[0].title},"
-
-
-def diagnosis_sections(result: Diagnosis, record: PositionRecord, files: list[Path] | None = None) -> list[Section]:
-    """From the residuals to what is excluded and what to measure next."""
-    sections = [*residual_sections(result)]
-    if result.causes:
-        sections.append(cause_section(result, files or []))
-    sections += target_sections(result) or [target_section(result.evidence.calibration)]
-    sections += [*witness_section(result.evidence.calibration, result.evidence.numbers), *ranking_section(result)]
-    sections += confusion_section(result)
-    if result.gain is not None:
-        sections.append(gain_section(result))
-    return [
-        *sections,
-        *judgement_sections(result),
-        *structure_sections(result),
+def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
+    """From the residuals to what is excluded and what to measure next; `files` belong to the cause."""
+    bench, evidence = of_bench(result), result.evidence
+    if bench:
+        errors = residual_sections(result)
+        values = target_section(result) or calibration.target_section(evidence.calibration)
+        proof = proof_section(evidence.calibration, evidence.numbers)
+        after = next_section(evidence.calibration.linearised, result.next_positions or ())
+    else:
+        errors = error_sections(result, list(map(sentence, bias_lines(result)))) if evidence.parts else []
+        values, proof = parameter_section(result), None
+        after = Section("What to measure next", list(map(sentence, result.next))) if result.next else None
+    told = [
+        *errors,
+        cause_section(result, files or []),
+        values,
+        proof,
+        ranking_section(result),
+        confusion_section(result),
+        length_section(result),
+        gain_section(result),
+        judgement_section(result),
+        structure_section(result),
         *excluded_sections(result),
-        *next_sections(result.evidence.calibration.linearised, result.next_positions or ()),
+        after,
     ]
+    return [section for section in told if section is not None]
 
 
-def residual_sections(result: Diagnosis) -> list[Section]:
-    """Residuals without and with the effects, over the angles and over the inputs."""
-    here = result.evidence.calibration.linearised
-    fit = result.findings[0].fit if result.findings else None
-    proof = proved(result.evidence.calibration, result.evidence.numbers)
-    before = centred(here.residual, here.bound, None)
-    after = centred(fit.residual, fit.bound, fit) if fit is not None else None
-    least = f"{result.evidence.calibration.radius:.2f} σ"
-    said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least}."
-    if fit is not None:
-        said += f" With {first_words(result)}{named_words(result)} it leaves {fit.radius:.2f} σ."
-    return [
-        Section(
-            "Residuals before and after" if fit is not None else "Residuals",
-            [said],
-            residuals(np.degrees(here.positions.alpha), np.degrees(here.positions.beta), before, after, proof),
-            "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
-        ),
-        Section(
-            "Residuals against the inputs",
-            [],
-            residuals_over_inputs(here.input, before, after, proof),
-            "Residuals of each accelerometer against its own input.",
-        ),
-    ]
-
-
-def cause_section(result: Diagnosis, files: list[Path]) -> Section:
+def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     """The cause that was named, or the candidates that remain."""
+    if not result.causes:
+        return None
     named = result.verdict == "explained"
     rows: list[list[Cell]] = []
-    for number, finding in enumerate(result.findings, start=1):
+    for number, finding in enumerate(sets_of(result), start=1):
         for cause in finding.causes:
-            effect = CATALOGUE[cause.place.effect].at(cause.place)
-            for parameter, value, (low, high) in zip(effect.parameters, cause.values, cause.intervals, strict=True):
-                half = 0.5 * (high - low) if math.isfinite(high - low) else None
-                ends = outwards(low, high, half) if half else (Written(f"{low:.3g}"), Written(f"{high:.3g}"))
+            for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
                 left = Written(f"{finding.fit.radius:.2f}")
-                row: list[Cell] = [cause.place.title, parameter.name, to_bound(value, half), *ends]
-                rows.append([*([] if named else [number]), *row, unit_text(parameter.unit), left])
-    same = [e.title for cause in result.causes for e in cause.alike]
+                row = [cause.place.title, p.name, *interval(value, *ends), unit_text(p.unit), left]
+                rows.append([None if named else number, *row])
+    shown = sets_of(result)[:MOST_SETS]
+    told = [sentences_of(finding, result) for finding in shown]
+    said = [sentence(text if named else f"set {number}: {text}") for number, text in enumerate(told, start=1)]
+    if len(sets_of(result)) > len(shown):
+        said.append(f"The table has {len(sets_of(result)) - len(shown)} more; the first leave least.")
+    same = [place.title for cause in result.causes for place in cause.alike]
     same += [" with ".join(place.title for place in places) for places in result.equal_sets]
-    shown = result.findings[:MOST_SETS]
-    told = [
-        f"{'' if named else f'Set {number}: '}{'; '.join(cause.sentence for cause in finding.causes)}."
-        for number, finding in enumerate(shown, start=1)
-    ]
-    told = [text[0].upper() + text[1:] for text in told]
-    if len(result.findings) > len(shown):
-        told.append(f"{len(result.findings) - len(shown)} sets more are in the table; the first leave least.")
     if same and named:
-        told.append(f"No measurement on this bench could tell it from: {', '.join(same)}.")
-    if result.second_mounting is not None:
-        other = result.second_mounting
-        told.append(
+        said.append(sentence(f"{nothing_tells(result)} could tell it from: {', '.join(same)}"))
+    if (other := result.second_mounting) is not None:
+        said.append(
             f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
             f"their correlation falls from {other.correlation_before:.2f} to {other.correlation_after:.2f}."
         )
     if result.complete is False:
-        told.append("The search was cut off: more sets of effects would make the model consistent.")
+        said.append("The search was cut off: more sets of effects would make the model consistent.")
+    header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
     return Section(
         "The cause" if named else "Causes that remain",
-        told,
-        table=Table(
-            [*([] if named else ["set"]), "effect", "parameter", "estimate", "low", "high", "unit", "leaves [σ]"], rows
-        ),
+        said,
+        table=Table(header, rows).told(),
         files=files,
-        equations=cause_lines([cause for finding in shown for cause in finding.causes]) if not named else (),
+        equations=() if named else cause_lines([cause for finding in shown for cause in finding.causes]),
     )
 
 
-def gain_section(result: Diagnosis) -> Section:
-    """What the extended simulation gains on positions that were not used."""
-    assert result.gain is not None
-    gain, sigma = result.gain, result.evidence.calibration.noise_bound
-    summary = gain.to_json()
-    before, after = gain.before / sigma, gain.after / sigma
-    return Section(
-        "The gain on positions that were not used",
-        [
-            f"{len(gain.rows)} positions were left out of the fit and simulated by the FMUs, without the effect "
-            f"and with it. Root mean square {summary['held_out_rms_before']:.1e} g before, "
-            f"{summary['held_out_rms_after']:.1e} g after; maximum {summary['held_out_max_before']:.1e} g before, "
-            f"{summary['held_out_max_after']:.1e} g after."
-        ],
-        held_out(before, after, [int(result.evidence.numbers[i]) for i in gain.rows]),
-        "Measurement less simulation at the positions that were held out.",
+def gain_section(result: Diagnosis) -> Section | None:
+    """What the extended simulation gains on parts of the record that were not used."""
+    if (gain := result.gain) is None:
+        return None
+    unit = result.unit or "g"
+    rows: list[list[Cell]] = []
+    for one in (gain, *(gain.others or ())):
+        figures = (one.held_out_rms_before, one.held_out_rms_after, one.held_out_max_before, one.held_out_max_after)
+        what = [one.over or "positions", one.pieces or len(one.rows)]
+        rows.append([*what, *(significant(figure, 3) for figure in figures)])
+    said = (
+        "The extended components were exported as FMUs, with parameters from the other parts of the record, and run by "
+        f"the orchestrator. Over {rows[0][1]} {'positions' if of_bench(result) else f'pieces of {gain.over}'} the root "
+        f"mean square error falls from {gain.held_out_rms_before:.3g} to {gain.held_out_rms_after:.3g} {unit}."
     )
+    if not gain.improves:
+        said = said.replace("falls", "goes")
+    if of_bench(result):
+        sigma, numbers = result.evidence.calibration.noise_bound, result.evidence.numbers
+        picture = held_out(gain.before / sigma, gain.after / sigma, [int(numbers[i]) for i in gain.rows])
+        caption = "Measurement less simulation at the positions that were held out."
+    else:
+        picture = gain_picture(gain.before, gain.after, gain.over or "")
+        caption = "Part of the pieces whose error is at most so large."
+    header = ["over", "pieces", *(f"{name} {when} [{unit}]" for name in ("rms", "max") for when in ("before", "after"))]
+    return Section("The gain on what was not used", [said], picture, caption, Table(header, rows))
 
 
-MOST_SETS = 6
-"""So many sets that remain are printed."""
-
-
-def judgement_lines(result: Diagnosis) -> list[str]:
-    """What readings that were left out say, and a mounting that would help."""
-    lines = []
-    if result.witness is not None:
-        for name, part in (("positions", result.witness.folds), ("parts in time", result.witness.blocks)):
-            if part is not None:
-                said = part.to_json()
-                lines.append(
-                    f"left-out {name} ({said['scored']} readings): rms {said['rms_before']:.2e} -> "
-                    f"{said['rms_after']:.2e} g, max {said['max_before']:.2e} -> {said['max_after']:.2e} g"
-                )
-        if result.witness.shuffles:
-            shuffles = result.witness.shuffles
-            shuffles = result.witness.shuffles
-            lines.append(f"as good when shuffled: {shuffles.as_good} of {shuffles.tried}")
-        lines += [f"warning: {warning}" for warning in result.witness.warnings]
-    if result.second_mounting is not None:
-        other = result.second_mounting
-        lines.append(
-            f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
-            f"correlation {other.correlation_before:.2f} -> {other.correlation_after:.2f}"
-        )
-    return lines
-
-
-def cause_text(cause: Cause) -> list[str]:
-    """A cause with its parameters."""
-    lines = [f"cause: {cause.place.title}: {cause.sentence}"]
-    for parameter, value, (low, high) in zip(
-        CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
-    ):
-        text = f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {unit_of(parameter.unit)}"
-        lines.append(text.rstrip())
-    return lines + [f"  cannot be told from {other.title}" for other in cause.alike]
-
-
-def diagnosis_summary(result: Diagnosis) -> str:
-    """Verdict, evidence, cause and gain."""
-    nominal = result.evidence.calibration
-    lines = [
-        VERDICTS[result.verdict],
-        f"{nominal.positions} positions, {nominal.measurements} readings, σ = {nominal.noise_bound:.3g} g "
-        f"({nominal.noise_bound_basis}); nominal model: radius {nominal.radius:.3f}",
-        *witness_lines(nominal),
-    ]
-    for finding in result.findings[:MOST_SETS]:
-        for cause in finding.causes:
-            lines += cause_text(cause)
-        lines.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {finding.fit.radius:.3f}")
-    if len(result.findings) > MOST_SETS:
-        lines.append(f"  ... and {len(result.findings) - MOST_SETS} sets more")
-    for places in result.equal_sets:
-        lines.append(f"  cannot be told from {' and '.join(place.title for place in places)}")
+def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
+    """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder, for other documents."""
+    found, orders = error_pictures(result), orders_of(result)
+    if orders:
+        found["order"] = order_picture(orders)
     if result.gain is not None:
-        g = result.gain.to_json()
-        lines.append(
-            f"held-out positions, simulated again ({int(np.isfinite(result.gain.before).sum())} readings): "
-            f"rms {g['held_out_rms_before']:.2e} -> {g['held_out_rms_after']:.2e} g, "
-            f"max {g['held_out_max_before']:.2e} -> {g['held_out_max_after']:.2e} g"
-        )
-    elif result.verdict == "explained":
-        lines.append("gain on held-out positions: not possible with these effects and positions")
-    if result.gain is not None and not result.gain.improves:
-        lines.append("warning: the extension does not improve the positions that were held out")
-    lines += judgement_lines(result)
-    if result.complete is False:
-        lines.append("warning: the search was cut off: more sets of effects would make the model consistent")
-    for entry in (result.residual_structure or ())[:5]:
-        lines.append(
-            f"residual of accelerometer {entry.get('accelerometer')}: {100 * entry['explained']:.0f} % of it is "
-            f"predicted by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
-        )
-    lines += [f"measure next: {position_text(position)}" for position in result.next_positions or ()]
-    lines += [f"warning: {warning}" for warning in nominal.warnings]
-    return "\n".join(lines)
-
-
-def said(result: Diagnosis) -> list[str]:
-    """What a terminal shows of a diagnosis, whatever the record."""
-    return diagnosis_summary(result).split("\n") if result.unit is None else diagnosis_lines(result)
-
-
-def page(result: Diagnosis, record: Any) -> Page:
-    """The page of a diagnosis, whatever the record."""
-    return diagnosis_page(result, record) if result.unit is None else strapdown_page(result)
+        found["gain"] = gain_picture(result.gain.before, result.gain.after, result.gain.over or "")
+    for name, svg in found.items():
+        write_text(folder / f"{stem}-{name}.svg", svg)
+    return [folder / f"{stem}-{name}.svg" for name in found]

@@ -1,353 +1,392 @@
-"""What speaks for a verdict: readings that prove it, rankings, likeness, what was left out; what to measure next."""
+"""What speaks for a diagnosis: what is left, what mends it, what looks like it, what was left out or is excluded."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..calibration import Calibration
-from ..calibration.estimates import chebyshev_centre
-from ..calibration.model import Linearisation
-from ..diagnosis import Diagnosis
+from ...models.effects.definition import ACCELEROMETERS, AXES
+from ..diagnosis.result import Diagnosis, Witness
 from ..diagnosis.search import compared_places, likeness
-from ..document.blocks import Download, Section, Table
+from ..document.blocks import Section, Table
 from ..document.numbers import (
     Bar,
     Cell,
     Written,
     bars,
     half_width,
-    minus,
-    outwards,
+    interval,
     significant,
     symbol_text,
     to_bound,
     unit_text,
+    upwards,
 )
-from ..document.theme import AXES, BAND, INK, WIDTH, drawing, say_empty, short, svg_text
-from ..evidence.bench_effects import is_linear
-from ..evidence.evidence import Fit
-from .pictures.rankings import likeness_picture
-from .pictures.residuals import candidates, next_directions
-from .words import physical_words
+from .model import own_words, physical_words
+from .pictures.residuals import (
+    candidates,
+    errors_over_quantities,
+    errors_over_time,
+    likeness_picture,
+    order_picture,
+    residuals,
+    residuals_over_inputs,
+    shares,
+)
+from .record import proved
 
 MOST_RANKED = 16
-CONFUSION = "Evidence: what could be taken for what"
-ALIKE = (
-    "How alike effects look {}: 1 means that the one can be sized to look just like the other, 0 that it cannot at "
-    "all. Close to 1 it takes small noise to confuse them."
-)
-
-
-def centred(residual: NDArray, bound: NDArray, fit: Fit | None) -> NDArray:
-    """Residuals (N, 3) over their bounds; of an extended fit, at its Chebyshev centre."""
-    left = residual if fit is None else fit.left
-    return (left / bound).reshape(-1, 3)
-
-
-def proved(result: Calibration, numbers: NDArray) -> NDArray:
-    """Readings (N, 3) of bool that prove a falsification; `numbers` are the record's own of its rows."""
-    witness = {(reading.position, reading.accelerometer) for reading in result.witness}
-    proof = np.zeros((len(result.linearised.reading), 3), dtype=bool)
-    for i, axis in np.ndindex(*proof.shape):
-        proof[i, axis] = (int(numbers[i]), axis + 1) in witness
-    return proof
-
-
-def centre_residual(result: Calibration) -> NDArray:
-    """Residuals (N, 3) [g] where the largest of them, in units of its bound, is least."""
-    here = result.linearised
-    return here.residual_at(chebyshev_centre(here)[1]).reshape(-1, 3)
-
-
-def witness_section(result: Calibration, numbers: NDArray) -> list[Section]:
-    """The readings that prove that no parameters fit; a section, or none."""
-    if not result.witness:
-        return []
-    here = result.linearised
-    left = centre_residual(result) / here.bound.reshape(-1, 3)
-    rows: list[list[Cell]] = [
-        [
-            int(numbers[i]),
-            int(axis) + 1,
-            Written(minus(f"{np.degrees(here.positions.alpha[i]):.4f}")),
-            Written(minus(f"{np.degrees(here.positions.beta[i]):.4f}")),
-            Written(minus(f"{here.input[i, axis]:.3f}")),
-            Written(minus(f"{left[i, axis]:+.2f}")),
-        ]
-        for i, axis in np.argwhere(proved(result, numbers))
-    ]
-    return [
-        Section(
-            "Evidence: the readings that prove it",
-            [
-                f"These {len(result.witness)} readings alone, whatever the others are, cannot all be within "
-                f"{result.radius:.3g} σ of any parameters' prediction. If one of them is known to be spoilt, leave its "
-                "row out and look again."
-            ],
-            table=Table(
-                ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"], rows
-            ),
-        )
-    ]
-
-
-def ranking_section(result: Diagnosis) -> list[Section]:
-    """What each effect would leave; a section, or none."""
-    if not result.tried:
-        return []
-    shown = result.tried[:MOST_RANKED]
-    return [
-        Section(
-            "Evidence: which effect mends it",
-            [
-                f"Each of the {len(result.tried)} effects of the catalogue that are linear was added to the model in "
-                f"turn. At or below one σ the extended model explains every reading. {how_many_mend(result.tried)}",
-                *refused_words(result),
-            ],
-            candidates([title for title, _ in shown], [radius for _, radius in shown]),
-            f"Least largest residual that each effect leaves, in units of σ; the best {len(shown)}.",
-        )
-    ]
-
-
-def how_many_mend(tried: Sequence[tuple[str, float]]) -> str:
-    """How many effects, each with the radius that it leaves, bring everything within its bound."""
-    mending = sum(radius <= 1.0 for _, radius in tried)
-    return {0: "None of them does.", 1: "One does."}.get(mending, f"{mending} do.")
-
-
-def refused_words(result: Diagnosis) -> list[str]:
-    """How many effects mend the record by themselves and are still not among the sets that remain; none where none."""
-    remaining = {
-        place.title
-        for finding in result.findings
-        if len(finding.causes) == 1
-        for cause in finding.causes
-        for place in (cause.place, *cause.alike)
-    }
-    refused = sum(radius <= 1.0 and title not in remaining for title, radius in result.tried)
-    if not refused or not remaining:
-        return []
-    which = "One of them is" if refused == 1 else f"{refused} of them are"
-    return [
-        f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends it."
-    ]
-
-
-def confusion_section(result: Diagnosis) -> list[Section]:
-    """What could be taken for what at these positions, and the classes; a section, or none."""
-    places = compared(result)
-    if len(places) < 2:
-        return []
-    alike = likeness(result.evidence, places)
-    rows: list[Sequence[Cell]] = [
-        [cause.place.title, ", ".join(e.title for e in cause.alike)]
-        for finding in result.findings
-        for cause in finding.causes
-        if cause.equivalents
-    ]
-    rows += [
-        ["the set that was named", " and ".join(place.title for place in members)] for members in result.equal_sets
-    ]
-    said = [ALIKE.format("at the positions of this record, beyond what the model's parameters imitate")]
-    if result.findings and not rows:
-        said.append("What was found is alone in its class: some measurement on this bench tells it from every other.")
-    return [
-        Section(
-            CONFUSION,
-            said,
-            likeness_picture([place.title for place in places], alike),
-            "Cosine of the least angle between what two effects add to the readings.",
-            Table(["effect", "no measurement with these mountings tells it from"], unrepeated(rows)) if rows else None,
-        )
-    ]
-
-
-def unrepeated(rows: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
-    """The rows, each once."""
-    return [row for k, row in enumerate(rows) if row not in rows[:k]]
-
-
-def compared(result: Diagnosis) -> tuple[EffectPlace, ...]:
-    """The effects that were found, then the best ranked ones; those with a signature."""
-    places = [place for place in result.evidence.places if is_linear(place) and place.effect != "outlier"]
-    titles = [title for title, _ in result.tried]
-    return compared_places(places, [finding.places for finding in result.findings], titles)
-
-
 MOST_BARS = 18
-FIGURES = ("rms_before", "rms_after", "max_before", "max_after")
 
 
-def judgement_sections(result: Diagnosis) -> list[Section]:
-    """Positions and times that were left out, and shuffles; a section, or none."""
-    judgement = result.witness
-    if judgement is None:
-        return []
-    rows: list[list[Cell]] = [
-        [name, part["scored"], *(significant(part[figure]) for figure in FIGURES)]
-        for name, score in (("every fifth position", judgement.folds), ("every quarter of the time", judgement.blocks))
-        if score is not None
-        for part in [score.to_json()]
+def of_bench(result: Diagnosis) -> bool:
+    """Whether the evidence is rests on a table, and not a block that was carried."""
+    return result.unit is None
+
+
+def nothing_tells(result: Diagnosis) -> str:
+    """What it is that cannot tell effects of one class apart."""
+    return "no measurement with these mountings" if of_bench(result) else "nothing in this record"
+
+
+def first_words(result: Diagnosis) -> str:
+    """What figures with the effects are of: the effects that were named, or the first of the sets that remain."""
+    if result.verdict != "explained":
+        return "the first of the sets that remain"
+    return "the effect" if len(result.causes) == 1 else "the effects"
+
+
+def residual_sections(result: Diagnosis) -> list[Section]:
+    """Residuals of readings without and with the effects, over the angles and over the inputs."""
+    nominal = result.evidence.calibration
+    here, fit = nominal.linearised, result.findings[0].fit if result.findings else None
+    said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {nominal.radius:.2f} σ."
+    if fit is not None:
+        which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
+        said += f" With {first_words(result)}{which} it leaves {fit.radius:.2f} σ."
+    before = (here.residual / here.bound).reshape(-1, 3)
+    after = None if fit is None else (fit.left / fit.bound).reshape(-1, 3)
+    proof = proved(nominal, result.evidence.numbers)
+    return [
+        Section(
+            "Residuals" if fit is None else "Residuals before and after",
+            [said],
+            residuals(np.degrees(here.positions.alpha), np.degrees(here.positions.beta), before, after, proof),
+            "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
+        ),
+        Section(
+            "Residuals against the inputs",
+            [],
+            residuals_over_inputs(here.input, before, after, proof),
+            "Residuals of each accelerometer against its own input.",
+        ),
     ]
-    said = [
-        "Parts of the record were left out in turn and predicted by the rest, without and with the effects. This is a "
-        "second witness, no evidence: almost any effect improves some of it."
+
+
+def quoted_words(result: Diagnosis) -> str:
+    """The pieces whose errors are quoted."""
+    part = result.evidence.parts[result.evidence.quoted]
+    return "moves" if part.pieces.kind == "moves" else f"windows of {part.label}"
+
+
+def error_pictures(result: Diagnosis) -> dict[str, str]:
+    """Errors of pieces without and with the effects over time, and over what they may depend on, as SVG."""
+    evidence = result.evidence
+    part, time = evidence.parts[evidence.quoted], evidence.found.record.time_s
+    middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
+    after = evidence.split(result.findings[0].fit.left)[evidence.quoted] if result.causes else None
+    return {
+        "time": errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
+        "quantities": errors_over_quantities(evidence.quantities(), part.error, after),
+    }
+
+
+def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
+    """Errors of pieces without and with the effects; `bias` says what was taken out of the gyros."""
+    what, pictures = quoted_words(result), error_pictures(result)
+    carried = (
+        "The simulation carries the direction of gravity from rest to rest"
+        if result.reference == "gravity"
+        else "The simulation carries the attitude over windows, and the true attitude says how far it is wrong"
+    )
+    radius = result.baseline.radius or 0.0
+    least = f"Whatever the block's parameters, the largest error is at least {radius:.3g} of its bound"
+    if result.bias_at_rest is not None:
+        least = f"The largest error of the block as delivered is {radius:.3g} of its bound"
+    if result.causes and result.extended is not None:
+        least += f"; with {result.findings[0].title} it is {result.extended.radius:.3g} of it"
+    two = result.evidence.parts[result.evidence.quoted].error.shape[1] == 2
+    about, size = ("two axes across it", "√2") if two else ("three axes", "√3")
+    return [
+        Section(
+            "Errors before and after" if result.causes else "Errors",
+            [
+                f"{carried}: gyro compensation and attitude computer, two FMUs that the orchestrator feeds with the "
+                f"record's increments. {least}.",
+                f"The bounds come from {result.noise_bound_from}.",
+                *bias,
+            ],
+            pictures["time"],
+            f"Size of the error over each of the {what}. The line is the bound about each of {about}: a size may be "
+            f"{size} of it.",
+        ),
+        Section(
+            "Errors against rate, turn and orientation",
+            [],
+            pictures["quantities"],
+            f"The same errors of the {what} against what they may depend on.",
+        ),
     ]
-    if judgement.shuffles:
-        said.append(
-            "Shuffled over the positions, the effects predicted what was left out as well in "
-            f"{judgement.shuffles.as_good} of {judgement.shuffles.tried} trials."
-        )
-    said += [f"Warning: {warning}." for warning in judgement.warnings]
-    header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
-    return [Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)]
 
 
-def target_sections(result: Diagnosis) -> list[Section]:
-    """What the effects do to the calibration; a section, or none."""
+def target_section(result: Diagnosis) -> Section | None:
+    """What the effects do to the calibration."""
     if not result.targets:
-        return []
+        return None
     known = {row.symbol: row for row in result.evidence.calibration.parameters}
     sigma = result.evidence.calibration.noise_bound
-    halves = [half_width(t["low"], t["high"]) for t in result.targets]
-    drawn, reach = bars(
-        [
-            Bar(None, *(None if end is None else (end - t["after"]) / sigma for end in (t["low"], t["high"])))
-            for t in result.targets
-        ]
-    )
+    ends = [
+        [None if t[end] is None else (t[end] - t["after"]) / sigma for end in ("low", "high")] for t in result.targets
+    ]
+    drawn, reach = bars([Bar(None, *pair) for pair in ends])
     rows: list[list[Cell]] = []
-    for t, half, bar in zip(result.targets, halves, drawn, strict=True):
-        moved = to_bound(t["after"] - t["before"], half)
-        ends = outwards(t["low"], t["high"], half)
+    for t, bar in zip(result.targets, drawn, strict=True):
+        moved = to_bound(t["after"] - t["before"], half_width(t["low"], t["high"]))
         own = known.get(t["symbol"])
         words, unit = ("", "") if own is None else (physical_words(own.name), unit_text(own.unit))
-        rows.append([symbol_text(t["symbol"]), words, to_bound(t["after"], half), moved, bar, *ends, unit])
+        after, *possible = interval(t["after"], t["low"], t["high"])
+        rows.append([symbol_text(t["symbol"]), words, after, moved, bar, *possible, unit])
     header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high", "unit"]
     caption = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each target with the effects: what the readings leave."
-    return [
-        Section(
-            "Targets, and what the effects do to them",
-            ["The estimates without the effects are wrong by what they move; the intervals are those with them."],
-            table=Table(header, rows, caption),
-        )
-    ]
+    return Section(
+        "Targets, and what the effects do to them",
+        ["The estimates without the effects are wrong by what they move; the intervals are those with them."],
+        table=Table(header, rows, caption),
+    )
 
 
-def structure_sections(result: Diagnosis) -> list[Section]:
-    """What an unexplained residual depends on; a section, or none."""
-    if not result.residual_structure:
-        return []
-    shown = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
-    return [
-        Section(
-            "What the residual depends on",
-            [
-                "Nothing in the catalogue makes the model consistent, alone or in sets of up to three. This is how "
-                "much of the residual a smooth function of one quantity, or of all angles or inputs, predicts at "
-                "readings that were left out; the band is what is more than noise within its bound."
-            ],
-            shares(shown),
-            "Part of the residual's sum of squares that is predicted.",
-        )
-    ]
-
-
-def shares(entries: Sequence[Mapping[str, Any]], of: str = "accelerometer") -> str:
-    """Bars of what each quantity predicts of the residual, before what is predictable at all (SVG).
-
-    `of` names the entry that has the number of the accelerometer, or of the axis.
-    """
-    labels = [short(f"{of} {entry[of]}: {entry['on']}") for entry in entries]
-    with drawing():
-        figure = Figure(figsize=(WIDTH, 1.05 + 0.24 * max(len(labels), 2)), layout="constrained")
-        axes = figure.subplots()
-        y = np.arange(len(labels))
-        axes.barh(y, [entry["explainable"] for entry in entries], height=0.86, color=BAND.light, linewidth=0)
-        colours = [AXES[int(entry[of]) - 1].light for entry in entries]
-        axes.barh(y, [entry["explained"] for entry in entries], height=0.52, color=colours, linewidth=0)
-        axes.set_yticks(y, labels)
-        axes.tick_params(axis="y", length=0, labelcolor=INK.light)
-        axes.set_ylim(max(len(labels), 2) - 0.4, -0.6)
-        axes.set_xlim(0.0, 1.0)
-        axes.grid(visible=False, axis="y")
-        axes.set_xlabel("part of the residual's sum of squares")
-        figure.legend(handles=[Patch(facecolor=BAND.light, label="more than noise")], loc="outside upper left")
-        if not labels:
-            say_empty(axes)
-        return svg_text(figure, f"How much of the residual of each {of} each quantity predicts")
-
-
-OPTIONAL = ("mounting", "approach_alpha", "approach_beta")
-MOST_LABELS = 24
-"""Up to so many positions are numbered in the picture."""
-SENSES = {1: "forwards", -1: "backwards"}
-
-
-def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
-    """Positions as CSV: their number, both angles [deg], and mounting and senses of the approach where they matter."""
-    names = ["position", "alpha_deg", "beta_deg", *(name for name in OPTIONAL if any(name in p for p in positions))]
-    rows = [
-        ",".join([str(k), *(str(position.get(name, "")) for name in names[1:])])
-        for k, position in enumerate(positions, start=1)
-    ]
-    return "\n".join([",".join(names), *rows, ""])
-
-
-def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Section]:
-    """The proposed positions on the sphere, as a table and as a file; a section, or none."""
-    if not positions:
-        return []
-    at = here.positions
-    alpha, beta = (np.radians([float(p[name]) for p in positions]) for name in ("alpha_deg", "beta_deg"))
-    header = ["no.", "α [deg]", "β [deg]"]
-    columns = [name for name in OPTIONAL if any(name in p for p in positions)]
-    header += [name.replace("approach_alpha", "α turned").replace("approach_beta", "β turned") for name in columns]
-    separates = any(p.get("separates") for p in positions)
-    header += ["tells apart", "by [σ]"] if separates else []
+def parameter_section(result: Diagnosis) -> Section | None:
+    """The own parameters of a block that is carried, each with its interval drawn: one scale for all of one unit."""
+    parameters = result.baseline.parameters or ()
+    if not parameters:
+        return None
+    halves = [half_width(p.low, p.high) for p in parameters]
+    drawn: list[Cell] = [None] * len(parameters)
+    for unit in dict.fromkeys(p.unit for p in parameters) if None not in halves else ():
+        at = [k for k, p in enumerate(parameters) if p.unit == unit]
+        widest = max(halves[k] or 0.0 for k in at)
+        if 0.0 < widest < np.inf:
+            pairs = [[((end or 0.0) - parameters[k].estimate) / widest for end in _ends(parameters[k])] for k in at]
+            for k, bar in zip(at, bars([Bar(None, *pair) for pair in pairs])[0], strict=True):
+                drawn[k] = bar
     rows: list[list[Cell]] = []
-    for k, p in enumerate(positions, start=1):
-        row: list[Cell] = [k, *(Written(minus(f"{float(p[name]):g}")) for name in ("alpha_deg", "beta_deg"))]
-        row += [SENSES.get(p[name], str(p[name])) if name in p else "" for name in columns]
-        if separates:
-            apart = p.get("apart_g")
-            told = None if apart is None else Written(f"{max(apart, 0.0) / sigma(here) + 0.0:.2g}")
-            row += [", ".join(p.get("separates", ())), told]
-        rows.append(row)
-    said = ["Readings at these positions besides would determine what is open."]
-    if separates:
-        sure = len(deciding(here, positions))
-        said = [
-            "Predictions of the two candidates that a position is for differ there, or at another of the positions for "
-            "the same two, by at least the last column, whatever their parameters. More than 2 σ decides between them "
-            f"in any noise: {sure or 'none'} of {len(positions)} positions do."
-        ]
-    labels = [str(k) for k in range(1, len(positions) + 1)]
-    return [
-        Section(
-            "Where to measure next",
-            said,
-            next_directions(at.alpha, at.beta, alpha, beta, labels if len(labels) <= MOST_LABELS else [""]),
-            "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
-            Table(header, rows),
-            download=Download(
-                "next-positions.csv", next_positions_csv(positions), "next-positions.csv, to take to the table"
-            ),
-        )
+    for p, bar in zip(parameters, drawn, strict=True):
+        value, *ends = interval(p.estimate, *_ends(p))
+        rows.append([own_words(p.name), value, bar, *(ends if None not in halves else (None, None)), unit_text(p.unit)])
+    said = "They belong to any block of this kind and are no effects."
+    caption = "What the record leaves possible, drawn about the estimate: one scale for all of one unit."
+    if None in halves:
+        said += " The estimates are those of a block that the record contradicts: no interval is given."
+        caption = ""
+    header = ["parameter", "estimate", "interval", "low", "high", "unit"]
+    return Section("The block's own parameters", [said], table=Table(header, rows, caption).told())
+
+
+def _ends(parameter: Any) -> tuple[float | None, float | None]:
+    return parameter.low, parameter.high
+
+
+def ranking_section(result: Diagnosis) -> Section | None:
+    """What each effect by itself would leave."""
+    if not result.tried:
+        return None
+    shown = result.tried[:MOST_RANKED]
+    mending = {title for title, radius in result.tried if radius <= 1.0}
+    how_many = {0: "None of them does.", 1: "One does."}.get(len(mending), f"{len(mending)} do.")
+    said = [
+        f"Each of the {len(result.tried)} effects that could be tried by itself was added to the model in turn. At or "
+        f"below one everything is within its bound. {how_many}"
     ]
+    alone = [finding.causes[0] for finding in result.findings if len(finding.causes) == 1]
+    remaining = {place.title for cause in alone for place in (cause.place, *cause.alike)}
+    refused = len(mending - remaining)
+    if refused and remaining and of_bench(result):
+        which = "One of them is" if refused == 1 else f"{refused} of them are"
+        said.append(
+            f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends "
+            "it."
+        )
+    return Section(
+        "Evidence: which effect mends it",
+        said,
+        candidates(*zip(*shown, strict=True)),
+        f"Least largest residual that each effect leaves, over its bound; the best {len(shown)}.",
+    )
 
 
-def deciding(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The positions at which two candidates surely differ."""
-    return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * sigma(here)]
+def confusion_section(result: Diagnosis) -> Section | None:
+    """What could be taken for what in this record, and the classes."""
+    titles = [title for title, _ in result.tried]
+    sets = [finding.fit.places for finding in result.findings]
+    places = compared_places(result.evidence.classes.places, sets, titles) if titles else ()
+    if len(places) < 2:
+        return None
+    causes = [cause for finding in result.findings for cause in finding.causes if cause.equivalents]
+    rows: list[Sequence[Cell]] = [[cause.place.title, ", ".join(p.title for p in cause.alike)] for cause in causes]
+    rows += [["the set that was named", " and ".join(place.title for place in same)] for same in result.equal_sets]
+    beyond = ", beyond what the model's parameters imitate" if of_bench(result) or result.baseline.parameters else ""
+    said = [
+        f"How alike effects look in this record{beyond}: 1 means that the one can be sized to look just like the "
+        "other, 0 that it cannot at all. Close to 1 it takes small noise to confuse them."
+    ]
+    if result.findings and not rows:
+        tells = "some measurement on this bench" if of_bench(result) else "this record"
+        said.append(f"What was found is alone in its class: {tells} tells it from every other effect.")
+    header = ["effect", f"{nothing_tells(result)} tells it from"]
+    return Section(
+        "Evidence: what could be taken for what",
+        said,
+        likeness_picture([place.title for place in places], likeness(result.evidence, places)),
+        "Cosine of the least angle between what two effects add to the readings.",
+        Table(header, [row for k, row in enumerate(rows) if row not in rows[:k]]) if rows else None,
+    )
 
 
-def sigma(here: Linearisation) -> float:
-    """σ as a fraction of g."""
-    return float(here.bound.min())
+def length_section(result: Diagnosis) -> Section | None:
+    """What each length says, and the order of the effects."""
+    if not result.lengths:
+        return None
+    rows: list[list[Cell]] = []
+    for length in result.lengths:
+        figures = (length.noise_bound_arcmin, length.rms_arcmin, length.max_arcmin, length.radius)
+        sets = [" + ".join(place.effect for place in places) or "none needed" for places in length.smallest_sets[:4]]
+        stand = "; ".join(sets) or "none up to three effects"
+        rows.append([length.over, length.pieces, *(significant(value, 3) for value in figures), stand])
+    orders = orders_of(result)
+    said = ["Each length of the pieces by itself, and what it needs."]
+    if orders:
+        said.append(
+            "Parts of the record were left out in turn and predicted from the rest, with one more effect at a time: "
+            "the one that helps most."
+        )
+    if result.order_stable is not None and len(orders) > 1:
+        same, differs = "the same at every length", "not stable: it differs between the lengths"
+        said.append(f"The order is {same if result.order_stable else differs}.")
+    header = ["over", "pieces", "bound [arcmin]", "rms [arcmin]", "largest [arcmin]", "over its bound"]
+    return Section(
+        "Length by length",
+        said,
+        order_picture(orders) if orders else None,
+        "What is left of the errors that were left out, effect after effect." if orders else "",
+        Table([*header, "smallest sets that stand"], rows),
+    )
+
+
+def orders_of(result: Diagnosis) -> list[tuple[str, Any]]:
+    """The order of the effects at each length that has one."""
+    return [(length.over, length.order) for length in result.lengths or () if length.order is not None]
+
+
+def judgement_section(result: Diagnosis) -> Section | None:
+    """What was left out and shuffled says of the effects, and why they are not named."""
+    told = result.judgement
+    if not told and not result.not_named:
+        return None
+    said = [
+        "Parts of the record were left out in turn and predicted from the rest, without the effects and with them; "
+        "then their signatures were shuffled over the record. This is a second witness, no evidence: almost any effect "
+        "improves some of it."
+    ]
+    rows: list[list[Cell]] = []
+    if isinstance(told, Witness):
+        header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
+        for name, score in (("every fifth position", told.folds), ("every quarter of the time", told.blocks)):
+            if score is not None:
+                figures = (score.rms_before, score.rms_after, score.max_before, score.max_after)
+                rows.append([name, score.scored, *map(significant, figures)])
+        if told.shuffles:
+            said.append(
+                f"Shuffled, the effects predicted what was left out as well in {told.shuffles.as_good} of "
+                f"{told.shuffles.tried} trials."
+            )
+        said += [f"Warning: {warning}." for warning in told.warnings]
+    else:
+        header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
+        for w in told or ():
+            errors = (significant(value, 3) for value in (w.rms_without, w.rms_with))
+            rows.append([w.title, *errors, Written(f"{w.shuffles.as_good} of {w.shuffles.tried}")])
+        said.append("An effect that does not help, or whose shuffles do as well, is not named.")
+    said += [f"Not named: {text}." for text in result.not_named or ()]
+    return Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)
+
+
+def structure_section(result: Diagnosis) -> Section | None:
+    """What a residual that is not explained depends on."""
+    if not result.residual_structure:
+        return None
+    shown = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
+    of = "accelerometer" if of_bench(result) else "axis"
+    return Section(
+        "What the residual depends on",
+        [
+            f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
+            "predicts where it was left out; the band is what is more than noise within its bound."
+        ],
+        shares(shown, of),
+        "Part of the residual's sum of squares that is predicted.",
+    )
+
+
+_OF_A_GYRO = re.compile(r"(?P<name>[a-z]+)_(?P<gyro>[123])_?(?P<axes>[123]{0,2})")
+COLUMNS = {
+    "gyros": ("gyro 1", "gyro 2", "gyro 3", "block"),
+    "accelerometers": tuple(name.replace("-", " ") for name in ACCELEROMETERS),
+    "table": tuple(name.replace("-", " ") for name in (*AXES, "base")),
+}
+"""The parts of which effects are, and the places of each."""
+
+
+def excluded_sections(result: Diagnosis) -> list[Section]:
+    """Upper bounds of what was not found, a column for each place; and effects that cannot be seen."""
+    found: dict[str, dict[tuple[str, str, str], dict[str, Cell]]] = {part: {} for part in COLUMNS}
+    for entry in result.excluded or ():
+        part, words, parameter, column = excluded_words(entry)
+        row = found[part].setdefault((words, parameter, unit_text(entry["unit"])), {})
+        row[column] = upwards(entry["above"])
+    said = ["Larger sizes of these effects contradict the record. Bounds are rounded up."]
+    sections = []
+    for part, entries in found.items():
+        header = ["effect", "parameter", *COLUMNS[part], "unit"]
+        rows = [[*key[:2], *(row.get(column) for column in COLUMNS[part]), key[2]] for key, row in entries.items()]
+        if rows:
+            sections.append(Section(f"Excluded: effects of the {part}", said, table=Table(header, rows).told()))
+            said = []
+    if result.cannot_be_seen:
+        names = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen))
+        said = f"No possible size of these effects would show in this record, and they were not searched: {names}."
+        sections.append(Section("What the record cannot show", [said]))
+    return sections
+
+
+def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    """Of which part an effect is, itself and its parameter in words, and the column that says how large it can be."""
+    column = entry["where"].replace("-", " ")
+    part = next((part for part, columns in COLUMNS.items() if column in columns), "gyros")
+    if part == "gyros":
+        words, gyro = in_words(entry["parameter"])
+        return part, entry["effect"], words, f"gyro {gyro}" if gyro else "block"
+    place = EffectPlace(entry["effect"], entry["where"], entry.get("order"), tuple(entry.get("axes", ())))
+    return part, place.title.replace(f" {place.where}", ""), entry["parameter"], column
+
+
+def in_words(parameter: str) -> tuple[str, str]:
+    """A parameter without its gyro, and the gyro's number: "gamma_12" is "gamma, axis 2" of gyro 1."""
+    match = _OF_A_GYRO.fullmatch(parameter)
+    if match is None:
+        return parameter, ""
+    axes = match["axes"]
+    if not axes:
+        return match["name"], match["gyro"]
+    return f"{match['name']}, {'axis' if len(axes) == 1 else 'axes'} {' '.join(axes)}", match["gyro"]

@@ -1,16 +1,22 @@
-"""What is said of a strapdown record: what it supports, and the attitude that its gyros give."""
+"""What strapdown records say: what they support, the attitude that their gyros give, how algorithms compare."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...models.turntable import EARTH_RATE
+from ..document.blocks import Section, Table
+from ..document.numbers import Cell, Written, interval, minus, sentence, significant, unit_text, upwards
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun
 from ..motion.attitude_error import split_error
 from ..motion.compare import AttitudeComparison
-from ..motion.inspect import EXCITED, Inspection
+from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
+from ..motion.norm import NormCalibration
 from ..motion.rests import rest_warnings
+from .model import own_words
+from .pictures.records import allan_picture, attitude_error
 
 DIGITS_OF_STAMPS = 1e-6
 """Jitter of so small a part of the period is in the last digits of the time stamps."""
@@ -18,10 +24,14 @@ DIGITS_OF_STAMPS = 1e-6
 
 def inspection_lines(found: Inspection) -> list[str]:
     """What `trihedron inspect` prints."""
-    return [*_sampling_lines(found), *_rest_lines(found), *_accelerometer_lines(found), *_gyro_lines(found)]
+    lines = [*sampling_lines(found), *rest_lines(found)]
+    if found.accelerometers is not None:
+        lines += accelerometer_lines(found.accelerometers)
+    return lines if found.gyros is None else [*lines, *gyro_lines(found.gyros)]
 
 
-def _sampling_lines(found: Inspection) -> list[str]:
+def sampling_lines(found: Inspection) -> list[str]:
+    """Rows, time stamps, and what is wrong with columns."""
     record, sampling = found.record, found.sampling
     kind = "rates" if record.rate is not None else "increments"
     length = float(record.time_s[-1] - record.time_s[0])
@@ -39,7 +49,8 @@ def _sampling_lines(found: Inspection) -> list[str]:
     return lines + [f"units and axes: {said}" for said in found.turning.said]
 
 
-def _rest_lines(found: Inspection) -> list[str]:
+def rest_lines(found: Inspection) -> list[str]:
+    """Rests, moves, excitation, and what noise leaves of a mean at rest."""
     rests = found.rests
     if not len(rests):
         return ["no rests: neither gyros nor accelerometers can be judged at rest"]
@@ -67,41 +78,84 @@ def _rest_lines(found: Inspection) -> list[str]:
     return lines
 
 
-def _accelerometer_lines(found: Inspection) -> list[str]:
-    calibration = found.accelerometers
-    if calibration is None:
-        return []
-    lines = [f"accelerometers by the norm of gravity: {calibration.verdict}"]
-    if calibration.radius is not None:
-        lines[0] += f", radius {calibration.radius:.3g}"
-    if calibration.missing:
-        lines.append("poses that are missing: " + "; ".join(calibration.missing))
-    if calibration.low is not None:
+def accelerometer_lines(found: NormCalibration) -> list[str]:
+    """The accelerometers calibrated by the norm of gravity."""
+    lines = [f"accelerometers by the norm of gravity: {found.verdict}"]
+    if found.radius is not None:
+        lines[0] += f", radius {found.radius:.3g}"
+    if found.missing:
+        lines.append("poses that are missing: " + "; ".join(found.missing))
+    if found.low is not None:
         lines.append("            least squares            guaranteed")
-        for p in calibration.parameters:
+        for p in found.parameters:
             error = math.nan if p.standard_error is None else p.standard_error
             lines.append(f"  {p.name:9} {p.least_squares:+.5f} ± {error:.5f}   {p.low:+.5f} to {p.high:+.5f}")
     return lines
 
 
-def _gyro_lines(found: Inspection) -> list[str]:
-    gyros = found.gyros
-    if gyros is None:
-        return []
+def gyro_lines(found: GyrosAtRest) -> list[str]:
+    """What the gyros' means at rest do."""
     said = {
         "constant": "constant",
         "named": "",
         "ambiguous": "several models do: ",
         "wandering": "not constant, but nothing is supported that would explain it",
         "insufficient": "insufficient, too few rests",
-    }[gyros.verdict]
-    if gyros.verdict in ("named", "ambiguous"):
-        said += "; ".join(model.title for model in gyros.standing)
+    }[found.verdict]
+    if found.verdict in ("named", "ambiguous"):
+        said += "; ".join(model.title for model in found.standing)
     lines = [f"gyros at rest: {said}"]
-    for model in gyros.tried:
+    for model in found.tried:
         chance = "" if model.by_chance is None else f", as good for {100.0 * model.by_chance:.0f} % of shuffled rests"
         lines.append(f"  {model.title}: radius {model.radius:.3g}{chance}")
-    return lines + [f"  not tried, {why}" for why in gyros.not_tried]
+    return lines + [f"  not tried, {why}" for why in found.not_tried]
+
+
+def record_sections(found: Inspection, warnings: Sequence[str] = (), *, forces: bool, told: bool) -> list[Section]:
+    """The record, and what its rests say of accelerometers, with `forces`, and gyros.
+
+    `told` where it is said elsewhere what is missing.
+    """
+    size, *more = sampling_lines(found)
+    lines = [size.removeprefix(f"{found.record.path.name}: "), *more, *rest_lines(found)]
+    lines += ["true attitude: in the record"] if found.record.attitude is not None else []
+    lines += [f"warning: {warning}" for warning in warnings]
+    first = Section(
+        "What was measured",
+        list(map(sentence, dict.fromkeys(lines))),
+        allan_picture(found.record, found.rests, found.sampling.period),
+        "Allan deviation of the readings over the rests: what noise leaves of a mean of that length.",
+    )
+    sections = [] if found.accelerometers is None or not forces else [_accelerometers(found.accelerometers, told=told)]
+    return [first, *sections, *([] if found.gyros is None else [_gyros(found.gyros)])]
+
+
+def _accelerometers(found: NormCalibration, *, told: bool) -> Section:
+    rows: list[list[Cell]] = []
+    for p in found.parameters if found.low is not None else ():
+        value, *ends = interval(p.least_squares, p.low, p.high)
+        name = own_words(f"accelerometer {p.name}")
+        rows.append([name, value, upwards(p.standard_error), *ends, unit_text(p.unit)])
+    said, *missing = accelerometer_lines(found)[: 2 if found.missing and not told else 1]
+    explained = "At every rest the size of gravity must come out; nine parameters explain the rests, or none do."
+    header = ["parameter", "least squares", "standard error", "low", "high", "unit"]
+    table = Table(header, rows, "Low and high hold for any errors within the bounds.") if rows else None
+    return Section("Accelerometers at rest", [explained, *map(sentence, [said, *missing])], table=table)
+
+
+def _gyros(found: GyrosAtRest) -> Section:
+    said, *_ = gyro_lines(found)
+    rows: list[list[Cell]] = [
+        [
+            model.title,
+            significant(model.radius, 3),
+            "–" if model.by_chance is None else Written(f"{100.0 * model.by_chance:.0f} %"),
+        ]
+        for model in found.tried
+    ]
+    header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well"]
+    more = [sentence(f"not tried: {why}") for why in found.not_tried]
+    return Section("Gyros at rest", [sentence(said), *more], table=Table(header, rows) if rows else None)
 
 
 def attitude_lines(run: AttitudeRun) -> list[str]:
@@ -152,6 +206,30 @@ def split_lines(run: AttitudeRun) -> list[str]:
         f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
         f"(period {split.period:.1f} s)"
     ]
+
+
+def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
+    """Attitude errors of a measured record, a row for each run; the picture is that of the last."""
+    shown = runs[-1]
+    rows: list[list[Cell]] = []
+    for run in runs:
+        bias = "none" if run.gyro_bias is None else ", ".join(f"{np.degrees(value):.3f}" for value in run.gyro_bias)
+        known = [None if part is None else part[run.judged] for part in (run.heading, run.tilt)]
+        parts = [None if part is None else float(np.sqrt(np.mean(part**2))) for part in known]
+        drift = None if run.drift is None else 60.0 * run.drift
+        figures = (run.rms, run.maximum, run.final, drift, *parts)
+        rows.append([minus(bias), *(None if v is None else significant(float(np.degrees(v)), 3) for v in figures)])
+    names = ["rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]", "heading rms [deg]", "tilt rms [deg]"]
+    return Section(
+        "A measured strapdown record",
+        [f"{attitude_lines(shown)[0]}.", *map(sentence, split_lines(shown))],
+        attitude_error(shown.time_s, np.degrees(shown.error_rad), np.degrees(shown.error_angle)),
+        "Attitude from the measured gyros, "
+        + ("" if shown.gyro_bias is None else "their bias at rest taken out, ")
+        + "less the true attitude.",
+        Table(["gyro bias taken out [deg/s]", *names], rows) if shown.rms is not None else None,
+        files=[file for run in runs for file in run.files],
+    )
 
 
 def comparison_lines(found: AttitudeComparison) -> list[str]:

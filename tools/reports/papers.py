@@ -10,7 +10,7 @@ from ..papers.attitude import TABLES
 from ..papers.calibration import PublishedCalibration
 from ..papers.reproduction import TOLERANCE, ReproducedRow, Reproduction
 from ..papers.word_length import ARITHMETICS, DOUBLE, INCOMMENSURATE, REPEATING, ROUNDINGS, WordLength
-from .pictures.rankings import published_and_reproduced
+from .pictures.suites import published_and_reproduced
 
 
 def published_lines(found: PublishedCalibration) -> list[str]:

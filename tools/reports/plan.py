@@ -1,6 +1,7 @@
-"""What plans say: text and pages."""
+"""What plans say: text, pages, and the files to carry one out."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +9,15 @@ from numpy.typing import NDArray
 from ..document.blocks import Download, Page, Section, Table
 from ..document.equations import math, signed
 from ..document.numbers import Cell, Written, minus, symbol_text
+from ..document.page import html
+from ..files import whole_folder
 from ..planning.check import SettingCheck
 from ..planning.forms import clearance, sheets
-from ..planning.plan import Curve, Plan, Plans, PositionPlan
-from .evidence import next_positions_csv
-from .pictures.plans import STEP_DEG, admissible_positions, positions_picture
-from .record import common_plan_sources, plan_sources, versions
-from .words import physical_words
+from ..planning.order import DWELL_S, checked_dwell
+from ..planning.plan import Curve, Plan, PlannedPosition, Plans, PositionPlan
+from .model import physical_words
+from .pictures.records import STEP_DEG, admissible_positions, curve_picture, positions_picture
+from .record import cited, matrix_text, next_positions_csv, versions
 
 UNCERTAIN = 1e-8
 """A relative gap above this is said in words."""
@@ -187,7 +190,7 @@ def plan_page(plans: Plans) -> Page:
     provenance = {
         "positions": where,
         "signs certain by": f"{rule}; u = {first.bounds[0]:g}, v = {first.bounds[1]:g}",
-        f"mounting {name}": minus("; ".join(" ".join(f"{v:.6g}" for v in row) for row in matrix)),
+        f"mounting {name}": matrix_text(matrix),
         "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
         **versions(),
     }
@@ -198,7 +201,7 @@ def plan_page(plans: Plans) -> Page:
         sections,
         key=key,
         provenance=provenance,
-        sources=plan_sources(proven=first.grid_deg is None),
+        sources=cited("guaranteed", "simplex", "columns", first.grid_deg is None and "branches"),
     )
 
 
@@ -301,4 +304,83 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
         "order": f"{plan.order}, seed {plan.seed}",
         **versions(),
     }
-    return Page("Positions to measure", verdict, sections, provenance=provenance, sources=common_plan_sources())
+    return Page(
+        "Positions to measure", verdict, sections, provenance=provenance, sources=cited("guaranteed", "simplex")
+    )
+
+
+def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) -> list[Path]:
+    """Write everything that is needed to carry a plan out.
+
+    `programme.csv` is a position programme for a scenario's table (one file for each mounting where there are
+    several), `table.csv` the list for a real table, `angles.csv` the file for `--check`, where the actual angles are
+    filled in, `operator.html` a page to print, `positions.svg` the picture, `plan.json` the plan.
+
+    Parameters
+    ----------
+    plan : PositionPlan
+    folder : Path
+        made where it is missing
+    dwell_s : float
+        time at each position [s]
+
+    Raises
+    ------
+    InputError
+        for a dwell that is not positive, or a folder that cannot be written
+    """
+    checked_dwell(dwell_s)
+    rows = [plan.positions[at - 1] for at in plan.programme]
+    several = len(plan.mountings) > 1
+
+    def row(one: PlannedPosition) -> str:
+        return f"{one.alpha_deg},{one.beta_deg}"
+
+    files: dict[str, str] = {}
+    for name in plan.mountings:
+        lines = [f"{row(one)},{dwell_s:g}" for one in rows if not several or one.mounting == name]
+        if lines:
+            files[f"programme-{name}.csv" if several else "programme.csv"] = _csv("alpha_deg,beta_deg,dwell_s", lines)
+    files["table.csv"] = _csv(
+        "order,alpha_deg,beta_deg,dwell_s" + (",mounting" if several else ""),
+        [
+            f"{number},{row(one)},{dwell_s:g}{f',{one.mounting}' if several else ''}"
+            for number, one in enumerate(rows, start=1)
+        ],
+    )
+    planned = "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg"
+    files["angles.csv"] = _csv(planned, [f"{row(one)},{row(one)}" for one in rows])
+    files["plan.json"] = plan.json_text()
+    files["operator.html"] = html(operator_page(plan, dwell_s))
+    files["positions.svg"] = positions_picture(
+        [one.alpha_deg for one in plan.positions],
+        [one.beta_deg for one in plan.positions],
+        [at - 1 for at in plan.programme],
+    )
+    return _written(files, folder)
+
+
+def write_curve(curve: Curve, folder: Path) -> list[Path]:
+    """Write `curve.csv` and `curve.svg`.
+
+    Raises
+    ------
+    InputError
+        for a folder that cannot be written
+    """
+    points = curve.points
+    rows = [f"{p.positions},{p.readings},{p.worst!r},{p.mean!r},{p.bound!r},{p.pool}" for p in points]
+    columns = ([getattr(p, name) for p in points] for name in ("positions", "worst", "mean", "bound"))
+    table = _csv("positions,readings,worst_ratio,mean_ratio,lower_bound,pool", rows)
+    return _written({"curve.csv": table, "curve.svg": curve_picture(*columns)}, folder)
+
+
+def _csv(header: str, rows: list[str]) -> str:
+    return "\n".join([header, *rows, ""])
+
+
+def _written(files: dict[str, str], folder: Path) -> list[Path]:
+    with whole_folder(folder) as beside:
+        for name, text in files.items():
+            (beside / name).write_text(text, encoding="utf-8", newline="\n")
+    return [folder / name for name in files]

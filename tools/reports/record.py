@@ -1,29 +1,39 @@
-"""What was measured, what a result rests on, and where its methods are published."""
+"""What was measured on a bench, what proves its model false, what to measure next; what results rest on."""
 
-import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import polars as pl
+from numpy.typing import NDArray
 
 from ...fmus import version
 from ..calibration import Calibration
+from ..calibration.estimates import chebyshev_centre
+from ..calibration.model import Linearisation
 from ..diagnosis.result import Diagnosis
-from ..document.blocks import Section, Table
-from ..document.numbers import Cell, Written, minus, outwards, significant, to_bound, typeset, unit_text, upwards
-from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
-from ..motion.norm import NAMES, NormCalibration
+from ..document.blocks import Download, Section, Table
+from ..document.numbers import Cell, Written, minus, typeset
 from ..records import PositionRecord
-from .model import own_words
-from .pictures.residuals import next_directions
-from .pictures.time import allan_picture
-from .words import parameters_of
+from .pictures.records import bench_tour, next_directions
 
 LIBRARIES = ("numpy", "scipy", "highspy", "fmpy")
 
 
-def measured_section(record: PositionRecord, result: Calibration, *, rests: int | None = None) -> Section:
+VERDICTS = {
+    "consistent": "consistent: the model explains the record within the noise bound",
+    "falsified": "falsified: no parameters of the model keep every reading within the noise bound",
+    "insufficient": "insufficient: the record cannot determine everything that is asked",
+    "explained": "explained: a smallest set of effects makes the model consistent, and no other does",
+    "ambiguous": "ambiguous: several sets of effects would make the model consistent",
+    "unexplained": "unexplained: the model is falsified and nothing in the catalogue mends it",
+}
+
+
+def measured_section(record: PositionRecord, result: Calibration) -> Section:
     """The record in words, and where on the sphere it has measured."""
     seconds = float(np.ptp(record.time_s))
     lasted = f"{seconds:.0f} seconds" if seconds < 120.0 else f"{seconds / 60.0:.0f} minutes"
@@ -31,9 +41,10 @@ def measured_section(record: PositionRecord, result: Calibration, *, rests: int 
         f"{len(record)} positions of the table within {lasted}, three accelerometers at each; "
         f"{result.measurements} readings are used."
     ]
-    if rests is not None:
+    if record.raw is not None:
+        found = len(record.rests)
         said.append(
-            f"They are averages of the rests that were found in a time series: {rests}, of which {len(record)}."
+            f"They are averages of the rests that were found in a time series: {found}, of which {len(record)}."
         )
     known = []
     if record.temperature is not None:
@@ -55,6 +66,21 @@ def measured_section(record: PositionRecord, result: Calibration, *, rests: int 
     )
 
 
+def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Section:
+    """The position programme that a simulated bench carried out."""
+    readings = np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1) / gravity
+    return Section(
+        "The bench, simulated",
+        [
+            "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
+            f"{float(table['time_s'][-1]):.0f} s, the block reads, the attitude computer follows the increments."
+        ],
+        bench_tour(table["time_s"], table["alpha_deg"], table["beta_deg"], readings),
+        "Angles of the two axes and readings of the three accelerometers.",
+        files=files,
+    )
+
+
 def basis(result: Calibration) -> str:
     """On what the noise bound rests, in words."""
     return "as given" if result.noise_bound_basis == "given" else result.noise_bound_basis
@@ -68,6 +94,120 @@ def key_figures(result: Calibration) -> dict[str, object]:
         "noise bound σ": f"{result.noise_bound:.3g} g",
         "least largest residual": f"{result.radius:.3g} σ",
     }
+
+
+def proved(result: Calibration, numbers: NDArray) -> NDArray:
+    """Readings (N, 3) of bool that prove a falsification; `numbers` are the record's own of its rows."""
+    witness = {(reading.position, reading.accelerometer) for reading in result.witness}
+    return np.array([[(int(number), p) in witness for p in (1, 2, 3)] for number in numbers]).reshape(-1, 3)
+
+
+def centre_residual(result: Calibration) -> NDArray:
+    """Residuals (N, 3) [g] where the largest of them, in units of its bound, is least."""
+    here = result.linearised
+    return here.residual_at(chebyshev_centre(here)[1]).reshape(-1, 3)
+
+
+def proof_lines(result: Calibration) -> list[str]:
+    """The measurements that prove a falsification."""
+    shown = ", ".join(f"{reading.position}/{reading.accelerometer}" for reading in result.witness)
+    return [f"proved by position/accelerometer: {shown}"] if shown else []
+
+
+def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
+    """The readings that prove that no parameters fit."""
+    if not result.witness:
+        return None
+    here = result.linearised
+    left = centre_residual(result) / here.bound.reshape(-1, 3)
+    rows: list[list[Cell]] = []
+    for i, axis in np.argwhere(proved(result, numbers)):
+        angles = (f"{np.degrees(angle[i]):.4f}" for angle in (here.positions.alpha, here.positions.beta))
+        figures = (*angles, f"{here.input[i, axis]:.3f}", f"{left[i, axis]:+.2f}")
+        rows.append([int(numbers[i]), int(axis) + 1, *(Written(minus(figure)) for figure in figures)])
+    header = ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"]
+    return Section(
+        "Evidence: the readings that prove it",
+        [
+            f"These {len(result.witness)} readings alone, whatever the others are, cannot all be within "
+            f"{result.radius:.3g} σ of any parameters' prediction. If one of them is known to be spoilt, leave its "
+            "row out and look again."
+        ],
+        table=Table(header, rows),
+    )
+
+
+OPTIONAL = ("mounting", "approach_alpha", "approach_beta")
+MOST_LABELS = 24
+"""Up to so many positions are numbered in the picture."""
+SENSES = {1: "forwards", -1: "backwards"}
+
+
+def position_text(position: Mapping[str, Any]) -> str:
+    """A proposed table position."""
+    text = f"alpha {position['alpha_deg']:g}°, beta {position['beta_deg']:g}°"
+    if "mounting" in position:
+        text += f", mounting {position['mounting']}"
+    if "approach_alpha" in position:
+        text += f", approached {SENSES[position['approach_alpha']]} in alpha, "
+        text += f"{SENSES[position['approach_beta']]} in beta"
+    if position.get("separates"):
+        text += f" (separates {', '.join(position['separates'])})"
+    return text
+
+
+def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
+    """Positions as CSV: their number, both angles [deg], and mounting and senses of the approach where they matter."""
+    names = ["position", "alpha_deg", "beta_deg", *(name for name in OPTIONAL if any(name in p for p in positions))]
+    rows = [
+        ",".join([str(k), *(str(position.get(name, "")) for name in names[1:])])
+        for k, position in enumerate(positions, start=1)
+    ]
+    return "\n".join([",".join(names), *rows, ""])
+
+
+def next_section(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> Section | None:
+    """The proposed positions on the sphere, as a table and as a file."""
+    if not positions:
+        return None
+    alpha, beta = (np.radians([float(p[name]) for p in positions]) for name in ("alpha_deg", "beta_deg"))
+    separates = any(p.get("separates") for p in positions)
+    rows: list[list[Cell]] = []
+    for k, p in enumerate(positions, start=1):
+        angles = (Written(minus(f"{float(p[name]):g}")) for name in ("alpha_deg", "beta_deg"))
+        how = (SENSES.get(p[name], str(p[name])) if name in p else None for name in OPTIONAL)
+        apart = p.get("apart_g")
+        told = None if apart is None else Written(f"{max(apart, 0.0) / sigma(here) + 0.0:.2g}")
+        rows.append([k, *angles, *how, ", ".join(p.get("separates", ())) if separates else None, told])
+    said = ["Readings at these positions besides would determine what is open."]
+    if separates:
+        sure = len(deciding(here, positions))
+        said = [
+            "Predictions of the two candidates that a position is for differ there, or at another of the positions for "
+            "the same two, by at least the last column, whatever their parameters. More than 2 σ decides between them "
+            f"in any noise: {sure or 'none'} of {len(positions)} positions do."
+        ]
+    labels = [str(k) for k in range(1, len(positions) + 1)] if len(positions) <= MOST_LABELS else [""]
+    header = ["no.", "α [deg]", "β [deg]", "mounting", "α turned", "β turned", "tells apart", "by [σ]"]
+    file = "next-positions.csv"
+    return Section(
+        "Where to measure next",
+        said,
+        next_directions(here.positions.alpha, here.positions.beta, alpha, beta, labels),
+        "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
+        Table(header, rows).told(),
+        download=Download(file, next_positions_csv(positions), f"{file}, to take to the table"),
+    )
+
+
+def deciding(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The positions at which two candidates surely differ."""
+    return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * sigma(here)]
+
+
+def sigma(here: Linearisation) -> float:
+    """σ as a fraction of g."""
+    return float(here.bound.min())
 
 
 def provenance(result: Calibration, more: Mapping[str, object] | None = None) -> dict[str, object]:
@@ -85,11 +225,15 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
         u, v = result.provenance.bounds
         given["bounds of (1.7)"] = f"u = {u:g}, v = {v:g}"
     for name, matrix in zip(p.mountings, p.matrices, strict=True):
-        rows = "; ".join(" ".join(f"{value:.6g}" for value in row) for row in np.asarray(matrix))
-        given[f"mounting {name}"] = minus(rows)
+        given[f"mounting {name}"] = matrix_text(np.asarray(matrix).tolist())
     for prior in result.priors:
         given[f"known beforehand, {prior.expression}"] = f"at most {prior.limit:g}"
     return given | dict(more or {}) | versions()
+
+
+def matrix_text(matrix: Sequence[Sequence[float]]) -> str:
+    """A matrix in a line."""
+    return minus("; ".join(" ".join(f"{value:.6g}" for value in row) for row in matrix))
 
 
 def versions() -> dict[str, object]:
@@ -160,172 +304,38 @@ SOURCES = {
 """Methods, each with what it does here and where it is from."""
 
 
+def cited(*names: str | Any) -> list[str]:
+    """The sources of some methods; what is false is passed over."""
+    return [SOURCES[name] for name in names if name]
+
+
 def calibration_sources(result: Calibration) -> list[str]:
     """Of a calibration."""
-    used = ["guaranteed", "simplex"]
-    if result.verdict == "falsified":
-        used.append("chebyshev")
-    if "Allan" in result.noise_bound_basis:
-        used.append("allan")
-    return [SOURCES[name] for name in used]
+    falsified, allan = result.verdict == "falsified", "Allan" in result.noise_bound_basis
+    return cited("guaranteed", "simplex", falsified and "chebyshev", allan and "allan")
 
 
-def diagnosis_sources(result: Diagnosis, *, compared: bool) -> list[str]:
-    """Of a diagnosis; `compared` where it is shown how alike effects are."""
-    used = []
-    if result.tried:
-        used.append("lawson")
-    if result.witness is not None and result.witness.shuffles:
-        used.append("shuffles")
-    if result.witness is not None and (result.witness.folds or result.witness.blocks):
-        used.append("left-out")
-    if result.gain is not None:
-        used.append("fmi")
-    if compared:
-        used.append("angles")
-    return [*calibration_sources(result.evidence.calibration), *(SOURCES[name] for name in used)]
-
-
-def strapdown_sources(result: Diagnosis) -> list[str]:
-    """Of the diagnosis of a strapdown record."""
-    used = []
-    found = result.evidence.found
-    if found.accelerometers is not None and found.accelerometers.least_squares is not None:
-        used.append("norm")
-    if found.gyros is not None:
-        used.append("allan")
-    if result.evidence.parts:
-        used += ["gyros", "attitude", "fmi", "simplex"]
-    if result.tried:
-        used += ["chebyshev", "lawson"]
-    if len(result.tried) > 1:
-        used.append("angles")
-    if result.judgement:
-        used += ["shuffles", "left-out"]
-    return [SOURCES[name] for name in used]
-
-
-def plan_sources(*, proven: bool) -> list[str]:
-    """Of optimal plans; `proven` over all angles."""
-    return [SOURCES[name] for name in ("guaranteed", "simplex", "columns", *(("branches",) if proven else ()))]
-
-
-def common_plan_sources() -> list[str]:
-    """Of one set of positions for all targets."""
-    return [SOURCES[name] for name in ("guaranteed", "simplex")]
-
-
-EVEN = 1e-6
-"""Time stamps that stray by less than so much of a period are called even."""
-GYROS = {
-    "constant": "At rest the gyros read a constant, as far as their noise tells.",
-    "named": "At rest the gyros' means are not constant: one smallest model stands, {}.",
-    "ambiguous": "At rest the gyros' means are not constant, and several models stand: {}.",
-    "wandering": "At rest the gyros' means are not constant, and nothing that was tried explains it.",
-    "insufficient": "There are too few rests to say how the gyros' means change.",
-}
-
-
-def measured_sections(result: Diagnosis) -> list[Section]:
-    """The record, and what its rests say of accelerometers and gyros."""
-    found = result.evidence.found
-    first = Section(
-        "What was measured",
-        [sampling_words(found), *rest_words(found), *(f"Warning: {text}." for text in result.warnings)],
-        allan_picture(found.record, found.rests, found.sampling.period),
-        "Allan deviation of the readings over the rests: what noise leaves of a mean of that length.",
-    )
-    # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
-    accelerometers = (
-        None if any(p.name.startswith("accelerometer") for p in parameters_of(result)) else found.accelerometers
-    )
-    sections = [] if accelerometers is None else [accelerometer_section(accelerometers, told=bool(result.missing))]
-    return [first, *sections, *([] if found.gyros is None else [gyro_section(found.gyros)])]
-
-
-def sampling_words(found: Inspection) -> str:
-    """Rows, sampling, and what else the record has."""
-    record, sampling = found.record, found.sampling
-    kind = "rates" if record.rate is not None else "increments"
-    length = float(record.time_s[-1] - record.time_s[0])
-    lasted = f"{length:.0f} seconds" if length < 120.0 else f"{length / 60.0:.0f} minutes"
-    said = f"{len(record)} rows of {kind} and specific forces within {lasted}, one every {sampling.period:.6g} s"
-    if sampling.jitter_max > EVEN * sampling.period:
-        said += f"; the time stamps stray by {sampling.jitter_rms:.2g} s rms, {sampling.jitter_max:.2g} s at most"
-    if sampling.gaps:
-        said += f"; {len(sampling.gaps)} gaps, {sampling.missing} rows missing"
-    there = {"the temperature": record.temperature is not None, "the true attitude": record.attitude is not None}
-    known = " and ".join(name for name, present in there.items() if present)
-    return f"{said}. Known besides: {known}." if known else f"{said}."
-
-
-def rest_words(found: Inspection) -> list[str]:
-    """Rests, moves, excitation, and what noise leaves of a mean at rest."""
-    rests = found.rests
-    if not len(rests):
-        return ["There are no rests: neither gyros nor accelerometers can be judged at rest."]
-    lengths = np.array([(r.stop - r.start) * found.sampling.period for r in rests.rows])
-    said = f"One rest of {lengths[0]:.2g} s"
-    if len(rests) > 1:
-        said = f"{len(rests)} rests of {lengths.min():.2g} to {lengths.max():.2g} s, half of them up to "
-        said += f"{np.median(lengths):.2g} s"
-    if len(found.moves):
-        turns = np.degrees([move.turn_rad for move in found.moves])
-        said += f"; {len(turns)} moves between them, of {turns.min():.0f} to " if len(turns) > 1 else "; one move of "
-        said += f"{turns.max():.0f} degrees"
-    rates = ", ".join(f"{math.degrees(value):.3g}" for value in found.excitation)
-    said += f"; rates of {rates} deg/s (root mean square) about axes 1, 2, 3 outside the rests."
-    lines = [said]
-    quiet = [str(p + 1) for p in range(3) if found.excitation[p] < EXCITED * rests.noise[p]]
-    if quiet:
-        lines.append(f"The block was not turned about axis {', '.join(quiet)}.")
-    if rests.force_bound is not None and rests.rate_bound is not None:
-        force, rate = np.median(rests.force_bound, axis=0).max(), np.median(rests.rate_bound, axis=0).max()
-        lines.append(
-            f"Noise leaves the mean of a rest known to {force / found.gravity:.2g} g and {math.degrees(rate):.2g} "
-            "deg/s (three Allan deviations of its length)."
-        )
-    return lines
-
-
-def accelerometer_section(found: NormCalibration, *, told: bool) -> Section:
-    """The accelerometers calibrated by the norm of gravity; `told` where the verdict says what is missing."""
-    leaves = (
-        "" if found.radius is None else f", whose least possible largest residual is {found.radius:.2g} of its bound"
-    )
-    said = {
-        "consistent": f"At every rest the size of gravity must come out. Nine parameters explain the rests{leaves}.",
-        "falsified": f"At every rest the size of gravity must come out. No nine parameters explain the rests{leaves}.",
-        "insufficient": "The rests do not determine the accelerometers' nine parameters.",
-    }[found.verdict]
-    rows: list[list[Cell]] = []
-    if found.least_squares is not None and found.low is not None and found.high is not None:
-        errors = np.full(len(NAMES), np.nan) if found.standard_error is None else found.standard_error
-        for name, value, error, low, high in zip(
-            NAMES, found.least_squares, errors, found.low, found.high, strict=True
-        ):
-            half = 0.5 * float(high - low)
-            ends = outwards(float(low), float(high), half)
-            unit = "g" if name.startswith("bias") else "1"
-            row: list[Cell] = [own_words(f"accelerometer {name}"), to_bound(float(value), half)]
-            rows.append([*row, upwards(float(error)), *ends, unit_text(unit)])
-    header = ["parameter", "least squares", "standard error", "low", "high", "unit"]
-    missing = [f"Poses that would determine them: {'; '.join(found.missing)}."] if found.missing and not told else []
-    table = Table(header, rows, "Low and high hold for any errors within the bounds.") if rows else None
-    return Section("Accelerometers at rest", [said, *missing], table=table)
-
-
-def gyro_section(found: GyrosAtRest) -> Section:
-    """What the gyros do at rest."""
-    said = GYROS[found.verdict].format("; ".join(model.title for model in found.standing))
-    rows: list[list[Cell]] = [
-        [
-            model.title,
-            significant(model.radius, 3),
-            "–" if model.by_chance is None else Written(f"{100.0 * model.by_chance:.0f} %"),
-        ]
-        for model in found.tried
+def diagnosis_sources(result: Diagnosis) -> list[str]:
+    """Of a diagnosis, whatever the record."""
+    own = result.witness
+    if result.unit is None:
+        first = calibration_sources(result.evidence.calibration)
+        shuffled, left_out = own and own.shuffles, own and (own.folds or own.blocks)
+        gained = result.gain
+    else:
+        found, carried = result.evidence.found, bool(result.evidence.parts)
+        norm = found.accelerometers is not None and found.accelerometers.least_squares is not None
+        first = cited(norm and "norm", found.gyros is not None and "allan")
+        first += cited("gyros", "attitude", "simplex", result.tried and "chebyshev") if carried else []
+        shuffled = left_out = result.judgement
+        gained = carried
+    return [
+        *first,
+        *cited(
+            result.tried and "lawson",
+            len(result.tried) > 1 and "angles",
+            shuffled and "shuffles",
+            left_out and "left-out",
+            gained and "fmi",
+        ),
     ]
-    header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well"]
-    more = [f"Not tried: {why}." for why in found.not_tried]
-    return Section("Gyros at rest", [said, *more], table=Table(header, rows) if rows else None)

@@ -5,13 +5,16 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...fmus import version
+from ..campaign.summary import rate
 from ..document.blocks import Page, Section, Table
 from ..document.page import write_page
 from ..files import write_text
 from ..trials.outcome import NOTHING, BlockOutcome
 from ..trials.suite import BenchSuite, BlockSuite, Detection, Suite, cases_csv, confusion
-from .pictures.suites import confusion_picture, detection_picture, size_errors_picture
+from .pictures.suites import confusion_picture, rates_picture, size_errors_picture
 
 MOST_LISTED = 20
 SHOWN = {
@@ -36,7 +39,7 @@ def write_suite(suite: Suite, folder: Path) -> list[Path]:
     return files
 
 
-def suite_text(suite: Suite) -> str:
+def suite_lines(suite: Suite) -> list[str]:
     """What a person is told."""
     bench = isinstance(suite, BenchSuite)
     what = f"{suite.cases} cases ({suite.mode})" if bench else f"{suite.cases} strapdown records"
@@ -78,7 +81,7 @@ def suite_text(suite: Suite) -> str:
         where = f" ({outcome.reference})" if isinstance(outcome, BlockOutcome) else ""
         made = f"{outcome.verdict}: {named}" if bench or named else outcome.verdict
         lines.append(f"case {outcome.case}: hidden {hidden}{where}; {made}")
-    return "\n".join(lines)
+    return lines
 
 
 def _top(bin_: Detection) -> float:
@@ -144,15 +147,18 @@ def _about_block(suite: BlockSuite, *, hidden: bool) -> list[str]:
 def _sizes(suite: BenchSuite) -> list[Section]:
     """From which size effects are seen, and how right the estimated sizes are."""
     sections = []
-    curve = suite.detection
-    if curve:
-        middles = [b.low * 1.19 if b.high is None else math.sqrt(max(b.low, 0.18) * b.high) for b in curve]
-        parts = ([b.detected / b.cases for b in curve], [b.named / b.cases for b in curve], [b.cases for b in curve])
+    if suite.detection:
+        curves: dict[str, list[dict[str, Any]]] = {"falsified": [], "named rightly": []}
+        for b in suite.detection:
+            high = b.low * 1.19**2 if b.high is None else b.high
+            for label, count in zip(curves, (b.detected, b.named), strict=True):
+                counted = rate(np.arange(b.cases) < count)
+                curves[label].append({"low": max(b.low, 0.18), "high": high, **counted})
         sections.append(
             Section(
                 "From which size it is seen",
                 [],
-                detection_picture(middles, *parts),
+                rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
                 "Sizes are relative to that from which the effect is surely detected at its positions, whatever the "
                 "noise within σ.",
             )

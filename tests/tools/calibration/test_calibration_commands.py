@@ -18,7 +18,7 @@ from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.rests import find_rests
-from trihedron.tools.reports.calibration import calibration_page
+from trihedron.tools.reports.calibration import page as calibration_page
 
 SIGMA = 1e-5
 

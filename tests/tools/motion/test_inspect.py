@@ -17,7 +17,7 @@ from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.motion.rests import reading_steps
 from trihedron.tools.motion.sampling import sampling_of
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
-from trihedron.tools.reports.pictures.time import allan_curve, allan_picture
+from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
 BIAS = np.array([0.01, -0.02, 0.03])

@@ -13,7 +13,7 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.records.noise import allan_deviation
-from trihedron.tools.reports.trials import suite_text, write_suite
+from trihedron.tools.reports.trials import write_suite
 from trihedron.tools.trials.block import (
     BEFORE_A_CAMERA,
     BETWEEN_RESTS,
@@ -193,7 +193,7 @@ def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
     assert all(outcome.inside for outcome in hidden.results)
     clean = run_suite(BlockOptions(clean=True), 2, 22)
     assert clean.outcomes == {"right": 2}
-    assert "false alarms on clean records: 0 of 2" in suite_text(clean)
+    assert "false alarms on clean records: 0 of 2" in str(clean)
     files = write_suite(hidden, tmp_path)
     assert BlockSuite.model_validate_json(files[0].read_text()) == hidden
     assert files[1].read_text().count("\n") == 3
@@ -208,10 +208,10 @@ def test_two_hundred_hidden_effects_and_two_hundred_clean_records():
     accelerometer that are nearly alike need not be told apart.
     """
     hidden = run_suite(BlockOptions(), 200, 1)
-    print(suite_text(hidden))
+    print(str(hidden))
     counts = Counter(hidden.outcomes)
     assert counts["right"] + counts["candidate"] >= 180
     assert counts["wrong"] + counts["part"] <= 4
     clean = run_suite(BlockOptions(clean=True), 200, 2)
-    print(suite_text(clean))
+    print(str(clean))
     assert clean.false_alarms["alarms"] < 2

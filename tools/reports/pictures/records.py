@@ -1,0 +1,386 @@
+"""Pictures of what was measured, and where: runs, attitude errors, Allan deviations, rests, positions of the table."""
+
+import textwrap
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ....fmus.units import STANDARD_GRAVITY
+from ....models.bench import up
+from ...document.theme import (
+    ALERT,
+    AXES,
+    BAND,
+    DASHES,
+    FIRST,
+    INK,
+    MUTED,
+    QUIET,
+    SECOND,
+    WIDTH,
+    column,
+    plain,
+    power_of_ten,
+    say_empty,
+    three_columns,
+)
+from ...motion.rests import Rests
+from ...motion.sampling import rates_of
+from ...records import RawRecord, StrapdownRecord
+from ...records.noise import allan_deviation
+from ...records.rests import Rest, without_turns
+from . import Drawn, drawn, legend, legend_beside, one_turn, sheet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_POINTS = 2000
+"""A line of more points is drawn through the least and the largest value of each of half as many intervals."""
+
+
+def thinned(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A line with fewer points that looks the same: least and largest value of each interval, gaps kept."""
+    if len(time) <= MOST_POINTS:
+        return time, value
+    edges = np.linspace(0, len(time), MOST_POINTS // 2 + 1).astype(np.int64)
+    kept: set[int] = {0, len(time) - 1}
+    for first, last in pairwise(edges):
+        part = value[first:last]
+        known = np.flatnonzero(np.isfinite(part))
+        if known.size:
+            kept |= {int(first + known[np.argmin(part[known])]), int(first + known[np.argmax(part[known])])}
+        if known.size < len(part):
+            kept.add(int(first + np.flatnonzero(~np.isfinite(part))[0]))
+    index = np.array(sorted(kept))
+    return time[index], value[index]
+
+
+def _line(axes: "Axes", time: np.ndarray, value: np.ndarray, **look: Any) -> None:
+    axes.plot(*thinned(time, value), **look)
+
+
+def _three_lines(axes: "Axes", time: np.ndarray, values: np.ndarray, label: str) -> None:
+    for k in range(3):
+        _line(axes, time, values[:, k], color=AXES[k].light, linestyle=DASHES[k], label=f"{label} {k + 1}")
+    axes.set_xlabel("time [s]")
+    if np.isfinite(time).any() and np.nanmin(time) < np.nanmax(time):
+        axes.set_xlim(float(np.nanmin(time)), float(np.nanmax(time)))
+    if not np.isfinite(values).any():
+        say_empty(axes)
+
+
+@drawn
+def bench_tour(time_s: ArrayLike, alpha_deg: ArrayLike, beta_deg: ArrayLike, readings_g: ArrayLike) -> Drawn:
+    """The table's programme over time, and what the three accelerometers read.
+
+    Parameters
+    ----------
+    time_s : array, shape (N,)
+        [s]
+    alpha_deg, beta_deg : array, shape (N,)
+        angles of the outer and the inner axis [deg]
+    readings_g : array, shape (N, 3)
+        [g]
+
+    Returns
+    -------
+    str
+        SVG, as of every function here
+    """
+    time, alpha, beta = column(time_s), column(alpha_deg), column(beta_deg)
+    figure, ((angles,), (forces,)) = sheet(4.1, 2, sharex=True, height_ratios=[1.0, 1.15])
+    _line(angles, time, alpha, color=FIRST.light, label="α, outer axis")
+    _line(angles, time, beta, color=SECOND.light, linestyle=DASHES[1], label="β, inner axis")
+    both = np.concatenate([alpha, beta])
+    one_turn(angles, both, "y", 12.0)
+    if not np.isfinite(both).any():
+        say_empty(angles)
+    angles.set(ylabel="angle [deg]", title="table")
+    _three_lines(forces, time, three_columns(readings_g), "accelerometer")
+    forces.set(ylabel="reading [g]", title="block")
+    legend_beside(angles, 2)
+    legend_beside(forces, 3)
+    return figure, "Angles of the two axes of the table and the three readings, over time"
+
+
+@drawn
+def attitude_error(time_s: ArrayLike, error_deg: ArrayLike, angle_deg: ArrayLike) -> Drawn:
+    """The attitude's error over time.
+
+    Parameters
+    ----------
+    time_s : array, shape (N,)
+        [s]
+    error_deg : array, shape (N, 3)
+        components of the error's rotation vector in the reference frame [deg]; NaN where it is not known
+    angle_deg : array, shape (N,)
+        its length [deg]
+    """
+    time = column(time_s)
+    figure, ((axes,),) = sheet(3.1)
+    axes.axhline(0.0, color=INK.light, linewidth=0.7)
+    _line(axes, time, column(angle_deg), color=INK.light, linewidth=2.0, label="angle")
+    _three_lines(axes, time, three_columns(error_deg), "about axis")
+    axes.set_ylabel("attitude error [deg]")
+    legend_beside(axes, 4)
+    return figure, "Error of the computed attitude against the true one, over time"
+
+
+PER_OCTAVE = 4
+"""Averaging times in each octave."""
+FEWEST_PAIRS = 4
+"""Of averages side by side that do not overlap; fewer show chance."""
+
+
+def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[NDArray, NDArray]:
+    """Averaging times (m,) [s] and Allan deviations (m, 3) of readings (N, 3), all rests together.
+
+    The longest is the one of which the rests hold four pairs of averages; there is none where they hold too few rows.
+    """
+    pieces = [values[r] for r in rows]
+    longest = max((len(piece) for piece in pieces), default=0) // 2
+    octaves = np.arange(0.0, np.log2(longest) + 1e-9, 1.0 / PER_OCTAVE) if longest else np.zeros(0)
+    sizes = np.unique(np.round(2.0**octaves).astype(int))
+    sizes = [size for size in sizes if sum(len(piece) // (2 * size) for piece in pieces) >= FEWEST_PAIRS]
+    found = [(size * period, d) for size in sizes if (d := allan_deviation(pieces, int(size))) is not None]
+    if not found:
+        return np.zeros(0), np.zeros((0, 3))
+    return np.array([time for time, _ in found]), np.array([deviation for _, deviation in found])
+
+
+@drawn
+def allan_picture(record: StrapdownRecord, rests: Rests, period: float) -> Drawn:
+    """Allan deviation over the averaging time, gyros above and accelerometers below; the rests' length is marked.
+
+    Parameters
+    ----------
+    record : StrapdownRecord
+    rests : Rests
+        of that record
+    period : float
+        time between rows [s]
+    """
+    figure, panels = sheet(5.2, 2, sharex=True)
+    shown = ((rates_of(record), "gyros, rad/s"), (record.specific_force, "accelerometers, m/s²"))
+    for axes, (values, title) in zip(panels.flat, shown, strict=True):
+        times, deviation = allan_curve(values, rests.rows, period)
+        axes.set_title(f"Allan deviation of the {title}")
+        visible = deviation > 0.0
+        if not visible.any():
+            say_empty(axes, "no rests")
+            continue
+        axes.set(xscale="log", yscale="log")
+        for p in range(3):
+            some = visible[:, p]
+            axes.plot(times[some], deviation[some, p], color=AXES[p].light, linestyle=DASHES[p], label=f"{p + 1}")
+        axes.yaxis.set_major_formatter(power_of_ten)
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.minorticks_off()
+        dwell = float(np.median([(r.stop - r.start) * period for r in rests.rows]))
+        axes.axvline(dwell, color=MUTED.light, linewidth=0.9)
+        words = {"ha": "right", "va": "top", "fontsize": 8.0, "transform": axes.get_xaxis_transform()}
+        axes.text(dwell, 0.97, f"median rest, {dwell:.2g} s ", **words)
+    panels[1, 0].set_xlabel("averaging time, s")
+    if panels[0, 0].lines:
+        panels[0, 0].legend(loc="lower left", ncols=3, title="axis")
+    return figure, "Allan deviation of the gyros and the accelerometers at rest"
+
+
+IN_ONE_PICTURE = 6
+MOST_OF_A_REST = 400
+"""Points: more rows are thinned out, as a line has no more places in print."""
+
+
+def refused_rests(raw: RawRecord, rests: Sequence[Rest]) -> list[str]:
+    """Each refused rest with what was read during it, a few to a picture.
+
+    Parameters
+    ----------
+    raw : RawRecord
+    rests : sequence of Rest
+        all of the record; those that are not refused are left out
+
+    Returns
+    -------
+    list of str
+        SVG each; angles and readings are shown less their medians over the rest
+    """
+    refused = [rest for rest in rests if rest.refused is not None]
+    return [_refused(raw, refused[k : k + IN_ONE_PICTURE]) for k in range(0, len(refused), IN_ONE_PICTURE)]
+
+
+@drawn
+def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
+    names = ("α, accelerometer 1", "β, accelerometer 2", "accelerometer 3")
+    figure, panels = sheet(0.7 + 1.75 * len(rests), len(rests), 2)
+    for (left, right), rest in zip(panels, rests, strict=True):
+        whole = slice(rest.first, rest.last + 1)
+        rows = slice(rest.first, rest.last + 1, max(1, (rest.last + 1 - rest.first) // MOST_OF_A_REST))
+        since = raw.time_s[rows] - raw.time_s[rest.first]
+        angles = [3600.0 * np.degrees(without_turns(angle[whole])) for angle in (raw.alpha, raw.beta)]
+        shown = [(left, (angle - np.median(angle))[:: rows.step]) for angle in angles]
+        force = 1e6 * raw.specific_force[rows] / STANDARD_GRAVITY
+        middle = np.median(force, axis=0)
+        shown = [*shown, *((right, part) for part in (force - middle).T)]
+        for (axes, values), k in zip(shown, (0, 1, 0, 1, 2), strict=True):
+            axes.plot(since, values, color=AXES[k].light, linestyle=DASHES[k], label=names[k])
+        kept = 1e6 * raw.specific_force[rest.kept_first : rest.kept_last + 1] / STANDARD_GRAVITY - middle
+        low, high = float(kept.min()), float(kept.max())
+        if high > low:
+            # what was dropped as unsettled would hide what is left
+            right.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
+        unsettled = float(raw.time_s[rest.kept_first] - raw.time_s[rest.first])
+        for axes, name in ((left, "angle [arcsec]"), (right, "reading [µg]")):
+            axes.axvspan(0.0, unsettled, color=BAND.light, lw=0, label="not settled")
+            axes.set_ylabel(name)
+        what = plain(f"rows {raw.row[rest.first]} to {raw.row[rest.last]}: {rest.refused}")
+        left.set_title("\n".join(textwrap.wrap(what, 100)), fontsize=8)
+    for axes in panels[-1]:
+        axes.set_xlabel("time in the rest [s]")
+    legend(figure)
+    return figure, "Angles and readings, less their medians, during rests that were refused"
+
+
+@drawn
+def next_directions(
+    alpha: ArrayLike, beta: ArrayLike, next_alpha: ArrayLike, next_beta: ArrayLike, labels: Sequence[str] = ()
+) -> Drawn:
+    """Directions of the vertical in the inner frame: measured, and proposed; areas on the sphere are as on paper.
+
+    Parameters
+    ----------
+    alpha, beta : array, shape (N,)
+        measured angles [rad]
+    next_alpha, next_beta : array, shape (K,)
+        proposed ones [rad]
+    labels : sequence of str
+        beside the proposed ones
+    """
+    figure, ((axes,),) = sheet(2.9)
+    measured = {"marker": "o", "color": QUIET.light if len(labels) else FIRST.light, "markersize": 4.4}
+    proposed = {"marker": "D", "color": ALERT.light, "markersize": 5.5}
+    for a, b, words, label, look in (
+        (alpha, beta, (), "measured", measured),
+        (next_alpha, next_beta, labels, "measure next", proposed),
+    ):
+        a, b = column(a), column(b)
+        if not a.size:
+            continue
+        around, along = np.degrees(np.arctan2(np.sin(a) * np.cos(b), np.sin(a) * np.sin(b))), np.cos(a)
+        axes.plot(around, along, linestyle="none", markeredgewidth=0, label=label, **look)
+        for x, y, text in zip(around, along, words, strict=False):
+            axes.annotate(text, (x, y), (5, 4), textcoords="offset points", fontsize=7.5)
+    axes.set(xlim=(-185.0, 185.0), ylim=(-1.12, 1.12), xticks=range(-180, 181, 90), ylabel="along the third axis")
+    axes.set_xlabel("direction about the third axis of the inner frame, from the first [deg]")
+    legend(figure, 2)
+    return figure, "Directions of the vertical in the inner frame: measured positions and proposed ones"
+
+
+STEP_DEG = 2.0
+"""Of the grid on which it is shown where a sign is certain."""
+
+
+@drawn
+def admissible_positions(
+    clearance: Sequence[tuple[int, NDArray]],
+    accelerometer: ArrayLike,
+    alpha_deg: ArrayLike,
+    beta_deg: ArrayLike,
+    weight: ArrayLike,
+    title: str,
+) -> Drawn:
+    """Admissible sets and optimal positions over the two angles, a panel for each accelerometer that is used.
+
+    Parameters
+    ----------
+    clearance : sequence of (int, (n, n) array)
+        accelerometer (from 1) and how far (1.9) is fulfilled on a regular grid over [0°, 360°]², α down the rows:
+        positive where the position is admissible
+    accelerometer, alpha_deg, beta_deg, weight : (N,) array
+        of the readings
+    title : str
+        what is estimated
+    """
+    which = np.array(accelerometer, dtype=int).reshape(-1)
+    alpha, beta, weights = column(alpha_deg), column(beta_deg), column(weight)
+    shown = [(number, field) for number, field in clearance if (which == number).any()] or list(clearance)[:1]
+    figure, ((*panels,),) = sheet(7.4 if len(shown) == 1 else 0.9 + WIDTH / len(shown), 1, len(shown), sharey=True)
+    largest = max(float(np.abs(weights).max(initial=0.0)), 1e-300)
+    for axes, (number, field) in zip(panels, shown, strict=True):
+        angle = np.linspace(0.0, 360.0, len(field))
+        axes.contourf(angle, angle, field.T, levels=[0.0, np.inf], colors=[BAND.light])
+        axes.fill([], [], color=BAND.light, linewidth=0, label="sign of the input certain")
+        here = which == number
+        for sense, look, label in (
+            (1.0, {"color": FIRST.light, "marker": "o"}, "positive weight"),
+            (-1.0, {"color": SECOND.light, "marker": "s"}, "negative weight"),
+        ):
+            part = here & (np.sign(weights) == sense)
+            size = 18.0 + 90.0 * np.abs(weights[part]) / largest
+            axes.scatter(alpha[part], beta[part], s=size, linewidth=0, zorder=3, **look)
+            axes.plot([], [], linestyle="none", label=label, **look)
+        for a, b, w in zip(alpha[here], beta[here], weights[here], strict=True) if len(shown) == 1 else ():
+            side, text = -1 if a > 300 else 1, f"{w:+.4f}".replace("-", "−")
+            words = {"ha": "left" if side > 0 else "right", "fontsize": 8, "color": INK.light}
+            axes.annotate(text, (a, b), (8 * side, 6), textcoords="offset points", **words)
+        axes.set(title=f"accelerometer {number}", xlabel="α, outer axis [deg]", aspect="equal")
+        for of in "xy":
+            one_turn(axes, np.zeros(0), of, 6.0)
+    panels[0].set_ylabel("β, inner axis [deg]")
+    legend(figure, 3)
+    return figure, f"Admissible positions and optimal plan for {plain(title)}"
+
+
+@drawn
+def positions_picture(alpha_deg: ArrayLike, beta_deg: ArrayLike, programme: Sequence[int]) -> Drawn:
+    """The positions in the plane of the two angles, and where they put the vertical in the inner frame.
+
+    Parameters
+    ----------
+    alpha_deg, beta_deg : (N,) array
+        commands [deg]
+    programme : sequence of int
+        the positions in the order of measurement
+    """
+    alpha, beta = np.asarray(alpha_deg, dtype=float), np.asarray(beta_deg, dtype=float)
+    number = {row: place for place, row in enumerate(dict.fromkeys(programme), start=1)}
+    from matplotlib.patches import Circle
+
+    figure, _ = sheet(4.9, 0, 0)
+    grid = figure.add_gridspec(2, 2, width_ratios=(2.0, 1.0))
+    plane = figure.add_subplot(grid[:, 0])
+    plane.plot(alpha[list(programme)], beta[list(programme)], color=QUIET.light, linewidth=0.8, zorder=1)
+    plane.scatter(alpha, beta, s=22, color=FIRST.light, linewidth=0, zorder=3)
+    for row, place in number.items():
+        words = {"fontsize": 8, "color": INK.light}
+        plane.annotate(str(place), (alpha[row], beta[row]), (4, 4), textcoords="offset points", **words)
+    plane.set(xlabel="α, outer axis [deg]", ylabel="β, inner axis [deg]", title="positions in their order")
+    s = up(np.radians(alpha), np.radians(beta))
+    for row, (sense, title) in enumerate(((1.0, "vertical, axis 3 up"), (-1.0, "vertical, axis 3 down"))):
+        disc = figure.add_subplot(grid[row, 1])
+        disc.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=MUTED.light, linewidth=0.7))
+        here = sense * s[:, 2] >= 0.0
+        disc.scatter(s[here, 0], s[here, 1], s=18, color=SECOND.light, linewidth=0, zorder=3)
+        disc.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), aspect="equal", xticks=(-1, 0, 1), yticks=(-1, 0, 1))
+        disc.set_title(title)
+    return figure, f"The {len(alpha)} positions of a plan in their order"
+
+
+@drawn
+def curve_picture(count: ArrayLike, worst: ArrayLike, mean: ArrayLike, bound: ArrayLike) -> Drawn:
+    """Cost above the optimum against the number of positions, with the proven bound; ratios, each (N,)."""
+    figure, ((axes,),) = sheet(3.6)
+    for ratio, label, colour, marker in (
+        (worst, "worst target", FIRST, "o"),
+        (mean, "mean of the targets", SECOND, "s"),
+        (bound, "proven on the pool", MUTED, "_"),
+    ):
+        above = 100.0 * (np.asarray(ratio, dtype=float) - 1.0)
+        shown = np.where(above > 0.0, above, np.nan)
+        axes.semilogy(np.asarray(count), shown, color=colour.light, marker=marker, markersize=4, label=label)
+    axes.set(xlabel="positions", ylabel="cost above the optimum [%]")
+    axes.legend()
+    return figure, "Cost above the optimum against the number of positions"
