@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import Rows
 from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.calibration.procedure import fit_record
+from trihedron.tools.calibration.procedure import Asked, fit_record
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_effects import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
@@ -113,7 +113,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
         clean = measure_bench(case)
         p = int(rng.integers(3))
         bench = case.bench
-        here = fit_record(clean, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
+        here = fit_record(clean, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
         rows = Visits.of(here, circumstances_of(clean)).rows(here.point)
         change = effect(p, rows)
         far = nearest_triple(case, clean, change)
@@ -144,7 +144,7 @@ def nearest_triple(case: BenchCase, record: PositionRecord, change: NDArray | No
     triples judged by the Chebyshev programme. What it finds is no more than the best; the best may be better.
     """
     bench = case.bench
-    here = fit_record(record, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
+    here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
     rows = Visits.of(here, circumstances_of(record)).rows(here.point)
     residual = here.residual if change is None else change.ravel()
     effects = [signature_columns([p], rows) for p in classes_with(bench.mountings, symmetric=bench.symmetric).places]

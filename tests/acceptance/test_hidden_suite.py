@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.calibration.model import PRESETS
 from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND, Bench
 from trihedron.tools.trials.draw import draw_bench_case
 from trihedron.tools.trials.measure import BenchCase, measure_bench

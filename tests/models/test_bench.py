@@ -22,7 +22,7 @@ from trihedron.models.bench import (
     up,
 )
 from trihedron.models.regressors import admissible, nominal_input, regressors, sign_margin
-from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.calibration.model import PRESETS
 
 MOUNTINGS = [
     np.eye(3),

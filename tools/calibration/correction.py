@@ -16,12 +16,7 @@ from ...fmus import components
 from ...fmus.parameters import calibrated_block, checked_number, parameter_set
 from ..errors import InputError, unreadable
 from ..files import whole_file
-from ..records import (
-    PositionRecord,
-    RawRecord,
-    StrapdownRecord,
-    read_record,
-)
+from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
 from .result import Calibration
@@ -64,13 +59,7 @@ class Correction:
 
 
 def read_correction(path: Path) -> Correction:
-    """The correction of a calibration's file.
-
-    Raises
-    ------
-    InputError
-        for a file that is no consistent calibration
-    """
+    """The correction of a calibration's file; an InputError for one that is no consistent calibration."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -162,13 +151,7 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
 def remaining_error(correction: Correction, n: NDArray, noise_bound: float = 0.0) -> tuple[NDArray, NDArray]:
     """How far true inputs may be from corrected ones n (N, 3) [g]: least and greatest difference, true less corrected.
 
-    Parameters
-    ----------
-    correction : Correction
-    n : (N, 3) array
-        corrected readings over g
-    noise_bound : float
-        bound of the readings' own errors [g]; 0 leaves what the calibration alone is responsible for
+    `noise_bound` [g] is that of the readings' own errors; 0 leaves what the calibration alone is responsible for.
     """
     lows, highs = error_bounds(correction, n)
     n = np.asarray(n)
@@ -339,10 +322,7 @@ def apply_calibration(calibration: str | Path | Calibration, record: Path, *, no
 def write_parameter_set(result: Calibration, path: Path) -> None:
     """Write the calibrated block as an .ssv file; both components have all of its parameters.
 
-    Raises
-    ------
-    InputError
-        when the calibration is not consistent, or a value is beyond what the components take; nothing is written
+    An InputError when the calibration is not consistent, or a value is beyond what the components take.
     """
     try:
         block = calibrated_block(result.to_json())

@@ -1,6 +1,5 @@
 """What readings leave possible, at the fit: radius, values, guaranteed errors, exact intervals, pairs of targets."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,17 +25,10 @@ SAME = 1e-6
 
 
 def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
-    """The least max |z − f(X)| / bound of the exact model, where it is attained, and the duals that prove it.
+    """The least max |z − f(X)| / bound of the exact model, where it is attained (P,), and the duals (M,) that prove it.
 
     The programme is solved again about its own centre with exact residuals until it stays there: near the fit
     one more time is enough. Where the measurements leave parameters open, the programme at the fit stands.
-
-    Returns
-    -------
-    radius : float
-    centre : (P,) array
-    duals : (M,) array
-        as of `chebyshev_radius`
     """
     radius, step, duals = chebyshev_radius(here.jacobian, here.residual, here.bound)
     if here.deficient:
@@ -57,24 +49,13 @@ def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
 
 
 def estimate_targets(here: Linearisation, wanted: list[Target], intervals: NDArray) -> list[Estimate]:
-    """Each target's estimate and guaranteed error, with its exact interval.
+    """Each target's estimate and guaranteed error, with its exact interval (T, 2), NaN where there is none.
 
-    Parameters
-    ----------
-    here : Linearisation
-        at the fit
-    wanted : list of Target
-    intervals : (T, 2) array
-        of `exact_intervals`; NaN where there is none
-
-    Returns
-    -------
-    list of Estimate
-        with None for what the measurements do not determine
+    None stands for what the measurements do not determine.
     """
     numbers = np.full((len(wanted), 4), np.nan)
     numbers[:, 2:] = intervals[: len(wanted)]
-    known = _determined_rows(here, [t.weights for t in wanted])
+    known = [k for k, target in enumerate(wanted) if _is_determined(here, target.weights)]
     reduced = Polytope(here.jacobian @ here.span, here.bound)
     if known:
         reduced.confine(-here.bound, here.bound)
@@ -95,15 +76,7 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
     The ends are those of the linear programmes about the Chebyshev centre, moved outwards by what the remainder of the
     linearisation can do: the greatest that it is at any of the vertices, weighted by each programme's duals.
 
-    Parameters
-    ----------
-    feasible : FeasibleSet
-    weights : (K, P) array
-
-    Returns
-    -------
-    (K, 2) array
-        NaN where the measurements do not determine it
+    Shape (K, 2) for weights (K, P), NaN where the measurements do not determine it.
     """
     here, centre = feasible.linearised, feasible.centre
     intervals = np.full((len(weights), 2), np.nan)
@@ -112,7 +85,7 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
     polytope, residual = _steps_of(feasible)
     tops = {}
     remainder = np.zeros(len(residual))
-    known = _determined_rows(here, weights)
+    known = [k for k, row in enumerate(weights) if _is_determined(here, row)]
     for k in tracked(known, "exact intervals", show=_takes_long(here)):
         for side, sense in enumerate((-1.0, 1.0)):
             value, step, phi = polytope.maximise(here.span.T @ (sense * weights[k]))
@@ -138,10 +111,6 @@ def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:
     polytope = Polytope(here.jacobian @ here.span, here.bound)
     polytope.confine(residual - room, residual + room)
     return polytope, residual
-
-
-def _determined_rows(here: Linearisation, weights: Iterable[NDArray]) -> list[int]:
-    return [k for k, row in enumerate(weights) if _is_determined(here, row)]
 
 
 def _takes_long(here: Linearisation) -> bool:

@@ -1,12 +1,16 @@
-"""The bench's exact model: its parameters, its linearisation at a point, its least-squares fit to a record.
+"""The bench's exact model: its mountings, its parameters, its linearisation at a point, its fit to a record.
 
 With several mountings the mounting error is another one for each and everything else is common; the symmetric baseline
 has one scale factor for each accelerometer. The parameters are the targets of case (A1) themselves, so that a target's
 weights are unit vectors and any other linear combination is a short sum.
 """
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import atan, cos, radians, sin, sqrt
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.bench import (
     SYMMETRIC_PAIRS,
     TARGETS,
+    checked_rotation,
     input_direction,
     input_jacobian,
     target_jacobian,
     target_reading,
 )
 from ...models.regressors import admissible, nominal_input, sign_margin
-from ..errors import InputError
+from ..errors import InputError, nearest
+from ..records import PositionRecord
 
 MOUNTING_TARGETS = ("X8", "-X12", "X13")
 """Targets that differ by mounting."""
@@ -34,6 +40,123 @@ COARSE = 1e-2
 MAX_ROUNDS = 30
 ENOUGH = 6000
 """So many measurements, spread over the record, are weighed: more would tell little more and take long."""
+
+
+def frame_turn(axis: int, angle: float) -> NDArray:
+    """Direction cosines (3, 3) of a frame turned by `angle` [rad] about its axis 1, 2 or 3."""
+    i, j = {1: (1, 2), 2: (2, 0), 3: (0, 1)}[axis]
+    matrix = np.eye(3)
+    matrix[i, i] = matrix[j, j] = cos(angle)
+    matrix[i, j], matrix[j, i] = sin(angle), -sin(angle)
+    return matrix
+
+
+PRESETS: dict[str, NDArray] = {
+    "identity": np.eye(3),
+    "cyclic": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    "rz45": frame_turn(3, radians(45)),
+    "ry45": frame_turn(2, radians(45)),
+    "tripod": frame_turn(2, atan(1 / sqrt(2))) @ frame_turn(1, radians(45)),
+    "skew": frame_turn(3, radians(20)) @ frame_turn(2, radians(30)) @ frame_turn(1, radians(40)),
+}
+"""Q by name: components in the block's axes from those in the inner frame. `rz45` and `ry45` are turned by 45° about
+axes 3 and 2; `tripod` has all three axes equally inclined; `skew` is turned by 20°, 30°, 40° about axes 3, 2, 1."""
+
+
+def checked_mounting(matrix: Any, where: str) -> NDArray:
+    """A proper rotation (3, 3) from nested lists, or an InputError that begins with `where`."""
+    try:
+        return checked_rotation(matrix)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def read_mounting_file(path: Path) -> dict[str, NDArray]:
+    """The mountings of a TOML file, `[name] matrix = [[...], [...], [...]]` for each; an InputError for any other."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(
+            f"--mounting {path}: neither a file nor a preset ({nearest(str(path), tuple(PRESETS))})"
+        ) from error
+    except OSError as error:
+        raise InputError(f"--mounting {path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"--mounting {path}: not UTF-8 text") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"--mounting {path}: not TOML: {error}") from error
+    if not content:
+        raise InputError(f"--mounting {path}: holds no mounting; write [name] and matrix = [[...], [...], [...]]")
+    mountings = {}
+    for name, table in content.items():
+        where = f"--mounting {path}: [{name}]"
+        if not isinstance(table, dict):
+            raise InputError(f"--mounting {path}: '{name}' stands outside a [name] table")
+        unknown = [key for key in table if key != "matrix"]
+        if unknown or "matrix" not in table:
+            wrong = f"has the unknown key '{unknown[0]}'" if unknown else "has no matrix"
+            raise InputError(f"{where} {wrong}; write matrix = [[...], [...], [...]]")
+        mountings[name] = checked_mounting(table["matrix"], where)
+    return mountings
+
+
+def mountings_of(given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
+    """The matrices (3, 3) of mountings by name, of a preset, or of a TOML file; an InputError for any other."""
+    if not isinstance(given, str):
+        return {name: checked_mounting(q, f"mounting '{name}'") for name, q in given.items()}
+    return {given: PRESETS[given]} if given in PRESETS else read_mounting_file(Path(given))
+
+
+def mountings_for(record: PositionRecord, given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
+    """The matrix of every mounting of a record, in the order in which they first appear.
+
+    Parameters
+    ----------
+    record : PositionRecord
+        its `mounting` column, where it has one, names the mountings
+    given : mapping or str
+        matrices by name, a preset's name, or the path of a TOML file
+
+    Returns
+    -------
+    dict of str to (3, 3) array
+        one entry when the record has no `mounting` column
+
+    Raises
+    ------
+    InputError
+        for an unreadable file, a matrix that is no rotation, a mounting of the record without a matrix
+    """
+    option = given if isinstance(given, str) else ""
+    preset, source = option in PRESETS, f"--mounting {option}" if option else "mounting"
+    known = given if not isinstance(given, str) else PRESETS if preset else read_mounting_file(Path(given))
+    if record.mounting is None:
+        if preset:
+            return {option: PRESETS[option]}
+        if option and len(known) > 1:
+            raise InputError(
+                f"{record.path}: has no column mounting, and --mounting {option} holds {len(known)} mountings "
+                f"({', '.join(known)}); give a file with one, or the column"
+            )
+        if len(known) != 1:
+            raise InputError(f"{record.path}: has no column mounting, so exactly one mounting must be given")
+        return mountings_of(known)
+    names = tuple(dict.fromkeys(record.mounting))
+    if preset and len(names) == 1 and names[0] not in PRESETS:
+        return {names[0]: PRESETS[option]}
+    if preset and option != "identity" and names != (option,):
+        raise InputError(
+            f"{record.path}: its column mounting names {', '.join(names)}, which --mounting {option} does not give; "
+            "give a TOML file with a matrix for each name"
+        )
+    for name in names:
+        if name not in known:
+            row = int(record.row[record.mounting.index(name)])
+            raise InputError(
+                f"{record.path}: row {row}, column mounting: {source} has no mounting '{name}' "
+                f"({nearest(name, tuple(known))}); give a TOML file with [{name}] matrix = [[...], [...], [...]]"
+            )
+    return mountings_of({name: known[name] for name in names})
 
 
 @dataclass(frozen=True)
@@ -85,24 +208,18 @@ def parametrise(mountings: Mapping[str, ArrayLike], *, symmetric: bool = False) 
     """The parameters for these mountings (name -> Q) and this baseline."""
     names = tuple(mountings)
     own_minus = {minus: plus for plus, minus in SYMMETRIC_PAIRS} if symmetric else {}
-    symbols: list[str] = []
-    places: list[list[str]] = [[] for _ in names]
-    for target in TARGETS:
-        if target not in MOUNTING_TARGETS:
-            source = own_minus.get(target, target)
-            if source == target:
-                symbols.append(target)
-            for k in range(len(names)):
-                places[k].append(source)
-            continue
-        for k, name in enumerate(names):
-            places[k].append(f"{target}@{name}" if len(names) > 1 else target)
-    own = [[f"{t}@{name}" if len(names) > 1 else t for t in MOUNTING_TARGETS] for name in names]
-    symbols[-3:-3] = [symbol for of_one in own for symbol in of_one]
+
+    def place(target: str, name: str) -> str:
+        if target in MOUNTING_TARGETS:
+            return f"{target}@{name}" if len(names) > 1 else target
+        return own_minus.get(target, target)
+
+    symbols = [target for target in TARGETS if target not in (*MOUNTING_TARGETS, *own_minus)]
+    symbols[-3:-3] = [place(target, name) for name in names for target in MOUNTING_TARGETS]
     selection = np.zeros((len(names), len(TARGETS), len(symbols)))
-    for k, of_one in enumerate(places):
-        for row, symbol in enumerate(of_one):
-            selection[k, row, symbols.index(symbol)] = 1.0
+    for k, name in enumerate(names):
+        for row, target in enumerate(TARGETS):
+            selection[k, row, symbols.index(place(target, name))] = 1.0
     matrices = np.array([np.asarray(q, dtype=float) for q in mountings.values()])
     return Parametrisation(tuple(symbols), names, matrices, selection, symmetric)
 
@@ -211,19 +328,9 @@ def linearise(
     bound: NDArray,
     sign: NDArray | None = None,
 ) -> Linearisation:
-    """Linearise the exact model at a point.
+    """Linearise the exact model at a point (P,): readings (N, 3) over g, their bounds (3 N,) as fractions of g.
 
-    Parameters
-    ----------
-    parametrisation, positions
-        the parameters (P) and the positions (N)
-    reading : (N, 3) array
-        readings over g
-    point : (P,) array
-    bound : (3 N,) array
-        noise bound of each measurement, as a fraction of g
-    sign : (N, 3) array, optional
-        signs of the inputs; by default those at the point
+    The signs (N, 3) of the inputs are by default those at the point.
     """
     n = predicted_input(parametrisation, point, positions)
     sign = np.where(n >= 0.0, 1, -1) if sign is None else sign
@@ -259,14 +366,9 @@ def nominal_jacobian(parametrisation: Parametrisation, positions: Positions) -> 
 def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     """Orthonormal basis (P, rank) of the directions that measurements determine; the identity when they are all.
 
-    A direction counts when its singular value exceeds √σ: then noise moves the estimate along it by so little that
-    the second-order remainder of the move stays below the noise. Less than 1e-4 is what encoder errors alone give.
-
-    Parameters
-    ----------
-    jacobian : (M, P) array
-    noise_bound : float
-        σ, as a fraction of g
+    A direction counts when its singular value in the jacobian (M, P) exceeds √σ [g]: then noise moves the estimate
+    along it by so little that the second-order remainder of the move stays below the noise. Less than 1e-4 is what
+    encoder errors alone give.
     """
     missing = max(0, jacobian.shape[1] - len(jacobian))
     _, values, directions = np.linalg.svd(np.pad(jacobian, ((0, missing), (0, 0))), full_matrices=False)
@@ -291,7 +393,6 @@ def fit(
     Parameters
     ----------
     parametrisation, positions
-        the parameters (P) and the positions (N)
     reading : (N, 3) array
         readings over g
     noise_bound : float
@@ -395,10 +496,8 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
         at the fit
     certain : (N, 3) array of bool
         where the sign was certain before anything was known
-    noise_bound : float
-        σ, as a fraction of g
-    bounds : (float, float)
-        u^max and v^0max of (1.7)
+    noise_bound, bounds
+        σ, as a fraction of g; u^max and v^0max of (1.7)
 
     Returns
     -------

@@ -1,7 +1,9 @@
 """From a position record to values with guaranteed errors: the procedure of `trihedron calibrate`."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +16,7 @@ from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
 from .estimates import chebyshev_centre, estimate_targets, exact_intervals
-from .model import Linearisation, Parametrisation, Positions, fit, parametrise, reading_jacobian
-from .mountings import mounting_names, mountings_of, read_mounting, select
+from .model import Linearisation, Parametrisation, Positions, fit, mountings_for, parametrise, reading_jacobian
 from .result import (
     Calibration,
     Estimate,
@@ -29,6 +30,7 @@ from .result import (
     number_or_none,
 )
 from .targets import (
+    Target,
     asked_priors,
     asked_targets,
     convention_targets,
@@ -51,24 +53,12 @@ WELL_DETERMINED = 2.0
 MAX_POSITIONS = 24
 
 
-def calibrate(
-    record: PositionRecord,
-    *,
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    convention: str = "A1",
-    baseline: str = "asymmetric",
-    bounds: tuple[float, float] = STANDARD_BOUNDS,
-    mounting: Mapping[str, ArrayLike] | str = "identity",
-    targets: Sequence[str] = (),
-    priors: Sequence[str] = (),
-) -> Calibration:
-    """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a calibration.
 
-    Parameters
+    Attributes
     ----------
-    record : PositionRecord
-        averaged readings at N positions
     noise_bound : float, optional
         σ, the bound on one reading's error as a fraction of g; from the record's own repeats and scatter when not given
     gravity : float
@@ -85,10 +75,27 @@ def calibrate(
         linear combinations of X1..X18 that are asked for beside those of the convention
     priors : sequence of str
         what is known beforehand, "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7); constraints like readings
+    """
 
-    Returns
-    -------
-    Calibration
+    noise_bound: float | None = None
+    gravity: float = 9.80665
+    convention: str = "A1"
+    baseline: str = "asymmetric"
+    bounds: tuple[float, float] = STANDARD_BOUNDS
+    mounting: Mapping[str, ArrayLike] | str = "identity"
+    targets: Sequence[str] = ()
+    priors: Sequence[str] = ()
+
+
+def calibrate(record: PositionRecord, **options: Any) -> Calibration:
+    """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
+
+    Parameters
+    ----------
+    record : PositionRecord
+        averaged readings at N positions
+    options
+        the attributes of `Asked`
 
     Raises
     ------
@@ -102,29 +109,21 @@ def calibrate(
     programme gives the verdict and two more for each target the ends of its interval, both corrected for the remainder
     of the linearisation. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
-    _check_choice("--convention", convention, ("A1", "A2"))
-    _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
-    noise = _noise_bound(record, noise_bound)
+    asked = Asked(**options)
+    bounds = asked.bounds
+    _check_choice("--convention", asked.convention, ("A1", "A2"))
+    _check_choice("--baseline", asked.baseline, ("asymmetric", "symmetric"))
+    noise = _noise_bound(record, asked.noise_bound)
     sigma = noise.value
-    here = fit_record(
-        record,
-        noise_bound=sigma,
-        gravity=gravity,
-        baseline=baseline,
-        bounds=bounds,
-        mounting=mounting,
-        priors=priors,
-    )
+    here = fit_record(record, sigma, asked)
     p = here.parametrisation
-    known_before = asked_priors(priors, p, bounds)
+    known_before = asked_priors(asked.priors, p, bounds)
     bounded = with_priors(here, known_before)
-    wanted = convention_targets(p, convention)
-    known = {target.symbol for target in wanted}
-    for target in asked_targets(targets, p):
-        if target.symbol not in known:
-            known.add(target.symbol)
-            wanted.append(target)
-    resolution = record.written_to(gravity)
+    named: dict[str, Target] = {}
+    for target in (*convention_targets(p, asked.convention), *asked_targets(asked.targets, p)):
+        named.setdefault(target.symbol, target)
+    wanted = list(named.values())
+    resolution = record.written_to(asked.gravity)
     slack = reading_uncertainty(resolution)
     weights = np.vstack([*(target.weights for target in wanted), error_weights(p)])
     intervals = np.full((len(weights), 2), np.nan)
@@ -167,8 +166,8 @@ def calibrate(
         verdict="insufficient" if missing or unbounded else "falsified" if falsified else "consistent",
         noise_bound=sigma,
         noise_bound_basis=noise.basis,
-        gravity_mps2=float(gravity),
-        convention="A2" if convention == "A2" else "A1",
+        gravity_mps2=float(asked.gravity),
+        convention="A2" if asked.convention == "A2" else "A1",
         baseline="symmetric" if p.symmetric else "asymmetric",
         mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
         positions=len(record.position),
@@ -202,30 +201,22 @@ def radius_limit(noise_bound: float, resolution: float) -> float:
     return 1.0 + reading_uncertainty(resolution) / noise_bound + RELATIVE_TOLERANCE
 
 
-def fit_record(
-    record: PositionRecord,
-    *,
-    noise_bound: float,
-    gravity: float = 9.80665,
-    baseline: str = "asymmetric",
-    bounds: tuple[float, float] = STANDARD_BOUNDS,
-    mounting: Mapping[str, ArrayLike] | str = "identity",
-    priors: Sequence[str] = (),
-) -> Linearisation:
-    """The exact model fitted to a record and linearised at the fit; arguments and errors as for `calibrate`."""
-    _check_choice("--baseline", baseline, ("asymmetric", "symmetric"))
+def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked()) -> Linearisation:
+    """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`."""
+    gravity, bounds = asked.gravity, asked.bounds
+    _check_choice("--baseline", asked.baseline, ("asymmetric", "symmetric"))
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
         raise InputError(f"--gravity {gravity:g}: must be from {GRAVITIES[0]:g} to {GRAVITIES[1]:g}, as 9.80665 [m/s²]")
     if len(bounds) != 2 or not all(isfinite(b) and 0.0 <= b < 0.5 for b in bounds):
         raise InputError(f"--bounds {' '.join(f'{b:g}' for b in bounds)}: must be two numbers from 0 to 0.5")
     if len(record.position) == 0:
         raise InputError(f"{record.path}: holds no positions")
-    matrices = _mountings(mounting, record)
+    matrices = mountings_for(record, asked.mounting)
     names = list(matrices)
     index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
-    p = parametrise(matrices, symmetric=baseline == "symmetric")
-    extent = parameter_limits(p.symbols, bounds, asked_priors(priors, p, bounds))
+    p = parametrise(matrices, symmetric=asked.baseline == "symmetric")
+    extent = parameter_limits(p.symbols, bounds, asked_priors(asked.priors, p, bounds))
     with said_of(str(record.path)):
         return fit(p, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds, extent)
 
@@ -273,17 +264,6 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) 
         )
 
 
-def _mountings(mounting: Mapping[str, ArrayLike] | str, record: PositionRecord) -> dict[str, NDArray]:
-    if isinstance(mounting, str):
-        return read_mounting(mounting, record)
-    names = mounting_names(record)
-    if names is not None:
-        return select(names, mounting, record, "mounting")
-    if len(mounting) != 1:
-        raise InputError(f"{record.path}: has no column mounting, so exactly one mounting must be given")
-    return mountings_of(mounting)
-
-
 def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:
     """Warnings: a fit far from any bench, measurements too few but contradictory already, a noise bound too small."""
     remarks = []
@@ -304,13 +284,7 @@ def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[st
 def _contradiction(here: Linearisation, number: NDArray, limit: float) -> str | None:
     """One sentence on the worst contradiction between readings at exactly the same angles in the same mounting.
 
-    Parameters
-    ----------
-    here : Linearisation
-    number : (N,) array of int
-        the record's position numbers
-    limit : float
-        how far two such readings may be apart, as a fraction of g
+    They may be apart by the limit, a fraction of g; `number` (N,) are the record's position numbers.
     """
     at = here.positions
     _, label = np.unique(np.stack([at.alpha, at.beta, at.mounting], axis=1), axis=0, return_inverse=True)
@@ -335,7 +309,7 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
     """A few positions that, added to those measured, determine every target.
 
     Chosen one by one from a coarse grid, the one that adds most information (the determinant) first; only readings
-    whose sign is certain by (1.7) count.
+    whose sign is certain by (1.7), with its bounds u^max and v^0max, count.
 
     Parameters
     ----------
@@ -343,13 +317,6 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
         what was measured
     weights : (T, P) array
         the targets
-    bounds : (float, float)
-        u^max and v^0max of (1.7)
-
-    Returns
-    -------
-    list of dict
-        alpha_deg, beta_deg, and mounting where there are several
     """
     p = here.parametrisation
     degrees = np.arange(0, 360, GRID_STEP_DEG)

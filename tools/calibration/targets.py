@@ -6,6 +6,7 @@ Targets of the convention, other combinations, errors of readings at the corners
 import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 
@@ -116,26 +117,19 @@ def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
 def asked_targets(expressions: Sequence[str], p: Parametrisation) -> list[Target]:
     """Targets as a person writes them: "X4-X5", "2*X4 + X6/3 - 0.5*X12", "X8@north".
 
-    Raises
-    ------
-    InputError
-        for what is not a linear combination of X1..X18
+    An InputError for what is not a linear combination of X1..X18.
     """
-    named = [(name, unit, _known_weights(symbol, p)) for symbol, (name, unit) in NAMES.items()]
+    named = []
+    for symbol, (name, unit) in NAMES.items():
+        with suppress(InputError):
+            named.append((name, unit, expression_weights(symbol, p)))
     targets = []
     for expression in expressions:
         weights = expression_weights(expression, p)
-        fitting = [(n, u) for n, u, known in named if known is not None and np.array_equal(known, weights)]
+        fitting = [(n, u) for n, u, known in named if np.array_equal(known, weights)]
         name, unit = fitting[0] if fitting else ("linear-combination", _common_unit(weights, p))
         targets.append(Target(" ".join(expression.split()), name, unit, weights))
     return targets
-
-
-def _known_weights(symbol: str, p: Parametrisation) -> NDArray | None:
-    try:
-        return expression_weights(symbol, p)
-    except InputError:
-        return None
 
 
 def _common_unit(weights: NDArray, p: Parametrisation) -> str:
@@ -149,12 +143,7 @@ def expression_weights(expression: str, p: Parametrisation, option: str = "--tar
     """Weights (P,) of a linear combination of X1..X18 written with + - * / and parentheses, as given to an option.
 
     With several mountings, X6, X7, X8, X11, X12, X13 differ by mounting and are written X8@name, unless the mounting
-    drops out of the combination (X6+X8).
-
-    Raises
-    ------
-    InputError
-        one line that says what is wrong with the expression
+    drops out of the combination (X6+X8). An InputError says what is wrong with another expression.
     """
     where = f"{option} {expression[:60]!r}"
     if len(expression) > MAX_EXPRESSION:
@@ -193,6 +182,13 @@ class _Expression:
     def _refuse(self, what: str):
         raise InputError(f"{self._where}: {what}")
 
+    def _taken(self, signs: str) -> str:
+        """The next sign where it is one of these, passed by; else nothing."""
+        sign = self._peek()
+        taken = sign if sign and sign in signs else ""
+        self._at += len(taken)
+        return taken
+
     def _peek(self) -> str:
         while self._at < len(self._text) and self._text[self._at] in " \t":
             self._at += 1
@@ -200,8 +196,7 @@ class _Expression:
 
     def _sum(self) -> tuple[float, NDArray]:
         constant, weights = self._product()
-        while (sign := self._peek()) in ("+", "-"):
-            self._at += 1
+        while sign := self._taken("+-"):
             more, others = self._product()
             factor = 1.0 if sign == "+" else -1.0
             constant, weights = constant + factor * more, weights + factor * others
@@ -209,8 +204,7 @@ class _Expression:
 
     def _product(self) -> tuple[float, NDArray]:
         constant, weights = self._factor()
-        while (sign := self._peek()) in ("*", "/"):
-            self._at += 1
+        while sign := self._taken("*/"):
             more, others = self._factor()
             if sign == "/":
                 if others.any() or more == 0.0:
@@ -228,18 +222,15 @@ class _Expression:
         if self._depth > 50:
             self._refuse("is nested too deeply")
         try:
-            first = self._peek()
-            if first in ("+", "-"):
-                self._at += 1
+            if sign := self._taken("+-"):
                 constant, weights = self._factor()
-                return (constant, weights) if first == "+" else (-constant, -weights)
-            if first == "(":
-                self._at += 1
+                return (constant, weights) if sign == "+" else (-constant, -weights)
+            if self._taken("("):
                 value = self._sum()
-                if self._peek() != ")":
+                if not self._taken(")"):
                     self._refuse("a parenthesis is not closed")
-                self._at += 1
                 return value
+            first = self._peek()
             if number := NUMBER.match(self._text, self._at):
                 self._at = number.end()
                 if not math.isfinite(float(number[0])):
@@ -326,10 +317,7 @@ class WithPriors(Linearisation):
 def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, float]) -> list[Prior]:
     """Priors as a person writes them: "X16=1e-3", "X4-X5=2e-4", or "bounds" for all by (1.7).
 
-    Raises
-    ------
-    InputError
-        for another form, or a limit that is not positive
+    An InputError for another form, or a limit that is not positive.
     """
     priors = []
     for text in texts:

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 from ...fmus.parameters import target_estimates
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
-from ..calibration.mountings import checked_mounting
+from ..calibration.model import checked_mounting
 from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
 from ..errors import InputError, nearest

@@ -13,8 +13,7 @@ from ...models.effects import EffectPlace
 from ...models.regressors import admissible
 from ..bounded.programmes import least_largest
 from ..bounded.spaces import column_space, cosine, spaces_beyond
-from ..calibration.model import Parametrisation, Positions, parametrise, predicted_input, reading_jacobian
-from ..calibration.mountings import PRESETS
+from ..calibration.model import PRESETS, Parametrisation, Positions, parametrise, predicted_input, reading_jacobian
 from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, signature_columns
 from .bench_model import Cast, Readings
 from .evidence import Fit

@@ -15,8 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calibration.model import Parametrisation, parametrise
-from ..calibration.mountings import mountings_of
+from ..calibration.model import Parametrisation, mountings_of, parametrise
 from ..calibration.targets import Target, convention_targets
 from ..errors import InputError
 from ..progress import shown_status

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import ELEMENTARY, elementary, elementary_reading
 from ...models.effects import POSITION_EFFECTS
-from ..calibration.model import Linearisation, Positions, linearise, parametrise
-from ..calibration.mountings import PRESETS
-from ..calibration.procedure import fit_record
+from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
+from ..calibration.procedure import Asked, fit_record
 from ..evidence.bench_effects import Circumstances, circumstances_of
 from ..evidence.bench_probe import dense_spaces
 from ..evidence.evidence import Classes
@@ -211,7 +210,7 @@ def faultless_record(bench: Bench) -> PositionRecord:
 def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
     """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
     record = faultless_record(bench)
-    here = fit_record(record, noise_bound=NOISE_BOUND, baseline=bench.baseline, mounting=bench.matrices)
+    here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
     return here, circumstances_of(record)
 
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, EffectPlace
-from ..calibration.mountings import PRESETS
+from ..calibration.model import PRESETS
 from ..diagnosis.result import NamedEffect
 from ..diagnosis.sizes import SureSizes
 from ..orchestrator import simulate

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.model import parametrise
-from trihedron.tools.calibration.mountings import PRESETS, read_mounting
+from trihedron.tools.calibration.model import PRESETS, mountings_for, parametrise
 from trihedron.tools.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights
 from trihedron.tools.errors import InputError
 
@@ -126,22 +125,22 @@ def test_presets_are_rotations():
 def test_a_file_gives_the_mountings_that_the_record_names(tmp_path):
     path = tmp_path / "q.toml"
     path.write_text("[up]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\n[down]\nmatrix = [[1,0,0],[0,-1,0],[0,0,-1]]\n")
-    both = read_mounting(str(path), block(["down", "up"]))
+    both = mountings_for(block(["down", "up"]), str(path))
     assert list(both) == ["down", "up"]
     np.testing.assert_array_equal(both["down"], np.diag([1.0, -1.0, -1.0]))
     with pytest.raises(InputError, match=r"row 2, column mounting.*'upp'.*did you mean 'up'"):
-        read_mounting(str(path), block(["up", "upp"]))
+        mountings_for(block(["up", "upp"]), str(path))
     with pytest.raises(InputError, match="no column mounting"):
-        read_mounting(str(path), block())
+        mountings_for(block(), str(path))
 
 
 def test_presets_and_the_column_mounting():
-    assert list(read_mounting("identity", block())) == ["identity"]
-    assert list(read_mounting("identity", block(["cyclic", "identity"]))) == ["cyclic", "identity"]
-    np.testing.assert_array_equal(read_mounting("tripod", block(["rig", "rig"]))["rig"], PRESETS["tripod"])
+    assert list(mountings_for(block(), "identity")) == ["identity"]
+    assert list(mountings_for(block(["cyclic", "identity"]), "identity")) == ["cyclic", "identity"]
+    np.testing.assert_array_equal(mountings_for(block(["rig", "rig"]), "tripod")["rig"], PRESETS["tripod"])
     for option, column in (("identity", ["a", "b"]), ("cyclic", ["identity", "identity"]), ("cyclic", ["a", "b"])):
         with pytest.raises(InputError, match="TOML"):
-            read_mounting(option, block(column))
+            mountings_for(block(column), option)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +167,7 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
     path = tmp_path / "q.toml"
     path.write_text(text)
     with pytest.raises(InputError, match=said) as refusal:
-        read_mounting(str(path), block(["a", "a"]))
+        mountings_for(block(["a", "a"]), str(path))
     assert "\n" not in str(refusal.value)
     assert str(path) in str(refusal.value)
 
@@ -177,7 +176,7 @@ def test_unreadable_files_are_refused(tmp_path):
     (tmp_path / "latin.toml").write_bytes(b"[\xe4]\n")
     for path in (tmp_path, tmp_path / "none.toml", tmp_path / "latin.toml"):
         with pytest.raises(InputError, match="--mounting"):
-            read_mounting(str(path), block())
+            mountings_for(block(), str(path))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from simulated_bench import ALPHA, BETA, interval, misses, random_bench, record,
 from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
 from trihedron.tools.calibration import Calibration, calibrate
-from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.calibration.model import PRESETS
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

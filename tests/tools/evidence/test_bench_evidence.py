@@ -8,8 +8,7 @@ import pytest
 from bench_cases import HiddenCase, draw_case, measure
 from other_solver import farthest
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.calibration.model import parametrise
-from trihedron.tools.calibration.mountings import PRESETS
+from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import excluded_sizes
 from trihedron.tools.diagnosis.result import Witness
