@@ -10,8 +10,8 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials import suite
 from trihedron.tools.trials.bench import plain_bench
-from trihedron.tools.trials.draw import draw_alone
-from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
+from trihedron.tools.trials.draw import Case, draw_alone
+from trihedron.tools.trials.sizes import Hidden
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,12 @@ def draw_case(seed: int, **options: Any) -> HiddenCase:
 
 def measure(case: HiddenCase, seed: int) -> PositionRecord:
     """What a laboratory would hand over."""
-    return measure_bench(_case(case, seed))
+    return _case(case, seed).measured()
 
 
-def _case(case: HiddenCase, seed: int) -> BenchCase:
+def _case(case: HiddenCase, seed: int) -> Case:
     bench = plain_bench(case.truth, case.alpha, case.beta, symmetric=False)
-    return BenchCase(seed, None, bench, () if case.place is None else (Hidden(case.place, case.values),))
+    return Case(seed, None, bench, () if case.place is None else (Hidden(case.place, case.values),))
 
 
 def write_hidden_record(path: Path, seed: int, answer: Path | None = None, **options: Any) -> None:

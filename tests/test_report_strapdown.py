@@ -19,8 +19,7 @@ from trihedron.tools.reports.diagnosis import page as strapdown_page
 from trihedron.tools.reports.diagnosis import sets_of, verdict_sentence
 from trihedron.tools.reports.evidence import in_words, parameter_section
 from trihedron.tools.reports.model import cause_lines, own_words
-from trihedron.tools.trials.draw import BlockOptions, draw_block_case
-from trihedron.tools.trials.measure import measure_block
+from trihedron.tools.trials.draw import Options, draw_case
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def page(explained):
 
 @pytest.fixture(scope="module")
 def ambiguous():
-    found = diagnose(measure_block(draw_block_case(BlockOptions(), 4, 4)))
+    found = diagnose(draw_case(Options(strapdown=True), 4, 4).measured())
     assert found.verdict == "ambiguous"
     return found
 

@@ -14,8 +14,7 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_effects import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials.bench import NOISE_BOUND, classes_with
-from trihedron.tools.trials.draw import BenchOptions, draw_bench_case
-from trihedron.tools.trials.measure import BenchCase, measure_bench
+from trihedron.tools.trials.draw import Case, Options, draw_case
 
 LEAST_RADIUS = 1.5
 """What the catalogue's best set of three leaves, at least, in units of σ."""
@@ -94,7 +93,7 @@ UNKNOWN: tuple[Callable[[int, Rows], NDArray], ...] = (
 class UnknownCase:
     """A record with an effect that the catalogue lacks."""
 
-    case: BenchCase
+    case: Case
     record: PositionRecord
     name: str
     nearest: float
@@ -109,8 +108,8 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
     rng = np.random.default_rng([seed, index])
     effect = UNKNOWN[index % len(UNKNOWN)]
     for attempt in range(20):
-        case = draw_bench_case(BenchOptions("clean", positions=positions), seed, 1000 * index + attempt)
-        clean = measure_bench(case)
+        case = draw_case(Options("clean", positions=positions), seed, 1000 * index + attempt)
+        clean = case.measured()
         p = int(rng.integers(3))
         bench = case.bench
         here = fit_record(clean, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
@@ -129,7 +128,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
     raise AssertionError(f"{effect.__name__}: no bench shows it")
 
 
-def is_beyond_three(case: BenchCase, record: PositionRecord) -> bool:
+def is_beyond_three(case: Case, record: PositionRecord) -> bool:
     """Whether no set of three keeps every residual within 1.5 σ."""
     bench = case.bench
     bound = LEAST_RADIUS * NOISE_BOUND
@@ -137,7 +136,7 @@ def is_beyond_three(case: BenchCase, record: PositionRecord) -> bool:
     return wide.verdict == "unexplained"
 
 
-def nearest_triple(case: BenchCase, record: PositionRecord, change: NDArray | None = None) -> float:
+def nearest_triple(case: Case, record: PositionRecord, change: NDArray | None = None) -> float:
     """The least distance [g] of a record's residual, or of a change, from the model with three effects, as found.
 
     A beam search of its own: singles, pairs and triples, outliers among them, are grown by least squares, the best

@@ -15,7 +15,6 @@ from trihedron.tools.files import write_text
 from trihedron.tools.reports.evidence import residual_sections
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
-from trihedron.tools.trials.measure import measure
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""
@@ -117,7 +116,7 @@ def formula_text(effect: Effect) -> str:
 
 def readme_picture() -> str:
     """Residuals of a record with a hidden effect, before and after the simulation was extended (SVG)."""
-    record = measure(draw_alone(PICTURE_SEED, effects=["quadratic"]))
+    record = draw_alone(PICTURE_SEED, effects=["quadratic"]).measured()
     sections = residual_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
     return sections[0].svg or ""
 

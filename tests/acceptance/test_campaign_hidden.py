@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trihedron.tools import cli
-from trihedron.tools.trials.suite import BenchSuite, named_suite, run_suite
+from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 
 pytestmark = pytest.mark.acceptance
 CASES = max(10, round(200 * float(os.environ.get("TRIHEDRON_SUITE_SHARE", "0.1"))))
@@ -20,7 +20,7 @@ def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path, capsy
     assert cli.main(["campaign", str(tmp_path / "c.toml"), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
     suite = named_suite("detection")
     done = run_suite(suite.options, CASES, suite.seed)
-    assert isinstance(done, BenchSuite)
+    assert isinstance(done, Suite)
     computed = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["computed"]
     falsified, right, confusion, inside = (item["result"] for item in computed)
     expected = {b.low: (b.cases, b.detected, b.named) for b in done.detection}

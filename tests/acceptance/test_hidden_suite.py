@@ -12,9 +12,8 @@ import pytest
 
 from trihedron.tools.calibration.model import PRESETS
 from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND, Bench
-from trihedron.tools.trials.draw import draw_bench_case
-from trihedron.tools.trials.measure import BenchCase, measure_bench
-from trihedron.tools.trials.outcome import BenchOutcome, diagnosed, judged
+from trihedron.tools.trials.draw import Case, draw_case
+from trihedron.tools.trials.outcome import Outcome, diagnosed, judged
 from trihedron.tools.trials.suite import detection, named_suite, run_suite
 from unknown_effects import LEAST_RADIUS, draw_unknown
 
@@ -23,7 +22,7 @@ SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 """A part of each suite is run where somebody only wants to look; limits are parts of what is run."""
 
 
-def run(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[Sequence[BenchOutcome], Counter[str]]:
+def run(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[Sequence[Outcome], Counter[str]]:
     suite = named_suite(name)
     done: Any = run_suite(suite.options, max(1, round(SHARE * suite.cases)), suite.seed)
     say(capsys, str(done))
@@ -35,7 +34,7 @@ def say(capsys: pytest.CaptureFixture[str], text: str) -> None:
         print(f"\n{text}", file=sys.stderr, flush=True)
 
 
-def assert_inside(outcomes: Sequence[BenchOutcome]) -> None:
+def assert_inside(outcomes: Sequence[Outcome]) -> None:
     """The size of the effect is inside its interval in every case that was named rightly."""
     assert [outcome.case for outcome in outcomes if outcome.inside is False] == []
 
@@ -86,7 +85,7 @@ def test_effects_that_the_catalogue_lacks_get_no_name(capsys):
     assert counts["unexplained"] >= 0.95 * counts.total()
 
 
-def measured_too(case: BenchCase, positions: Sequence[Any]) -> BenchCase:
+def measured_too(case: Case, positions: Sequence[Any]) -> Case:
     """The case with more positions at the end of its programme."""
     bench = case.bench
     alpha, beta = (np.radians([float(p[name]) for p in positions]) for name in ("alpha_deg", "beta_deg"))
@@ -109,7 +108,7 @@ def measured_too(case: BenchCase, positions: Sequence[Any]) -> BenchCase:
         np.append(bench.beta, beta),
         np.append(bench.mounting, np.array(mounting, dtype=int)),
     )
-    return replace(case, bench=more)
+    return replace(case, instrument=more)
 
 
 def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
@@ -119,12 +118,12 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
     for index in range(1000):
         if counts.total() == asked:
             break
-        case = draw_bench_case(suite.options, suite.seed + 1, index)
-        first: Any = diagnosed(case, measure_bench(case))
+        case = draw_case(suite.options, suite.seed + 1, index)
+        first: Any = diagnosed(case, case.measured())
         if judged(case, first).outcome != "candidate" or not first.next_positions:
             continue
         longer = measured_too(case, first.next_positions)
-        counts[judged(longer, diagnosed(longer, measure_bench(longer))).outcome] += 1
+        counts[judged(longer, diagnosed(longer, longer.measured())).outcome] += 1
     say(capsys, f"ambiguous, then measured where it was proposed: {dict(counts)}")
     assert counts["right"] + counts["candidate"] >= 0.95 * asked
 
@@ -134,8 +133,8 @@ def test_held_out_errors_fall_to_the_noise(capsys):
     suite = named_suite("single")
     ratios, worse = [], 0
     for index in range(max(3, round(SHARE * 40))):
-        case = draw_bench_case(suite.options, suite.seed + 2, index)
-        result = diagnosed(case, measure_bench(case), rerun=True)
+        case = draw_case(suite.options, suite.seed + 2, index)
+        result = diagnosed(case, case.measured(), rerun=True)
         if result.gain is None:
             continue
         gain = result.gain.to_json()

@@ -10,10 +10,10 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
-from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
+from trihedron.tools.trials.draw import Case
 from trihedron.tools.trials.outcome import diagnosed
+from trihedron.tools.trials.sizes import Hidden
 
 pytestmark = pytest.mark.benchmark_ratio
 EFFECTS = {
@@ -24,15 +24,14 @@ EFFECTS = {
 LEAST_RATIO = 100.0
 
 
-def three_effects(positions: int) -> BenchCase:
+def three_effects(positions: int) -> Case:
     bench = draw_bench(np.random.default_rng(1), (positions, positions))
-    nothing = SureSizes(1.0, 1.0, None)
-    return BenchCase(1, 0, bench, tuple(Hidden(p, v, 1.0, nothing) for p, v in EFFECTS.items()), "uniform")
+    return Case(1, 0, bench, tuple(Hidden(place, values) for place, values in EFFECTS.items()))
 
 
 def test_proof_against_a_programme_for_each_set(capsys):
     case = three_effects(100)
-    record = measure_bench(case)
+    record = case.measured()
     result = diagnosed(case, record)
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     evidence = result.evidence
@@ -60,7 +59,7 @@ def test_proof_against_a_programme_for_each_set(capsys):
 def test_a_whole_diagnosis(positions, capsys):
     """Falsified, searched to sets of three, judged on what was left out; not simulated again."""
     case = three_effects(positions)
-    record = measure_bench(case)
+    record = case.measured()
     begun = time.process_time()
     result = diagnose(
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices, rerun=False

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from .compiled_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
 from .programmes import chebyshev_radius
+from .spaces import column_space
 
-DEPENDENT = 1e-9
-"""A column whose norm shrinks by this factor in a projection is called dependent."""
 MAX_SET = 3
 MOST_OUTLIERS = 2
 FEW = 32
@@ -130,17 +129,9 @@ def project(problem: Problem, weights: NDArray) -> Projection:
 
 def without_nominal(problem: Problem, root: NDArray) -> tuple[NDArray, NDArray]:
     """Basis (M, p) of the nominal columns and the residual (M,) without them, rows multiplied by `root` (M,)."""
-    basis = weighted_basis(problem.nominal, root)
+    basis = np.ascontiguousarray(column_space(root[:, None] * problem.nominal))
     residual = root * problem.residual
     return basis, residual - basis @ (basis.T @ residual)
-
-
-def weighted_basis(columns: NDArray, root: NDArray) -> NDArray:
-    """Orthonormal basis (M, p) of columns whose rows are multiplied by `root` (M,)."""
-    taken = root[:, None] * columns
-    size = np.linalg.norm(taken, axis=0)
-    basis, values, _ = np.linalg.svd(taken / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    return np.ascontiguousarray(basis[:, values > DEPENDENT * values.max(initial=0.0)])
 
 
 def sharpened(weights: NDArray, misfit: NDArray) -> NDArray:

@@ -32,8 +32,7 @@ from ..papers.attitude import EXACT, paper_motion
 from ..records import PositionRecord, RawRecord
 from ..records.rests import position_record_of
 from ..trials.bench import draw_truth, true_elementary
-from ..trials.draw import BenchOptions, draw_bench_case
-from ..trials.measure import measure_bench
+from ..trials.draw import Options, draw_case
 from ..trials.outcome import diagnosed, judged
 from ..trials.suite import named_suite
 from .design import Value, short_seed
@@ -514,7 +513,7 @@ class HiddenRuns:
             self.options, self.seed = named.options, named.seed
         else:
             size = setting.size
-            self.options = BenchOptions(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
+            self.options = Options(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
             self.seed = campaign.seed
         self.outputs = {
             "hidden": Output(pl.String),
@@ -531,8 +530,8 @@ class HiddenRuns:
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
-        case = draw_bench_case(self.options, self.seed, number)
-        record = measure_bench(case)
+        case = draw_case(self.options, self.seed, number)
+        record = case.measured()
         found = diagnosed(case, record)
         outcome = judged(case, found)
         scalars: dict[str, Value | int | None] = {
@@ -544,7 +543,7 @@ class HiddenRuns:
             "radius": outcome.radius,
             "inside": outcome.inside,
             "size_error": outcome.size_errors[0] if len(outcome.size_errors) == 1 else None,
-            "positions": len(case.bench.alpha),
+            "positions": outcome.positions,
             "redrawn": case.redrawn,
         }
         told = None

@@ -255,7 +255,7 @@ def hidden(
     else:
         chosen = "clean" if what.clean else mode or "single"
         named = trials.NamedSuite(
-            trials.BenchOptions(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0
+            trials.Options(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0
         )
     cases, seed = named.cases if what.cases is None else what.cases, named.seed if what.seed is None else what.seed
     return _suite(named.options, cases, seed, what, json)
@@ -274,7 +274,7 @@ def _one_strapdown(record: Path | None, what: HiddenOptions, json: Path | None) 
     _refuse({"--size": what.size, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
     if record is None:
         raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
-    options = trials.BlockOptions(clean=what.clean, effects=what.effect)
+    options = trials.Options("clean" if what.clean else "single", what.effect, strapdown=True)
     return _written(record, what, json, lambda seed: trials.draw_case(options, seed, seed))
 
 
@@ -291,7 +291,7 @@ def _strapdown_suite(record: Path | None, what: HiddenOptions, json: Path | None
     _refuse({"the record": record, "--answer": what.secret}, "is of one record, --cases of many; give one of the two")
     assert what.cases is not None
     return _suite(
-        trials.BlockOptions(what.clean, what.effect, what.size or trials.BLOCK_SIZES),
+        trials.Options("clean" if what.clean else "single", what.effect, size=what.size, strapdown=True),
         what.cases,
         what.seed or 0,
         what,

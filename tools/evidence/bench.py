@@ -15,6 +15,7 @@ from ...models.regressors import admissible, nominal_input
 from ..bounded.possible import Interval
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import Problem, sets_of_size
+from ..bounded.spaces import column_space
 from ..calibration.model import Linearisation, linearise, predicted_input, widening
 from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty, repeats
 from ..calibration.result import Calibration
@@ -461,10 +462,7 @@ class Bench(Evidence):
 def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[EffectPlace]:
     """Effects by what each takes off the robust sum of squares, the most helpful first."""
     root = 1.0 / np.sqrt(np.maximum(1.0, np.abs(problem.residual)))
-    nominal = root[:, None] * problem.nominal
-    size = np.linalg.norm(nominal, axis=0)
-    basis, values, _ = np.linalg.svd(nominal / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    basis = basis[:, values > 1e-9 * values.max(initial=0.0)]
+    basis = column_space(root[:, None] * problem.nominal)
     target = root * problem.residual
     target = target - basis @ (basis.T @ target)
     gains = []

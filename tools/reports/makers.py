@@ -18,8 +18,6 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Application": ("calibration", "application_lines", None),
     "AttitudeComparison": ("inspection", "comparison_lines", None),
     "AttitudeRun": ("inspection", "attitude_lines", None),
-    "BenchSuite": ("trials", "suite_lines", "suite_page"),
-    "BlockSuite": ("trials", "suite_lines", "suite_page"),
     "Calibration": ("calibration", "lines", "page"),
     "CampaignResult": ("campaign", "campaign_lines", None),
     "Check": ("makers", "check_lines", None),
@@ -35,6 +33,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Reproduction": ("papers", "reproduction_lines", None),
     "SettingCheck": ("plan", "setting_lines", None),
     "Simulation": ("makers", "simulation_lines", None),
+    "Suite": ("trials", "suite_lines", "suite_page"),
     "WordLength": ("papers", "word_length_lines", None),
 }
 """Kind of result -> module here, what makes its lines for a terminal, what makes its page."""

@@ -12,8 +12,8 @@ from ..campaign.summary import rate
 from ..document.blocks import Page, Section, Table
 from ..document.page import write_page
 from ..files import write_text
-from ..trials.outcome import NOTHING, BlockOutcome
-from ..trials.suite import BenchSuite, BlockSuite, Detection, Suite, cases_csv, confusion
+from ..trials.outcome import NOTHING
+from ..trials.suite import Detection, Suite, cases_csv, confusion
 from .pictures.suites import confusion_picture, rates_picture, size_errors_picture
 
 MOST_LISTED = 20
@@ -41,7 +41,7 @@ def write_suite(suite: Suite, folder: Path) -> list[Path]:
 
 def suite_lines(suite: Suite) -> list[str]:
     """What a person is told."""
-    bench = isinstance(suite, BenchSuite)
+    bench = not suite.strapdown
     what = f"{suite.cases} cases ({suite.mode})" if bench else f"{suite.cases} strapdown records"
     lines = [f"{what}, seed {suite.seed}: " + ", ".join(f"{kind} {number}" for kind, number in suite.outcomes.items())]
     if bench and suite.redrawn:
@@ -78,7 +78,7 @@ def suite_lines(suite: Suite) -> list[str]:
     for outcome in told[:MOST_LISTED]:
         hidden = outcome.titles(named=False, between=" and ") or NOTHING
         named = outcome.titles(named=True, between=" and ")
-        where = f" ({outcome.reference})" if isinstance(outcome, BlockOutcome) else ""
+        where = f" ({outcome.reference})" if suite.strapdown else ""
         made = f"{outcome.verdict}: {named}" if bench or named else outcome.verdict
         lines.append(f"case {outcome.case}: hidden {hidden}{where}; {made}")
     return lines
@@ -90,7 +90,7 @@ def _top(bin_: Detection) -> float:
 
 def suite_page(suite: Suite) -> Page:
     """The page: what was hidden, the table of confusion, errors of the sizes, every case that was not named rightly."""
-    bench = isinstance(suite, BenchSuite)
+    bench = not suite.strapdown
     told = ", ".join(f"{number} {kind}" for kind, number in suite.outcomes.items())
     hidden = any(outcome.places for outcome in suite.results)
     picture = confusion_picture(confusion(suite.results)) if hidden else None
@@ -105,7 +105,7 @@ def suite_page(suite: Suite) -> Page:
         if outcome.outcome != "right":
             words = [outcome.titles(named=False) or NOTHING, outcome.verdict, outcome.outcome]
             words.append(outcome.titles(named=True))
-            if isinstance(outcome, BlockOutcome):
+            if suite.strapdown:
                 rows.append([outcome.case, outcome.reference, *words, outcome.why])
             else:
                 rows.append([outcome.case, outcome.positions, *words])
@@ -120,7 +120,7 @@ def suite_page(suite: Suite) -> Page:
     )
 
 
-def _about_bench(suite: BenchSuite, told: str) -> list[str]:
+def _about_bench(suite: Suite, told: str) -> list[str]:
     what = SHOWN[suite.mode] if suite.size is None else "effects of drawn sizes"
     fewest, most = suite.positions
     return [
@@ -131,7 +131,7 @@ def _about_bench(suite: BenchSuite, told: str) -> list[str]:
     ]
 
 
-def _about_block(suite: BlockSuite, *, hidden: bool) -> list[str]:
+def _about_block(suite: Suite, *, hidden: bool) -> list[str]:
     sizes = "Nothing is hidden."
     if hidden and suite.size is not None:
         least, greatest = suite.size
@@ -144,7 +144,7 @@ def _about_block(suite: BlockSuite, *, hidden: bool) -> list[str]:
     ]
 
 
-def _sizes(suite: BenchSuite) -> list[Section]:
+def _sizes(suite: Suite) -> list[Section]:
     """From which size effects are seen, and how right the estimated sizes are."""
     sections = []
     if suite.detection:
@@ -166,8 +166,8 @@ def _sizes(suite: BenchSuite) -> list[Section]:
     pairs = [
         (secret.relative_size, error)
         for outcome in suite.results
-        if len(outcome.errors) == len(outcome.hidden)
-        for secret, error in zip(outcome.hidden, outcome.errors, strict=True)
+        if len(outcome.errors) == len(outcome.secrets)
+        for secret, error in zip(outcome.secrets, outcome.errors, strict=True)
     ]
     if pairs:
         errors = suite.size_errors

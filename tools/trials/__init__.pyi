@@ -1,11 +1,8 @@
-from .draw import BLOCK_SIZES as BLOCK_SIZES
-from .draw import BenchOptions as BenchOptions
-from .draw import BlockOptions as BlockOptions
+from .draw import Case as Case
 from .draw import Options as Options
 from .draw import check_seed as check_seed
 from .draw import draw_alone as draw_alone
 from .draw import draw_case as draw_case
-from .measure import Case as Case
 from .suite import HiddenRecord as HiddenRecord
 from .suite import NamedSuite as NamedSuite
 from .suite import hidden_record as hidden_record

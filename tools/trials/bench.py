@@ -1,8 +1,11 @@
-"""Benches to hide effects in: truth, mountings, positions in random order, and what could be known of them at best."""
+"""Benches to hide effects in: truth, mountings, positions in random order, what could be known at best, what they read.
+
+The components are simulated in time, with the effects composed in.
+"""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -17,7 +20,12 @@ from ..calibration.procedure import Asked, fit_record
 from ..evidence.bench_effects import Circumstances, circumstances_of
 from ..evidence.bench_probe import dense_spaces
 from ..evidence.evidence import Classes
-from ..records import PositionRecord
+from ..evidence.gain import composed
+from ..orchestrator import simulate
+from ..orchestrator.scenario import Scenario
+from ..records import PositionRecord, RawRecord
+from ..records.rests import average_rests, find_rests
+from .sizes import Hidden
 
 NOISE_BOUND = 1e-5
 """σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""
@@ -34,6 +42,19 @@ FEWEST_FOR_TWO = 24
 """Positions from which there may be two mountings."""
 RATE = ACCELERATION = math.radians(60.0)
 """Limits of the table's moves, as the component has them by default [rad/s], [rad/s²]."""
+ENCODER_FLUCTUATION = math.radians(0.4 / 3600.0)
+"""Bound of the fluctuation of each encoder [rad]; its effect on a reading stays below it, to 3 %."""
+BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
+"""Bound of the block's own error [g]."""
+STEP_S, FINE_STEP_S = 0.25, 0.05
+LONGEST_RUN_S = 4000.0
+"""The temperature is laid down for so long."""
+RECORD_DECIMALS = 9
+"""Decimals of a record's numbers, as laboratories write them."""
+HELD = 0.9
+"""What remains of an error that wanders, from one position to the next."""
+ERRORS = 1
+"""Number of the stream of random numbers that errors are drawn from."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +75,8 @@ class Bench:
         commanded angles [rad]
     mounting : (N,) array of int
         which mounting each position is measured in
+    noise : str
+        "uniform", "edge" or "correlated"
     """
 
     truth: dict[str, dict[str, Any]]
@@ -63,6 +86,7 @@ class Bench:
     alpha: NDArray
     beta: NDArray
     mounting: NDArray
+    noise: str = "uniform"
 
     @property
     def baseline(self) -> str:
@@ -73,6 +97,122 @@ class Bench:
     def matrices(self) -> dict[str, NDArray]:
         """Q by name."""
         return {name: PRESETS[name] for name in self.mountings}
+
+    def measured(
+        self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
+    ) -> PositionRecord:
+        """What the bench reads with a secret; with `progress` show how far it is on standard error, on a terminal.
+
+        Slews, dwells and temperature are simulated with the physical components. With two mountings the whole programme
+        is run in each, and each gives the positions that are its own: the clock goes on. Uniform errors are the
+        components' own; errors at ±σ, and those that wander, are added to the averaged readings.
+
+        Parameters
+        ----------
+        seed : int
+        index : int or None
+            of the case in its suite, with the seed it decides everything; the record has nine decimals. None: a record
+            by itself, as a laboratory makes it, whose errors vary within a rest and whose rests that drift are left out
+        hidden : sequence of Hidden
+        progress : bool
+        """
+        alone = index is None
+        first = seed if alone else int(np.random.default_rng([seed, index, 0]).integers(2**31))
+        runs = []
+        for k in range(len(self.mountings)):
+            scenario = self.scenario(hidden, k, first + k, alone=alone)
+            runs.append(record_of(scenario, every=not alone, progress=progress))
+        if not alone and any(len(run) != len(self.alpha) for run in runs):
+            raise ValueError(f"case {index} of seed {seed}: a rest of the programme was not found")
+        record = self._joined(runs)
+        error = np.zeros((len(record), 3))
+        if self.noise != "uniform":
+            error = NOISE_BOUND * drawn_errors(
+                np.random.default_rng([seed, index or 0, ERRORS]), self.noise, len(error)
+            )
+        for one in hidden:
+            if one.place.effect == "outlier":
+                error[int(one.place.where.removeprefix("position-")) - 1, one.place.axes[0] - 1] += one.values[0]
+        force = record.specific_force + STANDARD_GRAVITY * error
+        if alone:
+            return replace(record, specific_force=force)
+        written = np.round(force, RECORD_DECIMALS)
+        return replace(record, specific_force=written, resolution=0.5 * 10.0**-RECORD_DECIMALS)
+
+    def scenario(self, hidden: Sequence[Hidden], mounting: int, seed: int, *, alone: bool) -> Scenario:
+        """The scenario in which the table carries the block, in a mounting of this number, from position to position.
+
+        `seed` is that of the components' errors.
+        """
+        own_errors = self.noise == "uniform"
+        # Within a step it cannot be seen which axis changed an input last.
+        fine = not alone and any(one.place.effect == "hysteresis" for one in hidden)
+        seconds = np.arange(0.0, LONGEST_RUN_S, 1.0)
+        table = {
+            **self.truth["TurntableMotion"],
+            "mounting": PRESETS[self.mountings[mounting]].ravel().tolist(),
+            "mounting_error": list(self.mounting_errors[mounting]),
+            "encoder_fluctuation_bound": ENCODER_FLUCTUATION if own_errors else 0.0,
+            # Every position has a move before it, whose sense the record can tell.
+            "initial_angle": [float(self.alpha[0]) - START_APART, float(self.beta[0]) - START_APART],
+            "seed": seed % 2**31,
+        }
+        block = {
+            **self.truth["AccelerometerBlock"],
+            "noise_bound": BLOCK_NOISE if own_errors else 0.0,
+            # An error that is held over a rest is uniform within its bound; a mean of several would be small.
+            "held_fraction": 0.8 if alone else 1.0,
+            "seed": seed % 2**31,
+        }
+        commands = {"alpha_deg": np.degrees(self.alpha).tolist(), "beta_deg": np.degrees(self.beta).tolist()}
+        warmth = {"time_s": seconds.tolist(), "temperature_degC": temperature_at(seconds / 3600.0).tolist()}
+        return composed(
+            "a measured record",
+            {"table": ("TurntableMotion", table), "block": ("AccelerometerBlock", block)},
+            [one.entry for one in hidden if one.place.effect != "outlier"],
+            {
+                "alpha_deg": "table.angle_reading[1]",
+                "beta_deg": "table.angle_reading[2]",
+                **{f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
+                "temperature_degC": "block.temperature",
+            },
+            run={"step_s": FINE_STEP_S if fine else STEP_S},
+            connections=[
+                {"from": "table.specific_force", "to": "block.specific_force"},
+                {"from": "table.dwell", "to": "block.dwell"},
+            ],
+            stimuli=[
+                {"to": "table.command", "table": commands, "dwell_s": DWELL_S},
+                {
+                    "table": warmth,
+                    "columns": dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC"),
+                },
+            ],
+        )
+
+    def _joined(self, records: Sequence[PositionRecord]) -> PositionRecord:
+        """Each mounting's own rows, in the order of the programme."""
+        first = records[0]
+        if len(records) == 1:
+            return first
+        rows = np.arange(len(self.mounting))
+
+        def own(name: str) -> NDArray | None:
+            columns = [getattr(record, name) for record in records]
+            return None if any(column is None for column in columns) else np.stack(columns)[self.mounting, rows]
+
+        names = (
+            "time_s",
+            "alpha",
+            "beta",
+            "specific_force",
+            "temperature",
+            "approach_alpha",
+            "approach_beta",
+            "scatter",
+        )
+        columns: dict[str, Any] = {name: own(name) for name in names}
+        return replace(first, mounting=tuple(self.mountings[k] for k in self.mounting), **columns)
 
 
 def plain_bench(truth: dict[str, dict[str, Any]], alpha: NDArray, beta: NDArray, *, symmetric: bool) -> Bench:
@@ -235,3 +375,30 @@ def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
     linear = [e for e in POSITION_EFFECTS.values() if e.within != baseline and e.variants is None]
     places = [place for effect in linear for place in effect.places]
     return Classes.of(places, dense_spaces(p, places))
+
+
+def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
+    """Run a scenario of `Bench.scenario` and average its rests; with `every` those too whose readings drift."""
+    run = simulate(scenario, progress=progress).table
+    raw = RawRecord(
+        time_s=run["time_s"].to_numpy(),
+        alpha=np.radians(run["alpha_deg"].to_numpy()),
+        beta=np.radians(run["beta_deg"].to_numpy()),
+        # Row by row in memory: means of columns would have other last bits.
+        specific_force=np.stack([run[name].to_numpy() for name in ("f1_mps2", "f2_mps2", "f3_mps2")], axis=1),
+        temperature=run["temperature_degC"].to_numpy(),
+    )
+    rests = find_rests(raw)
+    return average_rests(raw, [replace(rest, refused=None) for rest in rests] if every else rests)
+
+
+def drawn_errors(rng: np.random.Generator, noise: str, count: int) -> NDArray:
+    """Errors (count, 3) in units of σ: at ±1, or wandering within; more of them leave the first as they were."""
+    signs = rng.choice([-1.0, 1.0], size=(count, 3))
+    if noise == "edge":
+        return signs
+    errors, state = np.zeros_like(signs), np.zeros(3)
+    for row, sign in enumerate(signs):
+        state = HELD * state + (1.0 - HELD) * sign
+        errors[row] = state
+    return errors

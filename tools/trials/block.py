@@ -1,16 +1,24 @@
-"""A block of small instruments moved by hand: its motion, exact to rounding, its errors and its noise."""
+"""A block of small instruments moved by hand: its motion, exact to rounding, its errors, its noise, what it reads."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from ...fmus.units import STANDARD_GRAVITY
 from ...models.harmonic_motion import HARMONICS
+from ..evidence.gain import composed
 from ..motion.compare import sample_motion
+from ..orchestrator import simulate
+from ..orchestrator.scenario import Scenario
+from ..records import StrapdownRecord
+from .sizes import Hidden
 
 UP = np.array([0.0, 0.0, 1.0])
 LARGEST_SWING = 1.2
@@ -21,6 +29,17 @@ LARGEST_PUSH = 0.25
 """Linear acceleration of the hand [g]."""
 OCTAVES = 4.0
 """Ratio of the time constants of neighbouring processes, whose sum is nearly flicker noise."""
+ERRORS = 7
+"""Number of the stream of random numbers that errors are drawn from."""
+HELD_RATES, INCREMENTS = 2, 1
+"""Kinds of input of the gyro block."""
+FURTHEST_STAMP = 0.24
+"""Time stamps jitter by at most so many periods."""
+UNDERSAMPLING = "undersampling"
+"""Not of a component that reads: the increments lack what the body's turning between two rows adds to them."""
+STAMPS = "jitter"
+"""The effect of the time stamps; its size is how far they jitter, the sampling being regular."""
+Reference = Literal["gravity", "truth"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +135,117 @@ class Instruments:
     accelerometer_noise: Noise
     truth_noise: float
     increments: bool
+
+    @property
+    def columns(self) -> tuple[list[str], list[str]]:
+        """Names of the columns of what the gyros and the accelerometers read, with their units."""
+        unit = "rad" if self.increments else "radps"
+        return [f"w{p}_{unit}" for p in (1, 2, 3)], [f"f{p}_mps2" for p in (1, 2, 3)]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A block in the hand, and what its record can be held against.
+
+    Attributes
+    ----------
+    reference : "gravity" or "truth"
+    motion : TrueMotion
+    instruments : Instruments
+    temperature : (N + 1,) array or None
+        [°C]; None: the record has none, and the block has 20 °C
+    jitter : float
+        bound of the errors of the time stamps, in periods; the sampling stays regular
+    """
+
+    reference: Reference
+    motion: TrueMotion
+    instruments: Instruments
+    temperature: NDArray[np.float64] | None = None
+    jitter: float = 0.0
+
+    def measured(
+        self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
+    ) -> StrapdownRecord:
+        """What the block reads of its motion, with noise, its effects composed in; arguments as for a bench."""
+        if not 0.0 <= self.jitter <= FURTHEST_STAMP:
+            raise ValueError(f"stamps may jitter by {FURTHEST_STAMP} periods, not {self.jitter}")
+        motion, instruments, increments = self.motion, self.instruments, self.instruments.increments
+        # Rates know nothing of the time stamps: only what is made of both is wrong.
+        effects = [one for one in hidden if one.place.effect != STAMPS or increments]
+        for one in effects:
+            if one.place.effect == UNDERSAMPLING:
+                motion, effects = without_coning(motion, one.values[0]), []
+        seed = seed * 100_003 + (index or 0)
+        rng = np.random.default_rng([seed, ERRORS])
+        rows, period = len(motion), motion.period
+        slow_rate = flicker_noise(rng, rows, period, instruments.gyro_noise.flicker)
+        slow_force = flicker_noise(rng, rows, period, instruments.accelerometer_noise.flicker)
+        if increments:
+            given = np.vstack([np.zeros((1, 3)), motion.increment]) + period * slow_rate
+        else:
+            given = motion.rate + slow_rate
+        force = STANDARD_GRAVITY * (motion.force + slow_force)
+        warm = np.full(rows, 20.0) if self.temperature is None else self.temperature
+        stamps = np.round(period * (np.arange(rows) + self.jitter * rng.uniform(-1.0, 1.0, rows)), 9)
+        turns, forces = instruments.columns
+        table = pl.DataFrame(
+            {
+                "time_s": period * np.arange(1, rows),
+                **dict(zip(turns, given[1:].T, strict=True)),
+                **dict(zip(forces, force[1:].T, strict=True)),
+                "temperature_degC": warm[1:],
+                "interval_s": np.diff(stamps),
+            }
+        )
+        shown = simulate(reading_scenario(table, period, instruments, effects, seed % 2**31), progress=progress).table[
+            1:
+        ]
+        gyros = shown.select(turns).to_numpy()
+        attitude = None
+        if self.reference == "truth":
+            wrong = Rotation.from_rotvec(rng.uniform(-1.0, 1.0, (rows, 3)) * instruments.truth_noise)
+            seen = Rotation.from_quat(np.roll(motion.attitude, -1, axis=1)) * wrong
+            attitude = np.roll(seen.as_quat(), 1, axis=1)[1:]
+        return StrapdownRecord(
+            time_s=stamps[1:],
+            rate=None if increments else gyros,
+            increment=gyros if increments else None,
+            specific_force=shown.select(forces).to_numpy(),
+            attitude=attitude,
+            temperature=None if self.temperature is None else self.temperature[1:],
+        )
+
+
+def reading_scenario(
+    table: pl.DataFrame, period: float, instruments: Instruments, hidden: Sequence[Hidden], seed: int
+) -> Scenario:
+    """The scenario in which both blocks read what a table gives them, one row a step."""
+    kind = INCREMENTS if instruments.increments else HELD_RATES
+    source, output = ("increment", "increment_reading") if instruments.increments else ("rate", "rate_reading")
+    turns, forces = instruments.columns
+    driven = {f"gyros.{source}[{p}]": name for p, name in enumerate(turns, start=1)}
+    driven["gyros.interval"] = "interval_s"
+    for block in ("gyros", "accelerometers"):
+        driven |= {f"{block}.specific_force[{p}]": name for p, name in enumerate(forces, start=1)}
+        driven[f"{block}.temperature"] = "temperature_degC"
+    gyros = {"input_kind": kind, "noise_bound": instruments.gyro_noise.bound(period), "seed": seed}
+    noise_bound = instruments.accelerometer_noise.bound(period)
+    accelerometers = {"noise_bound": noise_bound, "held_fraction": 0.0, "seed": seed}
+    return composed(
+        "a block that is moved by hand",
+        {
+            "gyros": ("GyroBlock", {**instruments.gyros, **gyros}),
+            "accelerometers": ("AccelerometerBlock", {**instruments.accelerometers, **accelerometers}),
+        },
+        [one.entry for one in hidden],
+        {
+            **{name: f"gyros.{output}[{p}]" for p, name in enumerate(turns, start=1)},
+            **{name: f"accelerometers.reading[{p}]" for p, name in enumerate(forces, start=1)},
+        },
+        run={"step_s": period, "stop_s": len(table) * period},
+        stimuli=[{"table": table, "stamp": "end", "columns": driven}],
+    )
 
 
 def draw_instruments(rng: np.random.Generator, *, delivered: bool) -> Instruments:

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +14,12 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Ef
 from ...models.effects.outlier import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
-from ..diagnosis.sizes import SureSizes, level_margins, sure_sizes
+from ..diagnosis.result import NamedEffect
 from ..errors import InputError, nearest
 from ..evidence.bench_effects import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Classes, Evidence, coefficient_count
 from ..motion.inspect import inspect_record
-from ..records import StrapdownRecord
 from .bench import (
     DWELL_S,
     NOISE_BOUND,
@@ -32,8 +33,17 @@ from .bench import (
     plain_bench,
     temperature_at,
 )
-from .block import BEFORE_A_CAMERA, BETWEEN_RESTS, draw_instruments, draw_motion
-from .measure import FURTHEST_STAMP, STAMPS, BenchCase, BlockCase, Case, Hidden, Reference, measure_block
+from .block import (
+    BEFORE_A_CAMERA,
+    BETWEEN_RESTS,
+    FURTHEST_STAMP,
+    STAMPS,
+    Block,
+    Reference,
+    draw_instruments,
+    draw_motion,
+)
+from .sizes import Hidden, SureSizes, level_margins, sure_sizes
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
@@ -56,23 +66,91 @@ UNSEEN_BETWEEN_RESTS = ("latency",)
 """A lag turns nothing from one rest to the next."""
 
 
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A record to be made: an instrument with its secret.
+
+    Attributes
+    ----------
+    seed : int
+    index : int or None
+        of the case in its suite, with the seed it decides everything; None: a record by itself
+    instrument : Bench or Block
+        of a record of a table's positions, or of a block moved by hand
+    hidden : tuple of Hidden
+        empty for a clean record
+    redrawn : int
+        effects that were drawn and put aside, as no possible size would do
+    """
+
+    seed: int
+    index: int | None
+    instrument: Bench | Block
+    hidden: tuple[Hidden, ...] = ()
+    redrawn: int = 0
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """What is hidden."""
+        return tuple(hidden.place for hidden in self.hidden)
+
+    @property
+    def bench(self) -> Bench:
+        """The instrument of a record of a table's positions."""
+        assert isinstance(self.instrument, Bench)
+        return self.instrument
+
+    @property
+    def block(self) -> Block:
+        """The instrument of a record of a block moved by hand."""
+        assert isinstance(self.instrument, Block)
+        return self.instrument
+
+    def measured(self, *, progress: bool = False) -> Any:
+        """The record, of positions or strapdown: what a laboratory would hand over, and nothing else."""
+        return self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
+
+    def answer(self) -> dict[str, Any]:
+        """The secret, for whoever wants to compare."""
+        own, hidden = self.instrument, next(iter(self.hidden), None)
+        if isinstance(own, Bench):
+            told = {"effect": None}
+            if hidden is not None:
+                told = {**NamedEffect.keys(hidden.place), "parameters": hidden.parameters}
+            return {"hidden": told, "seed": self.seed, "truth": own.truth}
+        return {
+            "seed": self.seed,
+            "case": self.index,
+            "reference": own.reference,
+            "hidden": None if hidden is None else hidden.entry,
+            "size": 0.0 if hidden is None else hidden.relative_size,
+            "stamps_jitter_periods": own.jitter,
+            "gyros": dict(own.instruments.gyros),
+            "accelerometers": dict(own.instruments.accelerometers),
+        }
+
+
 @dataclass(frozen=True)
-class BenchOptions:
-    """What is drawn of records of a table's positions.
+class Options:
+    """What is drawn.
 
     Attributes
     ----------
     mode : str
-        "clean"; "single": one effect at `ABOVE` times the size that excludes every rival; "between": one between that
-        size and the one of sure detection; "pairs": two at such sizes
+        "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block at a size of
+        `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
+        sizes
     effects : tuple of str
-        names to draw from; empty: the whole catalogue
+        names to draw from; empty: all that a record can hide
     positions : (int, int)
-        fewest and most
+        of a table: fewest and most
     noise : str
-        "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after the other
+        of benches: "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after the
+        other
     size : (float, float) or None
         sizes relative to that of sure detection, in place of those of the mode
+    strapdown : bool
+        records of a block moved by hand; else of a table's positions
     """
 
     mode: str = "single"
@@ -80,8 +158,12 @@ class BenchOptions:
     positions: tuple[int, int] = (12, 100)
     noise: str = "all"
     size: tuple[float, float] | None = None
+    strapdown: bool = False
 
     def __post_init__(self) -> None:
+        if self.strapdown:
+            self._check_of_block()
+            return
         if self.mode not in MODES:
             raise InputError(f"--mode {self.mode}: {nearest(self.mode, MODES)}")
         if self.noise not in (*NOISES, "all"):
@@ -97,37 +179,20 @@ class BenchOptions:
                 f"--size {self.size[0]:g} {self.size[1]:g}: must be two positive numbers, the lesser first"
             )
 
-
-@dataclass(frozen=True)
-class BlockOptions:
-    """What is drawn of records of a block moved by hand.
-
-    Attributes
-    ----------
-    clean : bool
-        hide nothing
-    effects : tuple of str
-        names to draw from; all that a record can hide where there are none
-    sizes : (float, float)
-        least and largest, relative to that of sure detection
-    """
-
-    clean: bool = False
-    effects: tuple[str, ...] = ()
-    sizes: tuple[float, float] = BLOCK_SIZES
-
-    def __post_init__(self) -> None:
+    def _check_of_block(self) -> None:
         low, high = self.sizes
         if not 0.0 < low <= high <= 1e3:
             raise InputError(f"--size {low:g} {high:g}: give the least and the greatest, above 0")
-        for name in () if self.clean else self.effects:
+        for name in () if self.mode == "clean" else self.effects:
             if name not in hideable_in_block():
                 raise InputError(
                     f"--effect {name}: not one that can be hidden here; {nearest(name, hideable_in_block())}"
                 )
 
-
-Options = BenchOptions | BlockOptions
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """Least and largest size of an effect in a block, relative to that of sure detection."""
+        return self.size or BLOCK_SIZES
 
 
 def draw_case(options: Options, seed: int, index: int) -> Case:
@@ -138,9 +203,10 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
     InputError
         no bench that was drawn can hide such effects at such sizes, or the record of the moved block cannot show them
     """
-    if isinstance(options, BenchOptions):
-        return draw_bench_case(options, seed, index)
-    return draw_clean_block(seed, index) if options.clean else draw_block_case(options, seed, index)
+    if not options.strapdown:
+        return _draw_bench_case(options, seed, index)
+    clean = draw_clean_block(seed, index)
+    return clean if options.mode == "clean" else _hidden_in_block(clean, options)
 
 
 def check_seed(seed: int) -> None:
@@ -152,48 +218,26 @@ def check_seed(seed: int) -> None:
 # Records of a table's positions, in suites
 
 
-@dataclass(frozen=True)
-class _Known:
-    """What sizes are computed from: the model at the truth, circumstances, classes, and names to draw from."""
-
-    here: Linearisation
-    circumstances: Circumstances
-    classes: Classes
-    options: BenchOptions
-    names: tuple[str, ...]
-
-    def rivals_of(self, places: Sequence[EffectPlace]) -> list[EffectPlace]:
-        """One effect of each class that none of some effects belongs to."""
-        pairs = zip(self.classes.places, self.classes.members, strict=True)
-        return [place for place, members in pairs if not {place, *members} & set(places)]
-
-    def stands_for(self, place: EffectPlace) -> EffectPlace:
-        """The effect that an effect's class is named by."""
-        pairs = zip(self.classes.places, self.classes.members, strict=True)
-        return next((first for first, members in pairs if place in members), place)
-
-
-def draw_bench_case(options: BenchOptions, seed: int, index: int) -> BenchCase:
-    """Draw a bench and what is hidden in it; arguments and errors as for `draw_case`."""
+def _draw_bench_case(options: Options, seed: int, index: int) -> Case:
+    """Draw a bench and what is hidden in it."""
     rng = np.random.default_rng([seed, index])
     noise = NOISES[index % len(NOISES)] if options.noise == "all" else options.noise
     redrawn = 0
     for _ in range(MOST_BENCHES):
-        bench = draw_bench(rng, options.positions)
+        bench = replace(draw_bench(rng, options.positions), noise=noise)
         if options.mode == "clean":
-            return BenchCase(seed, index, bench, (), noise)
+            return Case(seed, index, bench)
         here, circumstances = expected(bench)
         if here.deficient:
             redrawn += 1
             continue
-        classes = classes_with(bench.mountings, symmetric=bench.symmetric)
-        known = _Known(here, circumstances, classes, options, names_in(bench, options))
-        for _ in range(TRIES if known.names else 0):
-            hidden = _draw_pair(rng, known) if options.mode == "pairs" else _draw_single(rng, known)
+        drawing = _Drawing(rng, options, here, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
+        for _ in range(TRIES if drawing.names else 0):
+            hidden = drawing.pair() if options.mode == "pairs" else drawing.single()
             if hidden is not None:
                 # What rounds or clips has to act on errors that are there already.
                 own = all(CATALOGUE[h.place.effect].variants is None for h in hidden)
-                return BenchCase(seed, index, bench, hidden, noise if own else "uniform", redrawn)
+                return Case(seed, index, bench if own else replace(bench, noise="uniform"), hidden, redrawn)
             redrawn += 1
     raise InputError(
         f"--mode {options.mode}: no bench of {MOST_BENCHES} with {options.positions[0]} to {options.positions[1]} "
@@ -201,21 +245,92 @@ def draw_bench_case(options: BenchOptions, seed: int, index: int) -> BenchCase:
     )
 
 
-def names_in(bench: Bench, options: BenchOptions) -> tuple[str, ...]:
-    """Names of effects that this bench can hide."""
-    classes = classes_with(bench.mountings, symmetric=bench.symmetric)
-    seen = {place.effect for place in _linear(classes)}
-    names = [
-        effect.name
-        for effect in POSITION_EFFECTS.values()
-        if effect.name in seen or effect.name == "outlier" or (effect.variants is not None and options.mode != "pairs")
-    ]
-    return tuple(name for name in names if not options.effects or name in options.effects)
+@dataclass(frozen=True)
+class _Drawing:
+    """What is known of a bench at best, and effects drawn for it: None where no possible size would do."""
 
+    rng: np.random.Generator
+    options: Options
+    here: Linearisation
+    circumstances: Circumstances
+    classes: Classes
 
-def _linear(classes: Classes) -> list[EffectPlace]:
-    """Every linear effect that is not wholly in the nominal model, those that stand for another one too."""
-    return [p for place, members in zip(classes.places, classes.members, strict=True) for p in (place, *members)]
+    @cached_property
+    def linear(self) -> list[EffectPlace]:
+        """Every linear effect that is not wholly in the nominal model, those that stand for another one too."""
+        return [place for first in self.classes.places for place in self.classes.whole_class(first)]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of effects that this bench can hide."""
+        seen, alone = {place.effect for place in self.linear}, self.options.mode != "pairs"
+        names = [
+            effect.name
+            for effect in POSITION_EFFECTS.values()
+            if effect.name in seen or effect.name == "outlier" or (effect.variants is not None and alone)
+        ]
+        return tuple(name for name in names if not self.options.effects or name in self.options.effects)
+
+    def drawn(self) -> tuple[EffectPlace, NDArray]:
+        """One of the effects at one of its places, and a direction of its coefficients."""
+        name = self.names[self.rng.integers(len(self.names))]
+        return _draw_place(self.rng, name, self.linear, len(self.here.reading))
+
+    def sizes(
+        self, place: EffectPlace, direction: NDArray, apart: Sequence[EffectPlace], beside: Sequence[EffectPlace] = ()
+    ) -> SureSizes:
+        """The sizes of an effect against one rival of each class that is that of none of some effects."""
+        rivals = [p for p in self.classes.places if not set(self.classes.whole_class(p)) & set(apart)] if apart else []
+        return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside)
+
+    def single(self) -> tuple[Hidden, ...] | None:
+        """One effect at a size of the mode."""
+        place, direction = self.drawn()
+        if CATALOGUE[place.effect].variants is not None:
+            return self.level(place)
+        relative = self.options.size
+        sizes = self.sizes(place, direction, () if relative is not None else [place])
+        if relative is not None:
+            size = sizes.detected * float(np.exp(self.rng.uniform(*np.log(relative))))
+        elif self.options.mode == "single":
+            size = ABOVE * sizes.excluded
+        else:
+            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, _largest_size(place, direction))
+            size = self.rng.uniform(sizes.detected, max(top, sizes.detected)) if np.isfinite(sizes.detected) else np.inf
+        return _made(place, direction, size, sizes)
+
+    def pair(self) -> tuple[Hidden, ...] | None:
+        """Two effects, each at a size at which nothing can stand for it even when the other one is free."""
+        (first, along), (second, across) = self.drawn(), self.drawn()
+        if self.classes.whole_class(first)[0] == self.classes.whole_class(second)[0]:
+            return None
+        both: list[Hidden] = []
+        for place, direction, other in ((first, along, second), (second, across, first)):
+            sizes = self.sizes(place, direction, [first, second], [other])
+            hidden = _made(place, direction, ABOVE * sizes.excluded, sizes)
+            if hidden is None:
+                return None
+            both += hidden
+        return tuple(both)
+
+    def level(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
+        """An effect that is not linear, at a level of which the mode's sizes are true."""
+        parameter, options = CATALOGUE[place.effect].parameters[0], self.options
+        size = np.abs(self.here.prediction[:, place.index])
+        largest = min(parameter.largest, float(size.max()))
+        low = max(parameter.smallest or 0.0, 1e-3 * largest)
+        levels = np.exp(self.rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
+        rivals = [p for p in self.classes.places if place not in self.classes.whole_class(p)]
+        margins = level_margins(self.here, self.circumstances, place, levels, rivals)
+        for level, sizes in zip(levels, margins, strict=True):
+            wanted = ABOVE * sizes.excluded <= 1.0
+            if options.mode == "between":
+                wanted = sizes.detected <= 1.0 < sizes.excluded
+            if options.size is not None:
+                wanted = options.size[0] <= 1.0 / sizes.detected <= options.size[1]
+            if wanted:
+                return (Hidden(place, (level,), 1.0, sizes),)
+        return None
 
 
 def _draw_place(
@@ -227,54 +342,15 @@ def _draw_place(
     else:
         own = [place for place in places if place.effect == name] or list(CATALOGUE[name].places)
         place = own[rng.integers(len(own))]
-    return place, _draw_direction(rng, place, coefficient_count(place))
+    return place, _draw_direction(rng, place)
 
 
-def _draw_direction(rng: np.random.Generator, place: EffectPlace, count: int) -> NDArray:
-    """A direction of so many coefficients, of length one; one that only grows is positive."""
-    direction = rng.normal(size=count)
+def _draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
+    """A direction of an effect's coefficients, of length one; one that only grows is positive."""
+    direction = rng.normal(size=coefficient_count(place))
     direction /= np.linalg.norm(direction)
     grows = CATALOGUE[place.effect].at(place).parameters[0].smallest == 0.0
-    return np.abs(direction) if grows and count == 1 else direction
-
-
-def _drawn(rng: np.random.Generator, known: _Known) -> tuple[EffectPlace, NDArray]:
-    name = known.names[rng.integers(len(known.names))]
-    return _draw_place(rng, name, _linear(known.classes), len(known.here.reading))
-
-
-def _draw_single(rng: np.random.Generator, known: _Known) -> tuple[Hidden] | None:
-    """One effect at a size of the mode; None where no possible size would do."""
-    place, direction = _drawn(rng, known)
-    if CATALOGUE[place.effect].variants is not None:
-        return _draw_level(rng, known, place)
-    relative = known.options.size
-    rivals = [] if relative is not None else known.rivals_of([place])
-    sizes = sure_sizes(known.here, known.circumstances, place, rivals, direction=direction)
-    if relative is not None:
-        size = sizes.detected * float(np.exp(rng.uniform(*np.log(relative))))
-    elif known.options.mode == "single":
-        size = ABOVE * sizes.excluded
-    else:
-        top = min(sizes.excluded, MOST_ABOVE * sizes.detected, _largest_size(place, direction))
-        size = rng.uniform(sizes.detected, max(top, sizes.detected)) if np.isfinite(sizes.detected) else np.inf
-    return _made(place, direction, size, sizes)
-
-
-def _draw_pair(rng: np.random.Generator, known: _Known) -> tuple[Hidden, Hidden] | None:
-    """Two effects, each at a size at which nothing can stand for it even when the other one is free."""
-    (first, along), (second, across) = _drawn(rng, known), _drawn(rng, known)
-    if known.stands_for(first) == known.stands_for(second):
-        return None
-    rivals = known.rivals_of([first, second])
-    both = []
-    for place, direction, other in ((first, along, second), (second, across, first)):
-        sizes = sure_sizes(known.here, known.circumstances, place, rivals, direction=direction, beside=[other])
-        hidden = _made(place, direction, ABOVE * sizes.excluded, sizes)
-        if hidden is None:
-            return None
-        both += hidden
-    return both[0], both[1]
+    return np.abs(direction) if grows and len(direction) == 1 else direction
 
 
 def _made(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> tuple[Hidden] | None:
@@ -294,29 +370,10 @@ def _largest_size(place: EffectPlace, direction: NDArray) -> float:
     return min((p.largest / abs(v) for p, v in growing if not p.name.endswith("phase") and v != 0.0), default=0.0)
 
 
-def _draw_level(rng: np.random.Generator, known: _Known, place: EffectPlace) -> tuple[Hidden] | None:
-    """An effect that is not linear, at a level of which the mode's sizes are true; None where none of some is."""
-    parameter = CATALOGUE[place.effect].parameters[0]
-    size = np.abs(known.here.prediction[:, place.index])
-    largest = min(parameter.largest, float(size.max()))
-    low = max(parameter.smallest or 0.0, 1e-3 * largest)
-    levels = np.exp(rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
-    margins = level_margins(known.here, known.circumstances, place, levels, known.rivals_of([place]))
-    for level, sizes in zip(levels, margins, strict=True):
-        wanted = ABOVE * sizes.excluded <= 1.0
-        if known.options.mode == "between":
-            wanted = sizes.detected <= 1.0 < sizes.excluded
-        if known.options.size is not None:
-            wanted = known.options.size[0] <= 1.0 / sizes.detected <= known.options.size[1]
-        if wanted:
-            return (Hidden(place, (level,), 1.0, sizes),)
-    return None
-
-
 # A single record of a table's positions
 
 
-def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> BenchCase:
+def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> Case:
     """Draw truth, effect and size of a record by itself.
 
     Parameters
@@ -359,13 +416,13 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
     names = usable if effects is None else list(effects)
     if not names:
-        return BenchCase(seed, None, bench, ())
+        return Case(seed, None, bench)
     place, direction = _draw_place(rng, names[rng.integers(len(names))], visible, len(alpha))
     unit = signature_columns([place], rows) @ direction
     size = rng.uniform(*ALONE_SIZES) * _sure_size(here.jacobian, unit, NOISE_BOUND)
     effect = CATALOGUE[place.effect].at(place)
     values = effect.from_coefficients(min(size, effect.parameters[0].largest) * direction)
-    return BenchCase(seed, None, bench, (Hidden(place, values),))
+    return Case(seed, None, bench, (Hidden(place, values),))
 
 
 def _sure_size(nominal: NDArray, unit: NDArray, bound: float) -> float:
@@ -387,7 +444,7 @@ def hideable_in_block() -> tuple[str, ...]:
     return (*own, *forces)
 
 
-def draw_clean_block(seed: int, index: int, reference: Reference | None = None) -> BlockCase:
+def draw_clean_block(seed: int, index: int, reference: Reference | None = None) -> Case:
     """A case with nothing hidden; by default every second one has the true attitude.
 
     Before a camera the gyros are delivered with scale factors that are right.
@@ -401,35 +458,45 @@ def draw_clean_block(seed: int, index: int, reference: Reference | None = None) 
     if rng.random() < 0.5:
         hours = period * np.arange(len(motion)) / 3600.0
         temperature = np.round(rng.uniform(15.0, 30.0) + rng.uniform(1.0, 8.0) * (1.0 - np.exp(-hours / 0.05)), 2)
-    return BlockCase(seed, index, chosen, motion, instruments, temperature)
+    return Case(seed, index, Block(chosen, motion, instruments, temperature))
 
 
-def draw_block_case(options: BlockOptions, seed: int, index: int) -> BlockCase:
-    """A case with an effect of a size relative to that of sure detection; arguments as for `draw_case`."""
-    clean = draw_clean_block(seed, index)
-    rng = np.random.default_rng([seed, index, 1])
-    evidence = evidence_of(clean, measure_block(clean))
+def _hidden_in_block(clean: Case, options: Options) -> Case:
+    """The case with an effect of a size relative to that of sure detection."""
+    block, index, evidence = clean.block, clean.index, evidence_of(clean)
+    rng = np.random.default_rng([clean.seed, index or 0, 1])
     if evidence is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
-    unseen = (*TAKEN_OUT, *(UNSEEN_BETWEEN_RESTS if clean.reference == "gravity" else ()))
+    unseen = (*TAKEN_OUT, *(UNSEEN_BETWEEN_RESTS if block.reference == "gravity" else ()))
     shown = {place.effect for place in evidence.places if not options.effects or place.effect in options.effects}
     names = sorted(shown - set(unseen))
     for redrawn in range(BLOCK_TRIES if names else 0):
         name = names[rng.integers(len(names))]
         places = [place for place in evidence.places if place.effect == name]
         place = places[rng.integers(len(places))]
-        case = _hidden_in(clean, evidence, place, rng, options.sizes)
-        if case is not None:
-            return replace(case, redrawn=redrawn)
-    raise InputError(f"case {index}: a record with {clean.reference} for its reference cannot show such an effect")
+        wanted = float(rng.uniform(*options.sizes))
+        effect = CATALOGUE[place.effect].at(place)
+        if effect.component == "AttitudeComputer" and not block.instruments.increments:
+            continue
+        if place.effect == STAMPS:
+            jitter = _jitter_of(clean, place, wanted)
+            if jitter is not None:
+                hidden = (Hidden(place, (1.0,), wanted),)
+                return Case(clean.seed, index, replace(block, jitter=jitter), hidden, redrawn)
+            continue
+        direction = _draw_direction(rng, place)
+        values = effect.from_coefficients(wanted * size_in_block(evidence, place, direction) * direction)
+        if all(np.isfinite(v) and p.possible(v) for v, p in zip(values, effect.parameters, strict=True)):
+            return replace(clean, hidden=(Hidden(place, values, wanted),), redrawn=redrawn)
+    raise InputError(f"case {index}: a record with {block.reference} for its reference cannot show such an effect")
 
 
-def evidence_of(case: BlockCase, record: StrapdownRecord) -> Evidence | None:
-    """The evidence that a diagnosis makes of a record; None where it can make none."""
-    found = inspect_record(record, gravity=STANDARD_GRAVITY)
-    if case.reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):
+def evidence_of(case: Case) -> Evidence | None:
+    """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
+    found, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.block.reference
+    if reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):
         return None
-    return linear_evidence(found, BASELINE[case.reference])
+    return linear_evidence(found, BASELINE[reference])
 
 
 def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) -> float:
@@ -437,31 +504,11 @@ def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) ->
     return _sure_size(evidence.nominal, evidence.columns_of([place]) @ direction, 1.0)
 
 
-def _hidden_in(
-    clean: BlockCase, evidence: Evidence, place: EffectPlace, rng: np.random.Generator, sizes: tuple[float, float]
-) -> BlockCase | None:
-    """The case with an effect in it; None where its size would be more than is called possible."""
-    wanted = float(rng.uniform(*sizes))
-    effect = CATALOGUE[place.effect].at(place)
-    if effect.component == "AttitudeComputer" and not clean.instruments.increments:
-        return None
-    if place.effect == STAMPS:
-        return _with_jitter(clean, place, wanted)
-    direction = rng.normal(size=len(effect.parameters))
-    direction /= np.linalg.norm(direction)
-    if effect.parameters[0].smallest == 0.0:
-        direction = np.abs(direction)
-    values = effect.from_coefficients(wanted * size_in_block(evidence, place, direction) * direction)
-    if not all(np.isfinite(v) and p.possible(v) for v, p in zip(values, effect.parameters, strict=True)):
-        return None
-    return replace(clean, hidden=(Hidden(place, values, wanted),))
-
-
-def _with_jitter(clean: BlockCase, place: EffectPlace, wanted: float) -> BlockCase | None:
-    """The case with time stamps that jitter while the sampling does not."""
-    furthest = replace(clean, hidden=(Hidden(place, (1.0,), wanted),), jitter=FURTHEST_STAMP)
-    evidence = evidence_of(furthest, measure_block(furthest))
+def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
+    """How far time stamps must jitter, while the sampling does not, for the size; None where that is too far."""
+    furthest = replace(clean, instrument=replace(clean.block, jitter=FURTHEST_STAMP), hidden=(Hidden(place, (1.0,)),))
+    evidence = evidence_of(furthest)
     if evidence is None or place not in evidence.places:
         return None
     part = wanted * size_in_block(evidence, place, np.ones(1))
-    return replace(furthest, jitter=part * FURTHEST_STAMP) if part <= 1.0 else None
+    return part * FURTHEST_STAMP if part <= 1.0 else None

@@ -3,15 +3,16 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
-from ..diagnosis.result import NamedEffect
+from ..diagnosis.result import NamedEffect, Told, finite_or_none
 from ..records import PositionRecord, StrapdownRecord
-from ..result import Result
-from .bench import NOISE_BOUND
-from .measure import BenchCase, Case, Hidden
+from ..result import ABSENT
+from .bench import NOISE_BOUND, Bench
+from .draw import Case
+from .sizes import Hidden
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
 """What can come of a case.
@@ -30,12 +31,6 @@ unexplained, consistent, insufficient
 """
 NOTHING = "nothing"
 """Stands for the secret of a clean record."""
-DEGREES = {
-    **dict.fromkeys(("scale-asymmetry", "scale-drift", "temperature-scale"), 1),
-    **dict.fromkeys(("quadratic", "odd-quadratic", "cross-product", "cross-square"), 2),
-    "cubic": 3,
-}
-"""Degrees of effects in the inputs, where they are not 0."""
 
 
 class Secret(NamedEffect):
@@ -64,13 +59,25 @@ class Secret(NamedEffect):
         return 0.0 if self.surely_detected is None else self.size / self.surely_detected
 
 
-class Outcome(Result):
-    """What came of a case of any kind of record.
+class Outcome(Told):
+    """What came of a case. Keys that only one kind of record has are left out of the other's.
 
     Attributes
     ----------
     seed, case : int
         of the suite, and of the case in it
+    positions : int
+        of a table, as are `mountings` (tuple of str), `baseline` and `noise`
+    reference : "gravity" or "truth"
+        of a block moved by hand, as are `size` (relative to that of sure detection), `stamps_jitter_periods`, `gyros`
+        and `accelerometers` (parameters of the components that are no secret), `rows`, `error` and `why` (what the
+        diagnosis says beside its verdict)
+    hidden : tuple of Secret, or dict or None
+        of a table; of a block the effect as a scenario file writes it
+    redrawn : int
+        effects that were put aside
+    radius : float or None
+        that the nominal model leaves, in units of the bound
     verdict : str
         of the diagnosis
     outcome : str
@@ -79,26 +86,56 @@ class Outcome(Result):
         the set that was named, or the best of those that remain
     inside : bool or None
         whether the true parameters are inside their intervals; None where the effect was not named by its own name
+    errors, error : tuple of float, float or None
+        relative error of each estimated size; of the size, along the true effect
     """
 
-    if TYPE_CHECKING:
-        # Declared by each kind in its own order.
-        seed: int
-        case: int
-        verdict: str
-        outcome: str
-        named: tuple[NamedEffect, ...]
-        inside: bool | None
+    seed: int
+    case: int
+    positions: int = ABSENT
+    mountings: tuple[str, ...] = ABSENT
+    baseline: str = ABSENT
+    noise: str = ABSENT
+    reference: str = ABSENT
+    hidden: tuple[Secret, ...] | dict[str, Any] | None
+    size: float = ABSENT
+    stamps_jitter_periods: float = ABSENT
+    gyros: dict[str, Any] = ABSENT
+    accelerometers: dict[str, Any] = ABSENT
+    rows: int = ABSENT
+    redrawn: int
+    radius: float | None
+    verdict: str
+    outcome: str
+    named: tuple[NamedEffect, ...]
+    inside: bool | None
+    errors: tuple[float, ...] = ABSENT
+    error: float | None = None
+    why: str = ABSENT
+
+    @property
+    def secrets(self) -> tuple[Secret, ...]:
+        """What was hidden in a bench, with its sizes."""
+        return self.hidden if isinstance(self.hidden, tuple) else ()
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What was hidden."""
-        raise NotImplementedError
+        if isinstance(self.hidden, dict):
+            return (NamedEffect.model_validate(self.hidden).place,)
+        return tuple(secret.place for secret in self.secrets)
+
+    @property
+    def relative_size(self) -> float | None:
+        """Size of the first effect over that of sure detection; None of a clean record."""
+        if not self.places:
+            return None
+        return self.secrets[0].relative_size if self.secrets else self.size
 
     @property
     def size_errors(self) -> tuple[float, ...]:
         """Relative error of the estimated size of each effect that was named by its own name."""
-        raise NotImplementedError
+        return self.errors if self.reference is None else () if self.error is None else (self.error,)
 
     @property
     def hidden_words(self) -> str:
@@ -123,162 +160,56 @@ class Outcome(Result):
         return between.join(place.title for place in places)
 
 
-class BenchOutcome(Outcome):
-    """What came of a record of a table's positions.
-
-    Attributes
-    ----------
-    positions : int
-    mountings : tuple of str
-    baseline, noise : str
-    redrawn : int
-        effects that were put aside
-    hidden : tuple of Secret
-    radius : float
-        that the nominal model leaves, in units of σ
-    errors : tuple of float
-        relative error of each estimated size
-    """
-
-    seed: int
-    case: int
-    positions: int
-    mountings: tuple[str, ...]
-    baseline: str
-    noise: str
-    redrawn: int
-    hidden: tuple[Secret, ...]
-    radius: float
-    verdict: str
-    outcome: str
-    named: tuple[NamedEffect, ...]
-    inside: bool | None
-    errors: tuple[float, ...]
-
-    @property
-    def places(self) -> tuple[EffectPlace, ...]:
-        """What was hidden."""
-        return tuple(secret.place for secret in self.hidden)
-
-    @property
-    def size_errors(self) -> tuple[float, ...]:
-        """Relative error of each estimated size."""
-        return self.errors
-
-
-class BlockOutcome(Outcome):
-    """What came of a record of a block moved by hand.
-
-    Attributes
-    ----------
-    reference : "gravity" or "truth"
-    hidden : dict or None
-        the effect as a scenario file writes it
-    size : float
-        relative to that of sure detection
-    stamps_jitter_periods : float
-    gyros, accelerometers : dict
-        parameters of the components that are no secret
-    rows, redrawn : int
-    radius : float or None
-        that the baseline leaves
-    error : float or None
-        relative error of the estimated size, along the true effect
-    why : str
-        what the diagnosis says beside its verdict
-    """
-
-    seed: int
-    case: int
-    reference: str
-    hidden: dict[str, Any] | None
-    size: float
-    stamps_jitter_periods: float
-    gyros: dict[str, Any]
-    accelerometers: dict[str, Any]
-    rows: int
-    redrawn: int
-    radius: float | None
-    verdict: str
-    outcome: str
-    named: tuple[NamedEffect, ...]
-    inside: bool | None
-    error: float | None
-    why: str
-
-    @property
-    def places(self) -> tuple[EffectPlace, ...]:
-        """What was hidden."""
-        return () if self.hidden is None else (NamedEffect.model_validate(self.hidden).place,)
-
-    @property
-    def size_errors(self) -> tuple[float, ...]:
-        """Relative error of the estimated size."""
-        return () if self.error is None else (self.error,)
-
-
 def diagnosed(case: Case, record: PositionRecord | StrapdownRecord, *, rerun: bool = False) -> Diagnosis:
     """The diagnosis of a case's record; of a bench σ, the mountings and the kind of block are known beside it."""
-    if isinstance(record, StrapdownRecord):
-        return diagnose(record, rerun=rerun)
-    assert isinstance(case, BenchCase)
-    known = {"baseline": case.bench.baseline, "mounting": case.bench.matrices}
-    return diagnose(record, noise_bound=NOISE_BOUND, **known, rerun=rerun)
+    known = {}
+    if isinstance(case.instrument, Bench):
+        known = {"baseline": case.instrument.baseline, "mounting": case.instrument.matrices, "noise_bound": NOISE_BOUND}
+    return diagnose(record, rerun=rerun, **known)
 
 
-def judged(case: Case, result: Diagnosis) -> BenchOutcome | BlockOutcome:
+def judged(case: Case, result: Diagnosis) -> Outcome:
     """Hold a diagnosis against the secret of its case."""
+    own = case.instrument
     sets = [finding.causes for finding in result.findings]
     kind = kind_of(case.places, result.verdict, sets, result.equal_sets)
-    if isinstance(case, BenchCase):
-        inside, errors = _held_against(case.hidden, kind, sets, case.bench.truth["TurntableMotion"])
-        return BenchOutcome(
-            seed=case.seed,
-            case=case.index or 0,
-            positions=len(case.bench.alpha),
-            mountings=case.bench.mountings,
-            baseline=case.bench.baseline,
-            noise=case.noise,
-            redrawn=case.redrawn,
-            hidden=tuple(_secret(hidden) for hidden in case.hidden),
-            radius=result.evidence.calibration.radius,
-            verdict=result.verdict,
-            outcome=kind,
-            named=_named(sets),
-            inside=inside,
-            errors=errors,
-        )
-    inside, errors = _held_against(case.hidden, kind, sets)
-    return BlockOutcome(
-        **case.answer(),
-        rows=len(case.motion) - 1,
+    table = own.truth["TurntableMotion"] if isinstance(own, Bench) else None
+    inside, errors = _held_against(case.hidden, kind, sets, table)
+    if isinstance(own, Bench):
+        told = {
+            "seed": case.seed,
+            "case": case.index or 0,
+            "positions": len(own.alpha),
+            "mountings": own.mountings,
+            "baseline": own.baseline,
+            "noise": own.noise,
+            "hidden": tuple(_secret(hidden) for hidden in case.hidden),
+            "errors": errors,
+        }
+    else:
+        why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
+        error = errors[0] if errors else None
+        told = {**case.answer(), "rows": len(own.motion) - 1, "error": error, "why": why}
+    return Outcome(
+        **told,
         redrawn=case.redrawn,
         radius=result.baseline.radius,
         verdict=result.verdict,
         outcome=kind,
-        named=_named(sets),
+        named=tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else (),
         inside=inside,
-        error=errors[0] if errors else None,
-        why="; ".join((*(result.not_named or ()), *map(str, result.missing or ()))),
     )
 
 
 def _secret(hidden: Hidden) -> Secret:
-    def finite(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
     return Secret(
         **NamedEffect.keys(hidden.place),
         parameters=hidden.parameters,
         size=hidden.size,
-        surely_detected=finite(hidden.sizes.detected),
-        rivals_excluded=finite(hidden.sizes.excluded),
+        surely_detected=finite_or_none(hidden.sizes.detected),
+        rivals_excluded=finite_or_none(hidden.sizes.excluded),
         last_rival=hidden.sizes.rival,
     )
-
-
-def _named(sets: Sequence[Sequence[Cause]]) -> tuple[NamedEffect, ...]:
-    return tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else ()
 
 
 def kind_of(
@@ -350,7 +281,7 @@ def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[f
         return hidden.values
     true_g, offset = 1.0 - float(table["gravity_error"]), float(table["beta_offset"])
     place = hidden.place
-    factor = true_g ** DEGREES.get(place.effect, 0)
+    factor = true_g ** max(0, CATALOGUE[place.effect].at(place).degree)
     turn = (place.order or 1) * offset if place.where == "inner-axis" else 0.0
     return tuple(
         value - turn if name.endswith("phase") else value * factor for name, value in hidden.parameters.items()

@@ -6,7 +6,7 @@ import json
 import math
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from ..diagnosis.result import Told
 from ..errors import InputError, nearest
 from ..files import write_text
 from ..progress import tracked
 from ..records import PositionRecord, write_record
-from ..result import Result
+from ..result import ABSENT, Result
 from ..workers import completed, started
-from .draw import BenchOptions, Options, draw_alone, draw_case
-from .measure import RECORD_DECIMALS, BenchCase, Case, measure, measure_bench
-from .outcome import KINDS, BenchOutcome, BlockOutcome, Outcome, diagnosed, judged
+from .bench import RECORD_DECIMALS
+from .draw import Case, Options, draw_alone, draw_case
+from .outcome import KINDS, Outcome, diagnosed, judged
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -61,7 +62,7 @@ def hidden_record(
 ) -> HiddenRecord:
     """Draw a record of a table's positions by itself, and measure it; arguments as for `draw_alone`."""
     case = draw_alone(seed, effects=effects, symmetric=symmetric)
-    return HiddenRecord(measure_bench(case, progress=progress), case.answer())
+    return HiddenRecord(case.measured(progress=progress), case.answer())
 
 
 def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress: bool = False) -> None:
@@ -82,7 +83,7 @@ def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress
     InputError
         a file that cannot be written; then neither is there
     """
-    record = measure_bench(case, progress=progress) if isinstance(case, BenchCase) else measure(case)
+    record = case.measured(progress=progress)
     if answer is not None:
         write_text(answer, json.dumps(case.answer(), indent=2) + "\n")
     try:
@@ -116,81 +117,60 @@ class Detection(Result):
     named: int
 
 
-class BenchSuite(Result):
-    """A suite of records of a table's positions, and what came of it.
+class Suite(Told):
+    """A suite of records, and what came of it. Keys that only one kind of record has are left out of the other's.
 
     Attributes
     ----------
-    mode, effects, positions, noise, size, seed
-        what was drawn, as in `BenchOptions`
+    mode, clean, effects, positions, noise, size, seed
+        what was drawn, as in `Options`; of a block moved by hand whether it is clean, and no size where it is
     cases, redrawn : int
-        how many; how many effects were put aside
+        how many; how many effects were put aside (of a table)
     outcomes : dict
         how many of each kind, in the order of `KINDS`
     false_alarms : dict
         clean records, and those on which something was named
     confusion : dict
         secret in words -> what was made of it -> how often
+    by_reference : dict
+        of blocks: "gravity", "truth" -> how many of each kind
     detection : tuple of Detection
-        single effects by their size; ranges without cases are left out
+        of a table: single effects by their size; ranges without cases are left out
     size_errors : dict
         estimated sizes against the true ones, relative; how many true values were inside their intervals
-    results : tuple of BenchOutcome
+    results : tuple of Outcome
         in the order of the cases
     """
 
-    schema_: Literal["trihedron.hidden-suite/1"] = Field(default="trihedron.hidden-suite/1", alias="schema")
-    mode: str
+    schema_: Literal["trihedron.hidden-suite/1", "trihedron.hidden-strapdown-suite/1"] = Field(alias="schema")
+    mode: str = ABSENT
+    clean: bool = ABSENT
     effects: tuple[str, ...]
-    positions: tuple[int, int]
-    noise: str
+    positions: tuple[int, int] = ABSENT
+    noise: str = ABSENT
     size: tuple[float, float] | None
     seed: int
     cases: int
-    redrawn: int
+    redrawn: int = ABSENT
     outcomes: dict[str, int]
     false_alarms: dict[str, int]
     confusion: dict[str, dict[str, int]]
-    detection: tuple[Detection, ...]
+    by_reference: dict[str, dict[str, int]] = ABSENT
+    detection: tuple[Detection, ...] = ABSENT
     size_errors: dict[str, int | float | None]
-    results: tuple[BenchOutcome, ...]
+    results: tuple[Outcome, ...]
 
-
-class BlockSuite(Result):
-    """A suite of records of a block moved by hand, and what came of it; attributes as of `BenchSuite`.
-
-    Attributes
-    ----------
-    clean, effects, size
-        what was drawn, as in `BlockOptions`; no sizes where nothing is hidden
-    by_reference : dict
-        "gravity", "truth" -> how many of each kind
-    """
-
-    schema_: Literal["trihedron.hidden-strapdown-suite/1"] = Field(
-        default="trihedron.hidden-strapdown-suite/1", alias="schema"
-    )
-    clean: bool
-    effects: tuple[str, ...]
-    size: tuple[float, float] | None
-    seed: int
-    cases: int
-    outcomes: dict[str, int]
-    false_alarms: dict[str, int]
-    confusion: dict[str, dict[str, int]]
-    by_reference: dict[str, dict[str, int]]
-    size_errors: dict[str, int | float | None]
-    results: tuple[BlockOutcome, ...]
-
-
-Suite = BenchSuite | BlockSuite
+    @property
+    def strapdown(self) -> bool:
+        """Whether the records are those of a block moved by hand."""
+        return self.mode is None
 
 
 @dataclass(frozen=True)
 class NamedSuite:
     """A suite of `scenarios/hidden/suites.toml`: what is drawn, how many cases, from which seed."""
 
-    options: BenchOptions
+    options: Options
     cases: int
     seed: int
 
@@ -203,7 +183,7 @@ def named_suite(name: str) -> NamedSuite:
         raise InputError(f"--suite {name}: {nearest(name, tuple(suites))}")
     entry = suites[name]
     size = tuple(entry["size"]) if "size" in entry else None
-    options = BenchOptions(
+    options = Options(
         mode=entry["mode"], positions=tuple(entry["positions"]), noise=entry.get("noise", "all"), size=size
     )
     return NamedSuite(options, entry["cases"], entry["seed"])
@@ -214,9 +194,12 @@ def run_suite(
 ) -> Suite:
     """Draw, measure and diagnose cases; the diagnosis gets the record and what is known beside it, and nothing else.
 
+    Several processes work as those of a campaign do: a case whose process is killed is made again. A campaign of kind
+    "hidden" runs the same cases into a folder from which it can go on; a suite is one typed value at its end.
+
     Parameters
     ----------
-    options : BenchOptions or BlockOptions
+    options : Options
     cases : int
         how many; case i is the same whatever their number
     seed : int
@@ -240,58 +223,59 @@ def run_suite(
         if not least <= number <= most:
             raise InputError(f"--{name} {number}: must be a whole number from {least} to {most}")
     run = partial(run_case, options, seed, records)
-    if jobs == 1:
-        found: Iterable[Outcome] = tracked(map(run, range(cases)), "cases", show=progress, total=cases)
-        return suite_of(options, seed, list(found))
-    with started("local", jobs) as workers:
-        each = completed(workers, run, range(cases))
-        by_case = dict(tracked(each, "cases", show=progress, total=cases))
+
+    def each() -> Iterator[tuple[int, Outcome]]:
+        if jobs == 1:
+            yield from ((index, run(index)) for index in range(cases))
+            return
+        with started("local", jobs) as workers:
+            yield from completed(workers, run, range(cases))
+
+    by_case = dict(tracked(each(), "cases", show=progress, total=cases))
     return suite_of(options, seed, [by_case[index] for index in range(cases)])
 
 
-def run_case(options: Options, seed: int, records: Path | None, index: int) -> BenchOutcome | BlockOutcome:
+def run_case(options: Options, seed: int, records: Path | None, index: int) -> Outcome:
     """One case from the drawing to the outcome."""
     case = draw_case(options, seed, index)
-    record = measure(case)
+    record = case.measured()
     if records is not None:
         write_record(record, records / f"case-{index:05d}.csv")
     return judged(case, diagnosed(case, record))
 
 
-def suite_of(options: Options, seed: int, outcomes: Sequence[Any]) -> Suite:
+def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     """A suite from the outcomes of its cases, in their order."""
     clean = [outcome for outcome in outcomes if not outcome.places]
-    counted: dict[str, Any] = {
-        "seed": seed,
-        "cases": len(outcomes),
-        "outcomes": kinds(outcomes),
-        "false_alarms": {"clean": len(clean), "alarms": sum(outcome.outcome != "right" for outcome in clean)},
-        "confusion": {name: dict(sorted(row.items())) for name, row in confusion(outcomes).items()},
-        "size_errors": _size_errors(outcomes),
-        "results": tuple(outcomes),
+    errors = _size_errors(outcomes)
+    own: dict[str, Any] = {
+        "schema": "trihedron.hidden-suite/1",
+        "mode": options.mode,
+        "positions": options.positions,
+        "noise": options.noise,
+        "size": options.size,
+        "redrawn": sum(outcome.redrawn for outcome in outcomes),
+        "detection": tuple(detection(outcomes)),
     }
-    if isinstance(options, BenchOptions):
-        return BenchSuite(
-            mode=options.mode,
-            effects=options.effects,
-            positions=options.positions,
-            noise=options.noise,
-            size=options.size,
-            redrawn=sum(outcome.redrawn for outcome in outcomes),
-            detection=tuple(detection(outcomes)),
-            **counted,
-        )
-    del counted["size_errors"]["mean"]
-    return BlockSuite(
-        clean=options.clean,
+    if options.strapdown:
+        del errors["mean"]
+        of = {name: [one for one in outcomes if one.reference == name] for name in ("gravity", "truth")}
+        own = {
+            "schema": "trihedron.hidden-strapdown-suite/1",
+            "clean": options.mode == "clean",
+            "size": None if options.mode == "clean" else options.sizes,
+            "by_reference": {reference: kinds(found) for reference, found in of.items() if found},
+        }
+    return Suite(
+        **own,
         effects=options.effects,
-        size=None if options.clean else options.sizes,
-        by_reference={
-            reference: kinds(own)
-            for reference in ("gravity", "truth")
-            if (own := [outcome for outcome in outcomes if outcome.reference == reference])
-        },
-        **counted,
+        seed=seed,
+        cases=len(outcomes),
+        outcomes=kinds(outcomes),
+        false_alarms={"clean": len(clean), "alarms": sum(outcome.outcome != "right" for outcome in clean)},
+        confusion={name: dict(sorted(row.items())) for name, row in confusion(outcomes).items()},
+        size_errors=errors,
+        results=tuple(outcomes),
     )
 
 
@@ -309,12 +293,12 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
     return table
 
 
-def detection(outcomes: Sequence[BenchOutcome]) -> list[Detection]:
+def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
     """Single effects counted by their size relative to that of sure detection; ranges without cases are left out."""
-    singles = [outcome for outcome in outcomes if len(outcome.hidden) == 1]
+    singles = [outcome for outcome in outcomes if len(outcome.secrets) == 1]
     found = []
     for low, high in pairwise(BINS):
-        own = [outcome for outcome in singles if low <= outcome.hidden[0].relative_size < high]
+        own = [outcome for outcome in singles if low <= outcome.secrets[0].relative_size < high]
         if own:
             detected = sum(outcome.verdict not in ("consistent", "insufficient") for outcome in own)
             named = sum(outcome.outcome == "right" for outcome in own)
@@ -338,7 +322,7 @@ def _size_errors(outcomes: Sequence[Outcome]) -> dict[str, int | float | None]:
 
 def cases_csv(suite: Suite) -> str:
     """One row for each case."""
-    rows = [_bench_row(o) if isinstance(o, BenchOutcome) else _block_row(o) for o in suite.results]
+    rows = [_row(outcome) for outcome in suite.results]
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -346,39 +330,22 @@ def cases_csv(suite: Suite) -> str:
     return stream.getvalue()
 
 
-def _bench_row(o: BenchOutcome) -> dict[str, object]:
-    first = o.hidden[0] if o.hidden else None
-    above = ""
-    if first is not None:
+def _row(o: Outcome) -> dict[str, object]:
+    size, above = o.relative_size, ""
+    if o.secrets:
+        first = o.secrets[0]
         detected, excluded = (math.inf if x is None else x for x in (first.surely_detected, first.rivals_excluded))
         above = f"{excluded / detected:.4g}"
-    return {
-        "case": o.case,
-        "positions": o.positions,
-        "mountings": " ".join(o.mountings),
-        "baseline": o.baseline,
-        "noise": o.noise,
-        "hidden": o.titles(named=False),
-        "size_over_detection": "" if first is None else f"{first.relative_size:.4g}",
-        "exclusion_over_detection": above,
-        "radius": f"{o.radius:.6g}",
-        **_judgement(o),
-        "error": " ".join(f"{error:.4g}" for error in o.errors),
-    }
-
-
-def _block_row(o: BlockOutcome) -> dict[str, object]:
-    return {
-        "case": o.case,
-        "reference": o.reference,
-        "rows": o.rows,
-        "hidden": o.titles(named=False),
-        "size_over_detection": f"{o.size:.4g}" if o.places else "",
+    sizes = {"hidden": o.titles(named=False), "size_over_detection": "" if size is None else f"{size:.4g}"}
+    judgement = {
         "radius": "" if o.radius is None else f"{o.radius:.6g}",
-        **_judgement(o),
+        "verdict": o.verdict,
+        "outcome": o.outcome,
+        "named": o.titles(named=True),
+        "inside": "" if o.inside is None else int(o.inside),
     }
-
-
-def _judgement(o: Outcome) -> dict[str, object]:
-    inside = "" if o.inside is None else int(o.inside)
-    return {"verdict": o.verdict, "outcome": o.outcome, "named": o.titles(named=True), "inside": inside}
+    if o.reference is not None:
+        return {"case": o.case, "reference": o.reference, "rows": o.rows, **sizes, **judgement}
+    drawn = {"positions": o.positions, "mountings": " ".join(o.mountings), "baseline": o.baseline, "noise": o.noise}
+    errors = " ".join(f"{error:.4g}" for error in o.errors)
+    return {"case": o.case, **drawn, **sizes, "exclusion_over_detection": above, **judgement, "error": errors}

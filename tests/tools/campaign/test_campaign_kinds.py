@@ -23,7 +23,7 @@ from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.run import PreparedScenario
 from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenario
-from trihedron.tools.trials.draw import BenchOptions
+from trihedron.tools.trials.draw import Options
 from trihedron.tools.trials.suite import run_suite
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -192,7 +192,7 @@ def test_a_column_becomes_a_number(take):
 
 def test_hidden_effect_cases_are_those_of_the_suite():
     text = "seed = 5\nrepeats = 2\n[hidden]\neffects = ['quadratic']\npositions = [20, 30]\nnoise = 'uniform'\n"
-    suite: Any = run_suite(BenchOptions("single", ("quadratic",), (20, 30), "uniform"), 2, 5)
+    suite: Any = run_suite(Options("single", ("quadratic",), (20, 30), "uniform"), 2, 5)
     found = results(parsed(text + "[keep]\ndiagnosis = true\n"))
     for outcome, result in zip(suite.results, found, strict=True):
         assert result.scalars["outcome"] == outcome.outcome == "right"

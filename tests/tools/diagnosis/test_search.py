@@ -13,13 +13,13 @@ from trihedron.models.effects.outlier import place_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Witness
-from trihedron.tools.diagnosis.sizes import SureSizes
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
 from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.trials.bench import NOISE_BOUND, Bench, bench_positions, draw_bench, draw_truth
-from trihedron.tools.trials.measure import BenchCase, Hidden, measure_bench
+from trihedron.tools.trials.draw import Case
 from trihedron.tools.trials.outcome import diagnosed
+from trihedron.tools.trials.sizes import Hidden
 
 Effects = dict[EffectPlace, tuple[float, ...]]
 CUBIC_1 = EffectPlace("cubic", "accelerometer-1")
@@ -67,11 +67,10 @@ def test_outliers_of_a_whole_g_are_found_although_they_turn_the_signs_of_other_i
         assert low <= 1.0 <= high
 
 
-def case_with(effects: Effects, seed: int, *, positions: int = 60, noise: str = "edge") -> BenchCase:
+def case_with(effects: Effects, seed: int, *, positions: int = 60, noise: str = "edge") -> Case:
     """A drawn bench with these effects."""
     bench = draw_bench(np.random.default_rng(seed), (positions, positions))
-    nothing = SureSizes(1.0, 1.0, None)
-    return BenchCase(seed, 0, bench, tuple(Hidden(place, v, 1.0, nothing) for place, v in effects.items()), noise)
+    return Case(seed, 0, replace(bench, noise=noise), tuple(Hidden(place, v) for place, v in effects.items()))
 
 
 def standard_bench(seed: int) -> Bench:
@@ -100,7 +99,7 @@ THREE: Effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
 )
 def test_effects_are_named_together_though_every_error_is_at_its_bound(effects, seed):
     case = case_with(effects, seed)
-    result = diagnosed(case, measure_bench(case))
+    result = diagnosed(case, case.measured())
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
     assert result.extended is not None
@@ -119,11 +118,10 @@ def test_effects_are_named_together_though_every_error_is_at_its_bound(effects, 
     ids=lambda value: value.effect if isinstance(value, EffectPlace) else None,
 )
 def test_what_is_not_linear_is_named_beside_a_linear_effect(bent, values):
-    nothing = SureSizes(1.0, 1.0, None)
     drift = EffectPlace("bias-drift", "accelerometer-1")
-    hidden = (Hidden(drift, (3e-3,), 1.0, nothing), Hidden(bent, values, 1.0, nothing))
-    case = BenchCase(11, 0, standard_bench(11), hidden, "uniform")
-    result = diagnosed(case, measure_bench(case))
+    hidden = (Hidden(drift, (3e-3,)), Hidden(bent, values))
+    case = Case(11, 0, standard_bench(11), hidden)
+    result = diagnosed(case, case.measured())
     assert result.verdict in ("explained", "ambiguous")
     named = [{cause.place for cause in finding.causes} for finding in result.findings]
     assert {drift, bent} in named
@@ -140,7 +138,7 @@ def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name(seed):
     """Every error is at its bound: what rounding adds is beyond it."""
     place = EffectPlace("temperature-bias", "accelerometer-1")
     case = case_with({place: (6e-5,)}, seed)
-    record = measure_bench(case)
+    record = case.measured()
     assert record.temperature is not None
     digit = np.deg2rad(1e-6)
     rounded = replace(
@@ -162,7 +160,7 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     """Five hundred σ of one and ten of the other: the search begins where the large one no longer draws the fit."""
     effects: Effects = {EffectPlace("encoder-harmonic", "outer-axis", 3): (5e-3, 0.3), CUBIC_1: (8e-4,)}
     case = case_with(effects, 7)
-    record = measure_bench(case)
+    record = case.measured()
     evidence = bench_evidence(
         record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
     )
@@ -178,7 +176,7 @@ def test_three_outliers_are_no_cause():
     """At most two: enough outliers explain anything."""
     effects = {place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,), place_of(40, 1): (5e-4,)}
     case = case_with(effects, 13)
-    result = diagnosed(case, measure_bench(case))
+    result = diagnosed(case, case.measured())
     assert result.verdict == "unexplained"
     assert result.causes == ()
 
@@ -186,7 +184,7 @@ def test_three_outliers_are_no_cause():
 def test_impossible_sizes_are_no_cause():
     """A cubic term of 0.4 per g² is not one that an accelerometer has; within its limits the fit does not reach."""
     case = case_with({CUBIC_1: (8e-4,)}, 15)
-    record = measure_bench(case)
+    record = case.measured()
     far = record.specific_force.copy()
     here = calibrate(record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices)
     far[:, 0] += 9.80665 * 0.4 * here.linearised.input[:, 0] ** 3

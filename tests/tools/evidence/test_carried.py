@@ -18,8 +18,7 @@ from trihedron.tools.motion.carry import GyroModel, carried_attitude
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.orchestrator.load import usual_flavour
 from trihedron.tools.reports.diagnosis import lines
-from trihedron.tools.trials.draw import BlockOptions, draw_block_case, draw_clean_block
-from trihedron.tools.trials.measure import measure_block
+from trihedron.tools.trials.draw import Options, draw_case, draw_clean_block
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
@@ -34,7 +33,7 @@ def simulated(seed: int):
 
 def clean(index: int, reference=None):
     """A clean record of the suite."""
-    return measure_block(draw_clean_block(11, index, reference))
+    return draw_clean_block(11, index, reference).measured()
 
 
 @pytest.fixture(scope="module")
@@ -183,9 +182,9 @@ def test_least_squares_and_the_search_agree_on_a_known_error():
 
 
 def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
-    case = draw_block_case(BlockOptions(), 1, 17)
+    case = draw_case(Options(strapdown=True), 1, 17)
     assert case.places == (LATENCY,)
-    found = diagnose(measure_block(case))
+    found = diagnose(case.measured())
     assert found.verdict == "explained"
     assert [cause.place for cause in found.causes] == [LATENCY]
     assert found.gain is not None

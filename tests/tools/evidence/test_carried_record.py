@@ -11,7 +11,6 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.trials.draw import draw_clean_block
-from trihedron.tools.trials.measure import measure_block
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +22,7 @@ def clean() -> StrapdownRecord:
 @pytest.fixture(scope="module")
 def filmed() -> StrapdownRecord:
     """A record with true attitude."""
-    return measure_block(draw_clean_block(3, 1, "truth"))
+    return draw_clean_block(3, 1, "truth").measured()
 
 
 def some_rows(record: StrapdownRecord, rows: np.ndarray) -> StrapdownRecord:

@@ -11,11 +11,10 @@ from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.trials.bench import NOISE_BOUND, draw_positions, expected, faultless_record
-from trihedron.tools.trials.draw import BenchOptions, draw_bench_case
-from trihedron.tools.trials.measure import BenchCase, drawn_errors, measure_bench
+from trihedron.tools.trials.bench import NOISE_BOUND, draw_positions, drawn_errors, expected, faultless_record
+from trihedron.tools.trials.draw import Case, Options, draw_case
 from trihedron.tools.trials.outcome import diagnosed
-from trihedron.tools.trials.suite import BenchSuite, named_suite, run_suite
+from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
 ARCSEC = np.pi / 180.0 / 3600.0
@@ -31,7 +30,7 @@ def test_nothing_is_named_on_clean_records_of_every_noise():
     assert suite.outcomes == {"right": suite.cases}
     assert {outcome.noise for outcome in suite.results} == {"uniform", "edge", "correlated"}
     assert {len(outcome.mountings) for outcome in suite.results} == {1, 2}
-    assert BenchSuite.model_validate_json(suite.json_text()) == suite
+    assert Suite.model_validate_json(suite.json_text()) == suite
 
 
 def test_single_effects_of_the_second_size_are_named_and_their_sizes_are_inside():
@@ -58,16 +57,16 @@ def test_what_the_catalogue_lacks_gets_no_name(index):
 
 
 def test_a_case_is_the_same_whatever_their_number():
-    options = BenchOptions("clean", positions=(12, 14))
+    options = Options("clean", positions=(12, 14))
     some, more = (run_suite(options, count, 3).results for count in (1, 2))
     assert some[0] == more[0]
-    first, again, second = (draw_bench_case(options, 3, index) for index in (0, 0, 1))
-    assert measure_bench(first).specific_force.tobytes() == measure_bench(again).specific_force.tobytes()
+    first, again, second = (draw_case(options, 3, index) for index in (0, 0, 1))
+    assert first.measured().specific_force.tobytes() == again.measured().specific_force.tobytes()
     assert not np.array_equal(first.bench.alpha, second.bench.alpha)
 
 
-def clean_case(noise: str, index: int) -> BenchCase:
-    return draw_bench_case(BenchOptions("clean", positions=(24, 26), noise=noise), 8, index)
+def clean_case(noise: str, index: int) -> Case:
+    return draw_case(Options("clean", positions=(24, 26), noise=noise), 8, index)
 
 
 @pytest.mark.parametrize("noise", ["uniform", "edge", "correlated"])
@@ -75,7 +74,7 @@ def clean_case(noise: str, index: int) -> BenchCase:
 def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(noise, index):
     """The components in time against the closed formula, by another way: every error is within σ."""
     case = clean_case(noise, index)
-    record, faultless = measure_bench(case), faultless_record(case.bench)
+    record, faultless = case.measured(), faultless_record(case.bench)
     errors = (record.specific_force - faultless.specific_force) / STANDARD_GRAVITY / NOISE_BOUND
     # Nine decimals of m/s² are 5.1e-6 of σ.
     assert 0.3 < np.abs(errors).max() <= 1.0 + 5.2e-6
@@ -107,7 +106,7 @@ def test_positions_are_so_many_and_all_different(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_sizes_that_are_drawn_are_those_of_the_mode(seed):
     def hidden(mode: str, positions: tuple[int, int] = (20, 40), **options: Any):
-        return draw_bench_case(BenchOptions(mode, positions=positions, **options), seed, 0).hidden
+        return draw_case(Options(mode, positions=positions, **options), seed, 0).hidden
 
     (single,) = hidden("single")
     effect = CATALOGUE[single.place.effect]
@@ -142,7 +141,7 @@ def test_what_is_known_of_a_bench_is_its_truth():
 )
 def test_wrong_options_are_refused_in_one_line(options, message):
     with pytest.raises(InputError, match=message):
-        BenchOptions(**options)
+        Options(**options)
 
 
 def test_a_suite_from_the_command_line(tmp_path, capsys):
@@ -150,13 +149,13 @@ def test_a_suite_from_the_command_line(tmp_path, capsys):
     words = ["hidden", "--cases", "2", "--seed", "5", "--effects", "quadratic", "--positions", "20", "30"]
     assert cli.main([*words, "--noise", "uniform", "--out", str(out)]) == 0
     assert capsys.readouterr().out.startswith("2 cases (single), seed 5: right 2")
-    suite = BenchSuite.model_validate_json((out / "suite.json").read_text(encoding="utf-8"))
+    suite = Suite.model_validate_json((out / "suite.json").read_text(encoding="utf-8"))
     assert suite.confusion == {"quadratic": {"quadratic": 2}}
     assert suite.size_errors["inside_intervals"] == 2
     assert (out / "cases.csv").read_text(encoding="utf-8").count("\n") == 3
     assert "<svg" in (out / "index.html").read_text(encoding="utf-8")
     for index, result in enumerate(suite.results):
-        case = draw_bench_case(BenchOptions("single", ("quadratic",), (20, 30), "uniform"), 5, index)
+        case = draw_case(Options("single", ("quadratic",), (20, 30), "uniform"), 5, index)
         assert result.places == case.places
     assert len(list((out / "records").glob("case-*.csv"))) == 2
 
@@ -167,14 +166,14 @@ from pathlib import Path
 
 import polars
 
-from trihedron.tools.trials.draw import BenchOptions
+from trihedron.tools.trials.draw import Options
 from trihedron.tools.trials.suite import run_suite
 
 polars.DataFrame({"x": [1.0, 2.0]}).select(polars.col("x").sum())
 for jobs in (1, 2):
     folder = Path(sys.argv[1]) / str(jobs)
     folder.mkdir()
-    run_suite(BenchOptions("clean", (), (12, 13), "uniform"), 2, 1, records=folder, jobs=jobs)
+    run_suite(Options("clean", (), (12, 13), "uniform"), 2, 1, records=folder, jobs=jobs)
 """
 
 

@@ -17,23 +17,25 @@ from trihedron.tools.reports.trials import write_suite
 from trihedron.tools.trials.block import (
     BEFORE_A_CAMERA,
     BETWEEN_RESTS,
+    Block,
     Instruments,
     Noise,
+    Reference,
     TrueMotion,
     draw_motion,
     flicker_noise,
     without_coning,
 )
 from trihedron.tools.trials.draw import (
-    BlockOptions,
-    draw_block_case,
+    Options,
+    draw_case,
     draw_clean_block,
     evidence_of,
     hideable_in_block,
     size_in_block,
 )
-from trihedron.tools.trials.measure import BlockCase, Hidden, Reference, measure_block
-from trihedron.tools.trials.suite import BlockSuite, run_suite
+from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials.suite import Suite, run_suite
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)
@@ -47,7 +49,7 @@ def read(
     jitter: float = 0.0,
 ) -> StrapdownRecord:
     """What a block reads of a motion."""
-    return measure_block(BlockCase(0, 1, reference, motion, instruments, None, hidden, jitter))
+    return Block(reference, motion, instruments, jitter=jitter).measured(0, 1, hidden)
 
 
 @pytest.mark.parametrize("schedule", [BETWEEN_RESTS, BEFORE_A_CAMERA], ids=["gravity", "truth"])
@@ -149,9 +151,9 @@ def test_increments_without_coning_turn_the_body_elsewhere():
 
 
 def test_cases_do_not_depend_on_each_other_and_have_both_references():
-    first, again, other = (measure_block(draw_clean_block(3, index)) for index in (4, 4, 5))
+    first, again, other = (draw_clean_block(3, index).measured() for index in (4, 4, 5))
     assert first.specific_force.tobytes() == again.specific_force.tobytes()
-    assert [draw_clean_block(3, index).reference for index in range(4)] == ["gravity", "truth"] * 2
+    assert [draw_clean_block(3, index).block.reference for index in range(4)] == ["gravity", "truth"] * 2
     assert first.attitude is None
     assert other.attitude is not None
 
@@ -159,10 +161,10 @@ def test_cases_do_not_depend_on_each_other_and_have_both_references():
 @pytest.mark.parametrize("index", [0, 1])
 def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
     """An effect of the size of sure detection, and the noise within its bounds, is more than the model can take."""
-    (hidden,) = draw_block_case(BlockOptions(), 8, index).hidden
+    (hidden,) = draw_case(Options(strapdown=True), 8, index).hidden
     assert 2.0 <= hidden.relative_size <= 3.0
     clean = draw_clean_block(8, index)
-    evidence = evidence_of(clean, measure_block(clean))
+    evidence = evidence_of(clean)
     assert evidence is not None
     if hidden.place.effect != "jitter":
         coefficients = np.array(hidden.values)
@@ -176,7 +178,7 @@ def test_what_no_record_shows_is_not_hidden():
     assert {"latency", "jitter", "gyro-g-squared", "quadratic"} <= known
     assert set(STRAPDOWN_EFFECTS) - known == {"gyro-bias", "gyro-quantisation"}
     with pytest.raises(InputError, match="cannot show such an effect"):
-        draw_block_case(BlockOptions(effects=("latency",)), 1, 0)
+        draw_case(Options(effects=("latency",), strapdown=True), 1, 0)
 
 
 def test_a_record_with_a_secret_is_written(tmp_path):
@@ -188,14 +190,14 @@ def test_a_record_with_a_secret_is_written(tmp_path):
 
 def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
     """A share of the suite: one effect of each kind of record, and two clean records."""
-    hidden = run_suite(BlockOptions(effects=("gyro-scale-asymmetry",)), 2, 21)
+    hidden = run_suite(Options(effects=("gyro-scale-asymmetry",), strapdown=True), 2, 21)
     assert hidden.outcomes == {"right": 2}
     assert all(outcome.inside for outcome in hidden.results)
-    clean = run_suite(BlockOptions(clean=True), 2, 22)
+    clean = run_suite(Options("clean", strapdown=True), 2, 22)
     assert clean.outcomes == {"right": 2}
     assert "false alarms on clean records: 0 of 2" in str(clean)
     files = write_suite(hidden, tmp_path)
-    assert BlockSuite.model_validate_json(files[0].read_text()) == hidden
+    assert Suite.model_validate_json(files[0].read_text()) == hidden
     assert files[1].read_text().count("\n") == 3
     assert "gyro-scale-asymmetry" in files[2].read_text()
 
@@ -207,11 +209,11 @@ def test_two_hundred_hidden_effects_and_two_hundred_clean_records():
     A verdict that leaves several sets open, the true one among them, counts as the right class: terms of an
     accelerometer that are nearly alike need not be told apart.
     """
-    hidden = run_suite(BlockOptions(), 200, 1)
+    hidden = run_suite(Options(strapdown=True), 200, 1)
     print(str(hidden))
     counts = Counter(hidden.outcomes)
     assert counts["right"] + counts["candidate"] >= 180
     assert counts["wrong"] + counts["part"] <= 4
-    clean = run_suite(BlockOptions(clean=True), 200, 2)
+    clean = run_suite(Options("clean", strapdown=True), 200, 2)
     print(str(clean))
     assert clean.false_alarms["alarms"] < 2

@@ -14,8 +14,8 @@ from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.spaces import spread_directions
 from trihedron.tools.calibration.model import Linearisation
 from trihedron.tools.calibration.procedure import fit_record
-from trihedron.tools.diagnosis.sizes import DIRECTIONS, level_change, level_margins, sure_sizes
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits, circumstances_of, signature_columns
+from trihedron.tools.trials.sizes import DIRECTIONS, level_change, level_margins, sure_sizes
 
 SIGMA = 1e-5
 RNG = np.random.default_rng(11)

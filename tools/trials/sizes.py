@@ -1,4 +1,4 @@
-"""The two sizes of an effect that have a theory: surely detected, and surely not taken for another effect.
+"""Hidden effects, and the two sizes with a theory: surely detected, and surely not taken for another effect.
 
 Let d be what the unit effect adds to the readings, J the derivatives of the nominal model at its relinearised point and
 b the bounds. Noise within its bounds can hide what is nearer to the model than the bounds, and the model may use up the
@@ -11,18 +11,19 @@ Chebyshev distance; b is wider where a sign is open). No parameters of a rival w
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.outlier import place_of
-from ...models.restricted import CONTEXT_SIZE, INPUT
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import sharpened
-from ..bounded.spaces import spread_directions
+from ..bounded.spaces import column_space, spread_directions
 from ..calibration.model import Linearisation
-from ..evidence.bench_effects import Circumstances, Visits, added_bound, signature_columns
+from ..diagnosis.result import NamedEffect
+from ..evidence.bench_effects import Circumstances, Visits, acted_on, added_bound, signature_columns
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
@@ -51,6 +52,46 @@ class SureSizes:
     detected: float
     excluded: float
     rival: str | None
+
+
+UNIT_SIZES = SureSizes(detected=1.0, excluded=1.0, rival=None)
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A hidden effect.
+
+    Attributes
+    ----------
+    place : EffectPlace
+    values : tuple of float
+        its parameters
+    size : float
+        length of the vector of its linear coefficients, or in units of `sizes`; 1 for an effect that is not linear
+    sizes : SureSizes
+        from which it is surely detected, and every rival excluded, in the same measure
+    """
+
+    place: EffectPlace
+    values: tuple[float, ...]
+    size: float = 1.0
+    sizes: SureSizes = UNIT_SIZES
+
+    @property
+    def relative_size(self) -> float:
+        """Size over that of sure detection."""
+        return self.size / self.sizes.detected
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Its parameters by name."""
+        names = [parameter.name for parameter in CATALOGUE[self.place.effect].at(self.place).parameters]
+        return dict(zip(names, self.values, strict=True))
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """The effect as a scenario file writes it."""
+        return {**NamedEffect.keys(self.place), **self.parameters}
 
 
 def sure_sizes(
@@ -87,27 +128,27 @@ def sure_sizes(
     columns = signature_columns([place], rows)
     # Readings on which the effect acts in a way that the record does not tell prove nothing.
     nominal = np.hstack(
-        (here.jacobian, untold_columns([place], rows), *(freed_columns(other, rows) for other in beside))
+        (here.jacobian, _untold_columns([place], rows), *(_freed_columns(other, rows) for other in beside))
     )
-    others = [(rival.title, freed_columns(rival, rows)) for rival in rivals]
+    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals]
     own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
     directions = spread_directions(columns.shape[1], DIRECTIONS) if direction is None else [direction]
-    found = [sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
+    found = [_sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
     worst = max(found, key=lambda sizes: sizes.excluded)
     return SureSizes(max(sizes.detected for sizes in found), worst.excluded, worst.rival)
 
 
-def untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
+def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
     """One column (3 N, U) for each reading on which an effect acts in a way that the record does not tell."""
     return np.eye(3 * len(rows.hours))[:, added_bound(places, rows) > 0.0]
 
 
-def freed_columns(place: EffectPlace, rows: Rows) -> NDArray:
+def _freed_columns(place: EffectPlace, rows: Rows) -> NDArray:
     """Signature of an effect, and a column for each reading that it leaves free."""
-    return np.hstack((signature_columns([place], rows), untold_columns([place], rows)))
+    return np.hstack((signature_columns([place], rows), _untold_columns([place], rows)))
 
 
-def sizes_of_change(
+def _sizes_of_change(
     nominal: NDArray,
     change: NDArray,
     bound: NDArray,
@@ -117,17 +158,7 @@ def sizes_of_change(
 ) -> SureSizes:
     """Factors of a change (M,) of the readings from which it is surely detected, and every rival surely excluded.
 
-    Parameters
-    ----------
-    nominal : (M, P) array
-        columns of the model
-    change : (M,) array
-        fractions of g
-    bound : (M,) array
-    rivals : sequence of (title, (M, K) array)
-        columns of each rival; one reading left out is a rival besides
-    own_reading : int, optional
-        the reading that the change itself is about: leaving it out is no rival
+    Rivals are titles and columns (M, K); one reading left out is a rival besides, but not the change's own reading.
     """
     model, target = nominal / bound[:, None], change / bound
     scale = float(np.abs(target).max(initial=0.0))
@@ -139,37 +170,36 @@ def sizes_of_change(
     if alone < NOTHING_LEFT:
         return SureSizes(math.inf, math.inf, None)
     least, nearest = alone, None
-    bounds, candidates = least_square_bounds(model, target, [c / bound[:, None] for _, c in rivals], own_reading)
+    bounds, candidates = _least_square_bounds(model, target, [c / bound[:, None] for _, c in rivals], own_reading)
     for k in np.argsort(bounds, kind="stable"):
         if bounds[k] >= (1.0 - TOLERANCE) * least:
             break
         columns = np.hstack((model, candidates[k]))
-        if is_farther(columns, target, (1.0 - TOLERANCE) * least, np.abs(duals)):
+        if _is_farther(columns, target, (1.0 - TOLERANCE) * least, np.abs(duals)):
             continue
         radius = chebyshev_radius(columns, target, ones)[0]
         if radius < least:
             least, nearest = radius, int(k)
-    rival = None if nearest is None else rivals[nearest][0] if nearest < len(rivals) else outlier_title(nearest, rivals)
+    rival = None
+    if nearest is not None:
+        row, accelerometer = divmod(nearest - len(rivals), 3)
+        rival = rivals[nearest][0] if nearest < len(rivals) else place_of(row + 1, accelerometer + 1).title
     excluded = 2.0 / (scale * least) if least > NOTHING_LEFT else math.inf
     return SureSizes(2.0 / (scale * alone), excluded, rival)
 
 
-def outlier_title(candidate: int, rivals: Sequence[tuple[str, NDArray]]) -> str:
-    """Words for a reading that is left out; readings follow the rivals."""
-    row, accelerometer = divmod(candidate - len(rivals), 3)
-    return place_of(row + 1, accelerometer + 1).title
-
-
-def least_square_bounds(
+def _least_square_bounds(
     model: NDArray, target: NDArray, rivals: Sequence[NDArray], own_reading: int | None
 ) -> tuple[NDArray, list[NDArray]]:
     """Lower bounds of the distances with each rival's columns, then with each reading's own column, and the columns."""
     count = len(target)
-    basis = column_basis(model)
+    basis = column_space(model)
     left = target - basis @ (basis.T @ target)
     bounds = []
     for columns in rivals:
-        more = column_basis(columns - basis @ (basis.T @ columns), np.abs(columns).max(initial=0.0))
+        scale = np.abs(columns).max(initial=0.0) or 1.0
+        u, values, _ = np.linalg.svd((columns - basis @ (basis.T @ columns)) / scale, full_matrices=False)
+        more = u[:, values > 1e-9 * max(values.max(initial=0.0), 1.0)]
         bounds.append(np.linalg.norm(left - more @ (more.T @ left)) / math.sqrt(count))
     free = 1.0 - np.sum(basis**2, axis=1)
     taken = np.where(free > 1e-9, left**2 / np.maximum(free, 1e-9), 0.0)
@@ -181,21 +211,12 @@ def least_square_bounds(
     return np.concatenate((bounds, alone)), [*rivals, *readings]
 
 
-def column_basis(columns: NDArray, scale: float | None = None) -> NDArray:
-    """Orthonormal basis of columns; what is below 1e-9 of their scale is rounding."""
-    if columns.shape[1] == 0:
-        return columns
-    size = np.linalg.norm(columns, axis=0) if scale is None else np.full(columns.shape[1], scale)
-    u, values, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    return u[:, values > 1e-9 * max(values.max(initial=0.0), 1e-9 if scale is None else 1.0)]
-
-
-def is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) -> bool:
+def _is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) -> bool:
     """Whether Lawson's algorithm, from weights `first`, proves soon that columns come no nearer than `least`."""
     weights = 0.9 * first / first.sum() + 0.1 / len(target)
     for _ in range(ROUNDS):
         root = np.sqrt(weights)
-        basis = column_basis(columns * root[:, None])
+        basis = column_space(columns * root[:, None])
         weighted = root * target
         left = weighted - basis @ (basis.T @ weighted)
         if left @ left >= least**2:
@@ -204,31 +225,9 @@ def is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) 
     return False
 
 
-def level_change(place: EffectPlace, level: float, rows: Rows, offset: NDArray | float = 0.0) -> NDArray:
-    """What an effect that is not linear changes in the readings (N, 3) [g] at a level, by its own kernel.
-
-    Parameters
-    ----------
-    place : EffectPlace
-        dead zone, saturation or quantisation
-    level : float
-        its parameter
-    rows : Rows
-        with `own` and `prediction`
-    offset : (N, 3) array, optional
-        errors of the readings [g] that are there before the effect acts
-    """
-    kernel = CATALOGUE[place.effect].kernel
-    assert kernel is not None
-    before = rows.prediction + offset
-    after = before.copy()
-    for k in range(len(after)):
-        context = [0.0] * CONTEXT_SIZE
-        context[INPUT : INPUT + 3] = rows.n[k].tolist()
-        reading = before[k].tolist()
-        kernel(context, rows.own[k].tolist(), place.index, level, reading)
-        after[k] = reading
-    return after - before
+def level_change(place: EffectPlace, level: float, rows: Rows) -> NDArray:
+    """What an effect that is not linear changes in the readings (N, 3) [g] at a level, by its own kernel."""
+    return acted_on([(place, (level,))], rows, rows.prediction) - rows.prediction
 
 
 def level_margins(
@@ -244,6 +243,6 @@ def level_margins(
     surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
     """
     rows = Visits.of(here, circumstances).rows(here.point)
-    others = [(rival.title, freed_columns(rival, rows)) for rival in rivals]
+    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals]
     changes = [level_change(place, level, rows).ravel() for level in levels]
-    return [sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]
+    return [_sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]
