@@ -1,16 +1,14 @@
 """What table and block, extended by effects, read at given encoder readings, times, temperatures and senses."""
 
-from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from trihedron.fmus import components
-from trihedron.fmus.component import extend
+from named import Effects, Named
 from trihedron.fmus.parameters import component_parameters
-from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows, parameter_name
+from trihedron.models.effects import CATALOGUE, Rows
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits
 
@@ -25,25 +23,15 @@ APPROACH = 1e-3
 """From so far [rad] the table comes to each position."""
 TRUTH = RNG.uniform(-0.005, 0.005, len(TARGETS))
 PARAMETERS = component_parameters(dict(zip(TARGETS, TRUTH, strict=True)), G, np.eye(3))
-Values = Sequence[Sequence[float]]
 
 
-def extended_instance(name: str, places: Sequence[EffectPlace], values: Values, **settings):
-    """An instance of a component of the true bench, with those effects that belong to it, not yet initialised."""
-    own = [(place, v) for place, v in zip(places, values, strict=True) if CATALOGUE[place.effect].component == name]
-    component = extend(components()[name], [place for place, _ in own])
-    at = references(component)
-    model = instantiate(component)
-    for variable, value in {**PARAMETERS.get(name, {}), **settings}.items():
-        for i, element in enumerate(np.ravel(value)):
-            model.set(at[f"{variable}[{i + 1}]" if isinstance(value, list) else variable], float(element))
-    for place, v in own:
-        for parameter, value in zip(CATALOGUE[place.effect].at(place).parameters, v, strict=True):
-            model.set(at[parameter_name(place, parameter.name)], value)
-    return model, at
+def extended_instance(name: str, effects: Effects, **settings: ArrayLike) -> Named:
+    """A component of the true bench, with those effects that belong to it, not yet initialised."""
+    own = {place: values for place, values in effects.items() if CATALOGUE[place.effect].component == name}
+    return Named(name, own, **(PARAMETERS.get(name, {}) | settings))
 
 
-def forces(places: Sequence[EffectPlace], values: Values, row: int) -> np.ndarray:
+def forces(effects: Effects, row: int) -> np.ndarray:
     """Specific force (2, 3) [m/s²] where the approach of a row begins and at the row, at given encoder readings.
 
     The command is sought at which the encoders show the angles that are asked for.
@@ -51,18 +39,11 @@ def forces(places: Sequence[EffectPlace], values: Values, row: int) -> np.ndarra
     wanted = np.array([ALPHA[row], BETA[row]])
     command, force = wanted.copy(), np.zeros((2, 3))
     for _ in range(16):
-        begin = [*(command - APPROACH * SENSES[row])]
-        table, at = extended_instance(
-            "TurntableMotion", places, values, encoder_fluctuation_bound=0.0, initial_angle=begin
-        )
-        table.set(at["temperature"], TEMPERATURE[row])
-        assert table.initialise(0.0) == 0
-        force[0] = [table.get(at[f"specific_force[{i + 1}]"]) for i in range(3)]
-        for i in range(2):
-            table.set(at[f"command[{i + 1}]"], command[i])
-        assert table.do_step(0.0, 3600.0 * HOURS[row]) == 0
-        force[1] = [table.get(at[f"specific_force[{i + 1}]"]) for i in range(3)]
-        miss = wanted - [table.get(at[f"angle_reading[{i + 1}]"]) for i in range(2)]
+        begin = command - APPROACH * SENSES[row]
+        table = extended_instance("TurntableMotion", effects, encoder_fluctuation_bound=0.0, initial_angle=begin)
+        force[0] = table.put(temperature=TEMPERATURE[row]).begin()["specific_force"]
+        force[1] = table.put(command=command).step(0.0, 3600.0 * HOURS[row])["specific_force"]
+        miss = wanted - table["angle_reading"]
         command = command + miss
         if np.abs(miss).max() < 1e-15:
             break
@@ -72,24 +53,18 @@ def forces(places: Sequence[EffectPlace], values: Values, row: int) -> np.ndarra
 @cache
 def nominal_forces(row: int) -> np.ndarray:
     """`forces` of the table without effects."""
-    return forces([], [], row)
+    return forces({}, row)
 
 
-def readings(places: Sequence[EffectPlace], values: Values, **settings) -> np.ndarray:
+def readings(effects: Effects, **settings: ArrayLike) -> np.ndarray:
     """Readings (7, 3) [g] of table and block, with effects composed in; the components themselves read."""
-    on_table = any(CATALOGUE[place.effect].component == "TurntableMotion" for place in places)
+    on_table = any(CATALOGUE[place.effect].component == "TurntableMotion" for place in effects)
     shown = np.zeros((ROWS, 3))
     for row in range(ROWS):
-        before, force = forces(places, values, row) if on_table else nominal_forces(row)
-        block, at = extended_instance("AccelerometerBlock", places, values, **settings)
-        block.set(at["temperature"], TEMPERATURE[row])
-        for i in range(3):
-            block.set(at[f"specific_force[{i + 1}]"], before[i])
-        assert block.initialise(0.0) == 0
-        for i in range(3):
-            block.set(at[f"specific_force[{i + 1}]"], force[i])
-        assert block.do_step(0.0, 3600.0 * HOURS[row]) == 0
-        shown[row] = [block.get(at[f"reading[{i + 1}]"]) / G for i in range(3)]
+        before, force = forces(effects, row) if on_table else nominal_forces(row)
+        block = extended_instance("AccelerometerBlock", effects, **settings)
+        block.put(temperature=TEMPERATURE[row], specific_force=before).begin()
+        shown[row] = block.put(specific_force=force).step(0.0, 3600.0 * HOURS[row])["reading"] / G
     return shown
 
 

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trihedron.fmus import components
-from trihedron.fmus.component import extend
-from trihedron.fmus.source import instantiate, references
-from trihedron.models.effects import CATALOGUE, EffectPlace, MotionRows, parameter_name
+from named import Named
+from trihedron.models.effects import EffectPlace, MotionRows
 
 G = 9.80665
 PERIOD = 0.01
@@ -55,33 +53,20 @@ def gyro_readings(
     settings
         of the component's parameters
     """
-    component = extend(components()[name], [place for place, _ in effects])
-    at = references(component)
-    model = instantiate(component)
-
-    def give(variable: str, values: np.ndarray | float) -> None:
-        for i, value in enumerate(np.ravel(values)):
-            model.set(at[f"{variable}[{i + 1}]" if np.ndim(values) else variable], float(value))
-
-    for variable, values in settings.items():
-        give(variable, values)
-    for place, values in effects:
-        for parameter, value in zip(CATALOGUE[place.effect].at(place).parameters, values, strict=True):
-            give(parameter_name(place, parameter.name), value)
+    model = Named(name, {place: list(values) for place, values in effects}, **settings)
     shown = np.zeros_like(rows.rate)
     given, out = ("increment", "rate_reading") if name == "GyroBlock" else ("increment_reading", "rate")
     steps = np.full_like(rows.step, rows.period) if regular else rows.step
+    warm = np.full_like(steps, 20.0) if rows.temperature is None else rows.temperature
     time = 0.0
     for k in range(-1, len(shown)):
         n = max(k, 0)
-        give(given, rows.rate[n] * steps[n])
-        give("interval", rows.step[n])
-        give("specific_force", G * rows.specific_force[n])
-        give("temperature", 20.0 if rows.temperature is None else rows.temperature[n])
+        model.put(**{given: rows.rate[n] * steps[n]}, interval=rows.step[n], temperature=warm[n])
+        model.put(specific_force=G * rows.specific_force[n])
         if k < 0:
-            assert model.initialise(0.0) == 0
+            model.begin()
             continue
-        assert model.do_step(time, steps[k]) == 0
+        model.step(time, steps[k])
         time += steps[k]
-        shown[k] = [model.get(at[f"{out}[{i + 1}]"]) for i in range(3)]
+        shown[k] = model[out]
     return shown

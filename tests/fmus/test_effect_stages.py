@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
+from named import Named
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import Positions, parametrise, predicted_reading
@@ -25,19 +26,9 @@ WOBBLES = {
 
 
 def block(effects: dict[EffectPlace, tuple[float, ...]], **settings):
-    """A block without errors of its own, and a function that reads it at a specific force [g]."""
-    plain = {name: [0.0] * 3 for name in ("scale_error_plus", "scale_error_minus", "bias")}
-    gammas = {f"gamma_{ij}": 0.0 for ij in ("21", "31", "32")}
-    model, at = extended_instance(
-        "AccelerometerBlock", list(effects), list(effects.values()), **{**plain, **gammas, **settings}
-    )
-
-    def read(*n: float) -> list[float]:
-        for i in range(3):
-            model.set(at[f"specific_force[{i + 1}]"], G * n[i])
-        return [model.get(at[f"reading[{i + 1}]"]) / G for i in range(3)]
-
-    return model, read
+    """A block, and a function that reads it at a specific force [g]."""
+    model = Named("AccelerometerBlock", effects, **settings)
+    return model, lambda *n: (model.put(specific_force=G * np.array(n))["reading"] / G).tolist()
 
 
 def at_accelerometer_1(name: str) -> EffectPlace:
@@ -46,19 +37,19 @@ def at_accelerometer_1(name: str) -> EffectPlace:
 
 def test_the_order_of_effects_on_the_table_does_not_matter():
     """Each is evaluated on the angles without the others: the same bits but for the order of the sum."""
-    places = [*WOBBLES, EffectPlace("encoder-harmonic", "outer-axis", 2), EffectPlace("backlash", "inner-axis")]
-    values = [*WOBBLES.values(), (1e-3, 0.2), (5e-4,)]
-    assert readings(places[::-1], values[::-1]) == pytest.approx(readings(places, values), abs=1e-15)
+    harmonic, backlash = EffectPlace("encoder-harmonic", "outer-axis", 2), EffectPlace("backlash", "inner-axis")
+    effects = {**WOBBLES, harmonic: (1e-3, 0.2), backlash: (5e-4,)}
+    assert readings(dict(reversed(effects.items()))) == pytest.approx(readings(effects), abs=1e-15)
 
 
 def test_the_last_stage_works_in_declared_order():
     saturation, quantisation = at_accelerometer_1("saturation"), at_accelerometer_1("quantisation")
     clipped_first, read = block({saturation: (0.96,), quantisation: (0.1,)})
-    assert clipped_first.initialise(0.0) == 0
+    clipped_first.begin()
     assert read(0.99, 0.0, 0.0)[0] == pytest.approx(1.0)
     assert read(-0.99, 0.0, 0.0)[0] == pytest.approx(-1.0)
     rounded_first, read = block({quantisation: (0.1,), saturation: (0.96,)})
-    assert rounded_first.initialise(0.0) == 0
+    rounded_first.begin()
     assert read(0.99, 0.0, 0.0)[0] == pytest.approx(0.96)
     assert read(-0.99, 0.0, 0.0)[0] == pytest.approx(-0.96)
     assert read(0.32, 0.0, 0.0)[0] == pytest.approx(0.3)
@@ -67,11 +58,11 @@ def test_the_last_stage_works_in_declared_order():
 def test_noise_is_clipped_and_rounded_with_the_rest():
     effects = {at_accelerometer_1("quantisation"): (2e-4,), EffectPlace("saturation", "accelerometer-2"): (0.95,)}
     model, read = block(effects, noise_bound=1e-3, held_fraction=0.0)
-    assert model.initialise(0.0) == 0
+    model.begin()
     seen = []
     for k in range(200):
         read(0.3, 0.9499, 0.3)
-        assert model.do_step(0.1 * k, 0.1) == 0
+        model.step(0.1 * k, 0.1)
         seen.append(read(0.3, 0.9499, 0.3))
     rounded, clipped, free = np.transpose(seen)
     assert np.abs(rounded / 2e-4 - np.round(rounded / 2e-4)).max() < 1e-9
@@ -84,7 +75,7 @@ def test_noise_is_clipped_and_rounded_with_the_rest():
 def test_a_dead_zone_loses_the_accelerometers_own_input_alone():
     errors = {"bias": [2e-3, 0.0, 0.0], "gamma_21": 0.01, "gamma_12": 0.02, "scale_error_plus": [0.1, 0.0, 0.0]}
     model, read = block({at_accelerometer_1("dead-zone"): (0.01,)}, **errors)
-    assert model.initialise(0.0) == 0
+    model.begin()
     inside = read(0.009, 0.5, 0.8)
     assert inside == pytest.approx([2e-3 + 0.02 * 0.5, 0.5 + 0.01 * 0.009, 0.8], abs=1e-15)
     assert read(0.011, 0.5, 0.8)[0] == pytest.approx(1.1 * 0.011 + 2e-3 + 0.01, abs=1e-15)
@@ -93,19 +84,19 @@ def test_a_dead_zone_loses_the_accelerometers_own_input_alone():
 @pytest.mark.parametrize("name", ["dead-zone", "saturation", "quantisation"])
 def test_without_its_parameter_an_effect_of_the_last_stage_does_nothing(name):
     model, read = block({at_accelerometer_1(name): (0.0,)})
-    assert model.initialise(0.0) == 0
+    model.begin()
     assert read(-0.003, 0.5, 0.8) == pytest.approx([-0.003, 0.5, 0.8], abs=1e-15)
 
 
 def test_senses_of_inputs_are_those_of_their_last_changes():
     model, read = block({at_accelerometer_1("hysteresis"): (2e-3,)})
     read(-0.5, 0.0, 0.0)
-    assert model.initialise(0.0) == 0
+    model.begin()
     seen = []
     # The first change is from no input; what only rounding changes is no change.
     for k, n in enumerate((-0.5, -0.3, -0.3, -0.3 - 1e-16, -0.31, -0.31 + 1e-15, 0.2)):
         read(n, 0.0, 0.0)
-        assert model.do_step(float(k), 1.0) == 0
+        model.step(float(k), 1.0)
         seen.append(round(1e3 * (read(n, 0.0, 0.0)[0] - n)))
     assert seen == [1, -1, -1, -1, 1, 1, -1]
 
@@ -118,48 +109,41 @@ def test_senses_of_inputs_are_those_of_their_last_changes():
     ],
 )
 def test_hours_count_from_the_beginning_to_the_end_of_the_step(name, place, values, output, per_hour):
-    model, at = extended_instance(name, [place], [values], noise_bound=0.0)
-    assert model.initialise(50.0) == 0
-    at_rest = model.get(at[f"{output}[1]"])
+    model = Named(name, {place: values}).begin(50.0)
+    at_rest = model[f"{output}[1]"]
     for k in range(3):
-        assert model.do_step(50.0 + 2.0 * k, 2.0) == 0
-        drifted = model.get(at[f"{output}[1]"]) - at_rest
+        model.step(50.0 + 2.0 * k, 2.0)
+        drifted = model[f"{output}[1]"] - at_rest
         assert drifted == pytest.approx(per_hour * 2.0 * (k + 1) / 3600.0, rel=1e-9)
 
 
-def table(effects: dict[EffectPlace, tuple[float, ...]], **settings):
-    return extended_instance("TurntableMotion", list(effects), list(effects.values()), **settings)
-
-
-def array(model, at, name: str, size: int) -> np.ndarray:
-    return np.array([model.get(at[f"{name}[{i + 1}]"]) for i in range(size)])
+def table(effects: dict[EffectPlace, tuple[float, ...]], **settings) -> Named:
+    """The table of the true bench, at rest."""
+    return extended_instance("TurntableMotion", effects, **settings).begin()
 
 
 @pytest.mark.parametrize("step", [0.1, 100.0])
 def test_senses_of_axes_are_those_of_their_last_moves(step):
     """Whether a move takes many steps or begins, turns round and ends within one."""
     effects = {EffectPlace("backlash", axis): (2e-3,) for axis in ("outer-axis", "inner-axis")}
-    model, at = table(effects, encoder_fluctuation_bound=0.0)
-    assert model.initialise(0.0) == 0
-    time, seen = 0.0, [array(model, at, "angle_reading", 2)]
+    model = table(effects, encoder_fluctuation_bound=0.0)
+    time, seen = 0.0, [model["angle_reading"]]
     for commands in ((1.0, -1.0), (0.5, -1.0), (0.5, 0.2)):
-        for i, command in enumerate(commands):
-            model.set(at[f"command[{i + 1}]"], command)
+        model.put(command=commands)
         for _ in range(math.ceil(20.0 / step)):
-            assert model.do_step(time, step) == 0
+            model.step(time, step)
             time += step
-        seen.append(array(model, at, "angle_reading", 2) - commands)
+        seen.append(model["angle_reading"] - commands)
     assert np.round(1e3 * np.array(seen)).tolist() == [[0, 0], [-1, 1], [1, 1], [1, -1]]
 
 
 def test_a_move_that_is_turned_round_within_a_step_ends_in_its_last_sense():
-    model, at = table({EffectPlace("backlash", "outer-axis"): (2e-3,)}, encoder_fluctuation_bound=0.0)
-    assert model.initialise(0.0) == 0
-    model.set(at["command[1]"], 3.0)
-    assert model.do_step(0.0, 1.0) == 0
-    model.set(at["command[1]"], 0.1)
-    assert model.do_step(1.0, 60.0) == 0
-    assert model.get(at["angle_reading[1]"]) == pytest.approx(0.1 + 1e-3, abs=1e-12)
+    model = table({EffectPlace("backlash", "outer-axis"): (2e-3,)}, encoder_fluctuation_bound=0.0)
+    model.put(**{"command[1]": 3.0})
+    model.step(0.0, 1.0)
+    model.put(**{"command[1]": 0.1})
+    model.step(1.0, 60.0)
+    assert model["angle_reading[1]"] == pytest.approx(0.1 + 1e-3, abs=1e-12)
 
 
 @pytest.mark.parametrize("place", [None, *WOBBLES], ids=lambda p: p.title if p else "all")
@@ -169,23 +153,21 @@ def test_increments_with_small_turns_that_vary_integrate_to_the_attitude(place):
     settings = {"max_rate": [1.0, 1.3], "max_acceleration": [2.0, 1.5], "azimuth": 0.6, "initial_angle": [0.4, -0.3]}
     errors = []
     for step in (0.02, 0.01):
-        model, at = table(effects, **settings)
-        assert model.initialise(0.0) == 0
-        begin = Rotation.from_quat(array(model, at, "attitude_inertial", 4), scalar_first=True)
+        model = table(effects, **settings)
+        begin = Rotation.from_quat(model["attitude_inertial"], scalar_first=True)
         attitude, first, worst = begin, None, 0.0
         for k in range(round(4.0 / step)):
             if k == 0:
-                model.set(at["command[1]"], 2.0)
-                model.set(at["command[2]"], -2.5)
-            assert model.do_step(k * step, step) == 0
-            increment = array(model, at, "increment", 3)
+                model.put(command=[2.0, -2.5])
+            model.step(k * step, step)
+            increment = model["increment"]
             if first is None:
                 first = increment
             else:
                 # Two-sample rotation vector: error of order h^4 over the run, h^3 at the kinks of the rates.
                 attitude = attitude * Rotation.from_rotvec(first + increment + (2.0 / 3.0) * np.cross(first, increment))
                 first = None
-                truth = Rotation.from_quat(array(model, at, "attitude_inertial", 4), scalar_first=True)
+                truth = Rotation.from_quat(model["attitude_inertial"], scalar_first=True)
                 worst = max(worst, (attitude.inv() * truth).magnitude())
         errors.append(worst)
     assert errors[0] < 0.06 * 0.02**3
@@ -193,18 +175,14 @@ def test_increments_with_small_turns_that_vary_integrate_to_the_attitude(place):
 
 
 def test_increments_with_small_turns_do_not_depend_on_the_step():
-    (coarse, at), (fine, _) = table(WOBBLES), table(WOBBLES)
-    for model in (coarse, fine):
-        assert model.initialise(0.0) == 0
-        model.set(at["command[1]"], 1.7)
-        model.set(at["command[2]"], -2.9)
+    coarse, fine = (table(WOBBLES).put(command=[1.7, -2.9]) for _ in range(2))
     for k in range(4):
-        assert coarse.do_step(k * 1.0, 1.0) == 0
+        coarse.step(k * 1.0, 1.0)
         total = np.zeros(3)
         for j in range(40):
-            assert fine.do_step(k * 1.0 + j * 0.025, 0.025) == 0
-            total += array(fine, at, "increment", 3)
-        assert array(coarse, at, "increment", 3) == pytest.approx(total, abs=3e-13)
+            fine.step(k * 1.0 + j * 0.025, 0.025)
+            total += fine["increment"]
+        assert coarse["increment"] == pytest.approx(total, abs=3e-13)
 
 
 def test_a_record_without_approach_columns_gives_senses_from_the_row_before():

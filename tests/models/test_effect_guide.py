@@ -34,7 +34,7 @@ def example(tmp_path, monkeypatch) -> Effect:
 def test_the_example_of_the_guide_is_an_effect(example, tmp_path):
     """It is read by the components, seen by its signature, and exported."""
     for place in example.places:
-        up, down = (readings([place], [(size,)]) for size in (1e-3, -1e-3))
+        up, down = (readings({place: (size,)}) for size in (1e-3, -1e-3))
         column = example.signature(place, true_bench()[1])[..., 0]
         assert np.abs((up - down) / 2e-3 - column).max() < 1e-12
     path = build(example.component or "", tmp_path, example.places[:1])

@@ -16,7 +16,7 @@ def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:
 def one_variant(name: str, accelerometer: int, parameter: float) -> tuple[Variant, np.ndarray]:
     """The variant of an effect that acts as the component does, and the component's readings (7, 3) [g]."""
     place = EffectPlace(name, f"accelerometer-{accelerometer}")
-    seen = readings([place], [(parameter,)])
+    seen = readings({place: (parameter,)})
     variants = CATALOGUE[name].variants
     assert variants is not None
     rows = true_bench()[1]

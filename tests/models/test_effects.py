@@ -78,7 +78,7 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
         slopes = []
         for size in (1e-3, 5e-4):
             ends = [effect.from_coefficients(sign * size * np.eye(columns.shape[1])[k]) for sign in (1.0, -1.0)]
-            up, down = (readings([place], [values]) for values in ends)
+            up, down = (readings({place: values}) for values in ends)
             slopes.append((up - down) / (2.0 * size))
         derivative = (4.0 * slopes[1] - slopes[0]) / 3.0
         assert np.abs(derivative.ravel() - columns[:, k])[told].max() < 2e-9
@@ -105,7 +105,7 @@ def test_small_turns_are_exact_for_large_effects(place):
     targets[:, TARGETS.index("X1")] += turns[:, 0]
     targets[:, TARGETS.index("X3")] += turns[:, 2]
     expected = target_reading(targets, ALPHA + turns[:, 1], BETA + turns[:, 3], np.eye(3))
-    assert readings([place], [effect.from_coefficients(coefficients)]) == pytest.approx(expected, abs=2e-14)
+    assert readings({place: effect.from_coefficients(coefficients)}) == pytest.approx(expected, abs=2e-14)
 
 
 def test_what_the_bench_cannot_tell_apart_has_the_same_signature():

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gyro_readings import gyro_readings, lively_motion
+from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import extend
-from trihedron.fmus.source import instantiate, references
 from trihedron.fmus.units import UNITS
 from trihedron.models.effects import (
     POSITION_EFFECTS,
@@ -189,14 +189,7 @@ def test_undersampling_leaves_out_what_the_computer_then_adds():
 
 def attitude_after(increments: np.ndarray, step: float, place: EffectPlace, coefficient: float | None) -> Rotation:
     """Attitude that the computer, extended where there is a coefficient, has after increments (N, 3) [rad]."""
-    component = extend(components()["AttitudeComputer"], [] if coefficient is None else [place])
-    at, model = references(component), instantiate(component)
-    model.set(at["algorithm"], 2.0)
-    if coefficient is not None:
-        model.set(at[parameter_name(place, "coefficient")], coefficient)
-    assert model.initialise(0.0) == 0
+    model = Named("AttitudeComputer", {} if coefficient is None else {place: [coefficient]}, algorithm=2).begin()
     for k, increment in enumerate(increments):
-        for i in range(3):
-            model.set(at[f"increment[{i + 1}]"], float(increment[i]))
-        assert model.do_step(k * step, step) == 0
-    return Rotation.from_quat([model.get(at[f"attitude[{i + 1}]"]) for i in range(4)], scalar_first=True)
+        model.put(increment=increment).step(k * step, step)
+    return Rotation.from_quat(model["attitude"], scalar_first=True)

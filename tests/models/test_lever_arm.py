@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from effect_readings import extended_instance
 from gyro_readings import G, lively_motion
+from named import Named
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 
 PLACES = CATALOGUE["lever-arm"].places
@@ -15,23 +15,13 @@ PLACES = CATALOGUE["lever-arm"].places
 def accelerometer_readings(arms: dict[EffectPlace, np.ndarray], rows=None) -> np.ndarray:
     """Readings (N, 3) [g] of a block over a lively motion, with some of its accelerometers off-centre."""
     rows = lively_motion() if rows is None else rows
-    plain = {name: [0.0] * 3 for name in ("scale_error_plus", "scale_error_minus", "bias")}
-    gammas = {f"gamma_{ij}": 0.0 for ij in ("21", "31", "32")}
-    model, at = extended_instance(
-        "AccelerometerBlock", list(arms), [tuple(a) for a in arms.values()], **plain, **gammas
-    )
+    model = Named("AccelerometerBlock", arms)
     shown, time = np.zeros_like(rows.rate), 0.0
-    for k in range(-1, len(shown)):
-        n = max(k, 0)
-        for i in range(3):
-            model.set(at[f"specific_force[{i + 1}]"], G * rows.specific_force[n, i])
-            model.set(at[f"rate[{i + 1}]"], rows.rate[n, i])
-        if k < 0:
-            assert model.initialise(0.0) == 0
-            continue
-        assert model.do_step(time, rows.step[k]) == 0
-        time += rows.step[k]
-        shown[k] = [model.get(at[f"reading[{i + 1}]"]) / G for i in range(3)]
+    model.put(specific_force=G * rows.specific_force[0], rate=rows.rate[0]).begin()
+    for k, step in enumerate(rows.step):
+        model.put(specific_force=G * rows.specific_force[k], rate=rows.rate[k]).step(time, step)
+        time += step
+        shown[k] = model["reading"] / G
     return shown
 
 
