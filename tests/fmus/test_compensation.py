@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.accelerometers import CALIBRATED
-from trihedron.fmus.source import instantiate, references
 
 BLOCK, INVERSE = components()["AccelerometerBlock"], components()["AccelerometerCompensation"]
 GRAVITY = 9.80665
@@ -17,27 +17,11 @@ SMALL = st.floats(-0.05, 0.05)
 FORCE = st.one_of(st.floats(-30.0, 30.0), st.sampled_from([0.0, -0.0, 1e-300, -1e-300, 1e-12, -1e-12]))
 
 
-def both(parameters: dict[str, float]):
-    """The block and its inverse with the same parameters, initialised."""
-    models = []
-    for component in (BLOCK, INVERSE):
-        model, numbers = instantiate(component), references(component)
-        for name, value in parameters.items():
-            model.set(numbers[name], value)
-        assert model.initialise(0.0) == 0
-        models.append((model, numbers))
-    return models
-
-
 def there_and_back(parameters: dict[str, float], force) -> tuple[np.ndarray, np.ndarray]:
     """The block's readings of a force, and what its inverse makes of them [m/s²]."""
-    (block, of_block), (inverse, of_inverse) = both(parameters)
-    for p in (1, 2, 3):
-        block.set(of_block[f"specific_force[{p}]"], force[p - 1])
-    reading = [block.get(of_block[f"reading[{p}]"]) for p in (1, 2, 3)]
-    for p in (1, 2, 3):
-        inverse.set(of_inverse[f"reading[{p}]"], reading[p - 1])
-    return np.array(reading), np.array([inverse.get(of_inverse[f"specific_force[{p}]"]) for p in (1, 2, 3)])
+    block, inverse = (Named(component, **parameters).begin() for component in (BLOCK, INVERSE))
+    reading = block.put(specific_force=force)["reading"]
+    return reading, inverse.put(reading=reading)["specific_force"]
 
 
 def names() -> list[str]:
@@ -76,15 +60,9 @@ def test_the_scale_factor_of_each_sign_counts():
 
 
 def test_errors_without_a_certain_inverse_are_refused():
-    model, numbers = instantiate(INVERSE), references(INVERSE)
-    model.set(numbers["gamma_31"], 0.5)
-    model.set(numbers["gamma_32"], -0.5)
-    assert "too large for one inverse" in INVERSE.messages[model.initialise(0.0) - 1]
-    model.set(numbers["gamma_32"], 0.4)
-    assert model.initialise(0.0) == 0
-    assert model.do_step(0.0, 0.1) == 0
-    model.set(numbers["scale_error_minus[3]"], -0.2)
-    assert "too large for one inverse" in INVERSE.messages[model.do_step(0.1, 0.1) - 1]
-    model.set(numbers["scale_error_minus[3]"], 0.0)
-    model.set(numbers["reading[1]"], math.nan)
-    assert "not finite" in INVERSE.messages[model.do_step(0.2, 0.1) - 1]
+    model = Named(INVERSE, gamma_31=0.5, gamma_32=-0.5)
+    assert "too large for one inverse" in model.refuses_to_begin()
+    model.put(gamma_32=0.4).begin().step(0.0, 0.1).put(**{"scale_error_minus[3]": -0.2})
+    assert "too large for one inverse" in model.refuses_step(0.1, 0.1)
+    model.put(**{"scale_error_minus[3]": 0.0, "reading[1]": math.nan})
+    assert "not finite" in model.refuses_step(0.2, 0.1)

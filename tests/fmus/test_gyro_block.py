@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import extend
-from trihedron.fmus.source import flat_source, instantiate, references
+from trihedron.fmus.source import flat_source
 from trihedron.models.effects import CATALOGUE, Effect, EffectParameter, EffectPlace, parameter_name
 from trihedron.models.restricted import HOURS, INPUT, PREVIOUS_RATE, STEP_LENGTH, Vector
 
@@ -17,25 +18,16 @@ H = 0.01
 
 def run(inputs: dict[str, np.ndarray], component=None, **settings) -> tuple[np.ndarray, np.ndarray]:
     """Readings of rates and increments (N, 3) for inputs, one row a step."""
-    component = component or components()["GyroBlock"]
-    at = references(component)
-    model = instantiate(component)
-    for name, value in settings.items():
-        values = np.ravel(value)
-        for i, element in enumerate(values):
-            model.set(at[f"{name}[{i + 1}]" if np.ndim(value) else name], float(element))
+    model = Named(component or "GyroBlock", **settings)
     rows = len(next(iter(inputs.values())))
     shown = np.zeros((rows, 6))
     for k in range(-1, rows):
-        for name, values in inputs.items():
-            for i in range(3):
-                model.set(at[f"{name}[{i + 1}]"], float(values[max(k, 0), i]))
+        model.put(**{name: values[max(k, 0)] for name, values in inputs.items()})
         if k < 0:
-            assert model.initialise(5.0) == 0
+            model.begin(5.0)
             continue
-        assert model.do_step(5.0 + k * H, H) == 0
-        names = [f"{name}[{i + 1}]" for name in ("rate_reading", "increment_reading") for i in range(3)]
-        shown[k] = [model.get(at[name]) for name in names]
+        model.step(5.0 + k * H, H)
+        shown[k] = model.outputs()
     return shown[:, :3], shown[:, 3:]
 
 
@@ -93,17 +85,9 @@ def test_errors_stay_within_their_bound_fill_it_and_repeat_with_the_seed():
 
 def test_its_errors_are_not_those_of_the_accelerometers_with_the_same_seed():
     gyro = run({"rate": np.zeros((50, 3))}, input_kind=2, noise_bound=1.0)[0]
-    block = components()["AccelerometerBlock"]
-    at = references(block)
-    model = instantiate(block)
-    for name, value in {"noise_bound": 0.5, "held_fraction": 0.0}.items():
-        model.set(at[name], value)
-    model.initialise(0.0)
-    other = np.zeros((50, 3))
-    for k in range(50):
-        model.do_step(k * H, H)
-        other[k] = [model.get(at[f"reading[{i + 1}]"]) / (0.5 * G) for i in range(3)]
-    assert np.abs(np.corrcoef(gyro.ravel(), other.ravel())[0, 1]) < 0.3
+    block = Named("AccelerometerBlock", noise_bound=0.5, held_fraction=0.0).begin()
+    other = [block.step(k * H, H)["reading"] for k in range(50)]
+    assert np.abs(np.corrcoef(gyro.ravel(), np.ravel(other))[0, 1]) < 0.3
 
 
 @pytest.mark.parametrize(
@@ -111,27 +95,8 @@ def test_its_errors_are_not_those_of_the_accelerometers_with_the_same_seed():
     [("rate", "rate is not finite"), ("increment", "increment is"), ("specific_force", "specific_force is")],
 )
 def test_an_input_that_is_not_finite_stops_the_step(name, said):
-    component = components()["GyroBlock"]
-    at = references(component)
-    model = instantiate(component)
-    assert model.initialise(0.0) == 0
-    model.set(at[f"{name}[2]"], math.inf)
-    assert said in component.messages[model.do_step(0.0, H) - 1]
-
-
-def test_a_last_step_of_nothing_does_no_harm():
-    component = components()["GyroBlock"]
-    at = references(component)
-    model = instantiate(component)
-    model.set(at["noise_bound"], 1e-3)
-    model.initialise(0.0)
-    model.set(at["increment[1]"], 0.01)
-    for k in range(10):
-        assert model.do_step(k * H, H) == 0
-    shown = [at[f"{name}[{i + 1}]"] for name in ("rate_reading", "increment_reading") for i in range(3)]
-    before = [model.get(i) for i in shown]
-    assert model.do_step(10 * H, 1e-14) == 0
-    assert [model.get(i) for i in shown] == before
+    model = Named("GyroBlock").begin().put(**{f"{name}[2]": math.inf})
+    assert said in model.refuses_step(0.0, H)
 
 
 def drift(context: Vector, rate: Vector, gyro: int, slope: float, added: Vector) -> None:

@@ -9,9 +9,9 @@ import pytest
 from fmpy import read_model_description
 
 from gyro_readings import PERIOD, gyro_readings, lively_motion
+from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import extend
-from trihedron.fmus.source import instantiate, references
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components
@@ -95,13 +95,8 @@ def test_effects_without_an_inverse_and_of_others_are_refused():
     ],
 )
 def test_what_it_cannot_use_stops_the_step(inputs, said):
-    component = components()["GyroCompensation"]
-    at, model = references(component), instantiate(component)
-    assert model.initialise(0.0) == 0
-    assert model.do_step(0.0, PERIOD) == 0
-    for name, value in inputs.items():
-        model.set(at[name], value)
-    assert said in component.messages[model.do_step(PERIOD, PERIOD) - 1]
+    model = Named("GyroCompensation").begin().step(0.0, PERIOD).put(**inputs)
+    assert said in model.refuses_step(PERIOD, PERIOD)
 
 
 def test_the_inverse_is_exported_with_the_effects_that_it_takes_out(tmp_path):

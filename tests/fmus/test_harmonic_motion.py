@@ -9,25 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from trihedron.fmus import components
-from trihedron.fmus.instance import Instance
-from trihedron.fmus.source import instantiate, references
+from named import Named
 from trihedron.models.harmonic_motion import move_harmonically
 
-MOTION = components()["HarmonicMotion"]
-AT = references(MOTION)
 
-
-def motion(parameters: dict[str, float]) -> Instance:
-    model = instantiate(MOTION)
-    for name, value in parameters.items():
-        model.set(AT[name], value)
-    assert model.initialise(0.0) == 0
-    return model
-
-
-def output(model: Instance, name: str, count: int = 3) -> np.ndarray:
-    return np.array([model.get(AT[f"{name}[{i + 1}]"]) for i in range(count)])
+def motion(parameters: dict[str, float]) -> Named:
+    return Named("HarmonicMotion", **parameters).begin()
 
 
 def rotation(angle: np.ndarray) -> Rotation:
@@ -54,24 +41,24 @@ FAST = {
 def test_angles_and_attitude_are_what_the_harmonics_say() -> None:
     model = motion(FAST)
     for k in range(40):
-        assert model.do_step(0.037 * k, 0.037) == 0
+        model.step(0.037 * k, 0.037)
         t = 0.037 * (k + 1)
         expected = [
             0.3 * math.sin(2 * math.pi * t) + 0.01 * math.sin(80 * math.pi * t + 1.0),
             -0.5 * math.sin(1.4 * math.pi * t + 0.4),
             2.0 * math.sin(3 * math.pi * t) + 0.002 * math.sin(180 * math.pi * t),
         ]
-        np.testing.assert_allclose(output(model, "angle"), expected, rtol=0, atol=1e-12)
-        attitude = Rotation.from_quat(np.roll(output(model, "attitude", 4), -1))
+        np.testing.assert_allclose(model["angle"], expected, rtol=0, atol=1e-12)
+        attitude = Rotation.from_quat(np.roll(model["attitude"], -1))
         assert (attitude.inv() * rotation(np.array(expected))).magnitude() < 1e-12
         up = attitude.inv().apply([0.0, 9.80665, 0.0])
-        np.testing.assert_allclose(output(model, "specific_force"), up, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(model["specific_force"], up, rtol=0, atol=1e-13)
 
 
-def moment(model: Instance, time: float) -> tuple[np.ndarray, np.ndarray]:
+def moment(model: Named, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Angles and body rate of a motion at any time, by the kernel that outputs and increments are made with."""
     angle, rate = [0.0] * 3, [0.0] * 3
-    move_harmonically(time, model.memory["harmonics"], angle, [0.0] * 3, rate)
+    move_harmonically(time, model.model.memory["harmonics"], angle, [0.0] * 3, rate)
     return np.array(angle), np.array(rate)
 
 
@@ -81,8 +68,8 @@ def test_the_rate_is_the_derivative_of_the_attitude() -> None:
         before, after = (rotation(moment(model, float(t) + side)[0]) for side in (-h, h))
         expected = (before.inv() * after).as_rotvec() / (2 * h)
         np.testing.assert_allclose(moment(model, float(t))[1], expected, rtol=0, atol=1e-4)
-        assert model.do_step(float(t) - 0.001, 0.001) == 0
-        np.testing.assert_allclose(output(model, "rate"), expected, rtol=0, atol=1e-4)
+        model.step(float(t) - 0.001, 0.001)
+        np.testing.assert_allclose(model["rate"], expected, rtol=0, atol=1e-4)
 
 
 @settings(max_examples=20)
@@ -98,8 +85,8 @@ def test_the_increment_is_the_integral_of_the_rate(begin: float, step: float) ->
         half = 0.5 * (right - left)
         for node, weight in zip(nodes, weights, strict=True):
             expected += half * weight * moment(model, left + half * (1 + node))[1]
-    assert model.do_step(begin, step) == 0
-    np.testing.assert_allclose(output(model, "increment"), expected, rtol=0, atol=2e-13)
+    model.step(begin, step)
+    np.testing.assert_allclose(model["increment"], expected, rtol=0, atol=2e-13)
 
 
 def test_the_trapezoid_lies_over_the_whole_step() -> None:
@@ -107,39 +94,26 @@ def test_the_trapezoid_lies_over_the_whole_step() -> None:
     plain = motion(FAST)
     model = motion({**FAST, "trapezoid_nodes": 21.0, "step_samples": 2.0})
     rates = [moment(plain, 0.3 + 0.001 * node)[1] for node in range(11)]
-    model.do_step(0.3, 0.01)
+    model.step(0.3, 0.01)
     expected = 0.001 * (np.sum(rates, axis=0) - 0.5 * (rates[0] + rates[-1]))
-    np.testing.assert_allclose(output(model, "increment"), expected, rtol=0, atol=1e-14)
-    plain.do_step(0.3, 0.01)
-    assert np.abs(output(plain, "increment") - expected).max() > 1e-8
+    np.testing.assert_allclose(model["increment"], expected, rtol=0, atol=1e-14)
+    plain.step(0.3, 0.01)
+    assert np.abs(plain["increment"] - expected).max() > 1e-8
 
 
 @pytest.mark.parametrize(("nodes", "samples"), [(2.0, 2.0), (22.0, 2.0), (1.0, 1.0), (21.0, 3.0)])
 def test_nodes_that_do_not_fit_are_refused(nodes: float, samples: float) -> None:
-    model = instantiate(MOTION)
-    model.set(AT["trapezoid_nodes"], nodes)
-    model.set(AT["step_samples"], samples)
-    assert "whole number" in MOTION.messages[model.initialise(0.0) - 1]
+    assert "whole number" in Named("HarmonicMotion", trapezoid_nodes=nodes, step_samples=samples).refuses_to_begin()
 
 
 def test_a_step_of_too_many_periods_is_refused() -> None:
     model = motion({"psi_amplitude[1]": 1e-3, "psi_frequency[1]": 1e9})
-    assert "1e6 rad" in MOTION.messages[model.do_step(0.0, 1.0) - 1]
+    assert "1e6 rad" in model.refuses_step(0.0, 1.0)
 
 
 def test_another_pi_moves_the_frequencies() -> None:
     """Over 600 s the paper's 3.141592 is 2.5e-4 of a period at 1 Hz short."""
     model = motion({"pi": 3.141592})
-    model.do_step(599.0, 1.0)
-    assert output(model, "angle")[0] == pytest.approx(
-        math.radians(15.0) * math.sin(2 * 3.141592 * 600.0), rel=1e-9, abs=1e-12
-    )
-    assert abs(output(model, "angle")[0]) > 2e-4
-
-
-def test_a_last_step_of_nothing_does_no_harm() -> None:
-    model = motion(FAST)
-    assert model.do_step(0.0, 0.1) == 0
-    before = [model.get(AT[e]) for v in MOTION.interface if v.causality == "output" for e in v.elements]
-    assert model.do_step(0.1, 1e-14) == 0
-    assert [model.get(AT[e]) for v in MOTION.interface if v.causality == "output" for e in v.elements] == before
+    model.step(599.0, 1.0)
+    assert model["angle"][0] == pytest.approx(math.radians(15.0) * math.sin(2 * 3.141592 * 600.0), rel=1e-9, abs=1e-12)
+    assert abs(model["angle"][0]) > 2e-4

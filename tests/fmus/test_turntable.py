@@ -8,29 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from trihedron.fmus import components
-from trihedron.fmus.source import instantiate, references
+from named import Named
 
-TABLE = components()["TurntableMotion"]
-AT = references(TABLE)
 SIDEREAL_DAY = 86164.0905
 
 
-def array(model, name: str, size: int) -> np.ndarray:
-    return np.array([model.get(AT[f"{name}[{i + 1}]"]) for i in range(size)])
-
-
-def table(**values):
-    """A table after initialisation; arrays as sequences."""
-    model = instantiate(TABLE)
-    for name, value in values.items():
-        if isinstance(value, int | float | bool):
-            model.set(AT[name], float(value))
-        else:
-            for i, element in enumerate(np.ravel(value)):
-                model.set(AT[f"{name}[{i + 1}]"], float(element))
-    assert model.initialise(0.0) == 0
-    return model
+def table(**values) -> Named:
+    return Named("TurntableMotion", **values).begin()
 
 
 def frame_rotation(axis: str, angle: float) -> np.ndarray:
@@ -80,10 +64,10 @@ def test_specific_force_and_attitude_follow_the_exact_rotations(
     )
     block = Rotation.from_rotvec(-np.array(theta)).as_matrix() @ q @ inner
     expected = 9.80665 * (1 - dg) * block @ [0.0, 0.0, 1.0]
-    assert array(model, "specific_force", 3) == pytest.approx(expected, abs=2e-14 * 10)
-    attitude = array(model, "attitude", 4)
+    assert model["specific_force"] == pytest.approx(expected, abs=2e-14 * 10)
+    attitude = model["attitude"]
     assert pytest.approx(block, abs=1e-14) == Rotation.from_quat(attitude, scalar_first=True).as_matrix().T
-    assert array(model, "angle_reading", 2) == pytest.approx([alpha, beta], abs=1e-15)
+    assert model["angle_reading"] == pytest.approx([alpha, beta], abs=1e-15)
 
 
 @pytest.mark.parametrize("step", [0.005, 0.02])
@@ -99,57 +83,53 @@ def test_increments_integrate_to_the_attitude_against_inertial_space(step):
         max_acceleration=(2.0, 1.5),
         azimuth=0.6,
     )
-    attitude = Rotation.from_quat(array(model, "attitude_inertial", 4), scalar_first=True)
+    attitude = Rotation.from_quat(model["attitude_inertial"], scalar_first=True)
     errors = []
     first = None
     for k in range(round(7.0 / step)):
         if k == 0:
-            model.set(AT["command[1]"], 2.0)
-            model.set(AT["command[2]"], -3.0)
+            model.put(command=[2.0, -3.0])
         if k == round(3.0 / step):
-            model.set(AT["command[1]"], -1.0)
-        assert model.do_step(k * step, step) == 0
-        increment = array(model, "increment", 3)
+            model.put(command=[-1.0, -3.0])
+        model.step(k * step, step)
+        increment = model["increment"]
         if first is None:
             first = increment
         else:
             # Two-sample rotation vector: error of order h^4 over the run.
             attitude = attitude * Rotation.from_rotvec(first + increment + (2.0 / 3.0) * np.cross(first, increment))
             first = None
-            truth = Rotation.from_quat(array(model, "attitude_inertial", 4), scalar_first=True)
+            truth = Rotation.from_quat(model["attitude_inertial"], scalar_first=True)
             errors.append((attitude.inv() * truth).magnitude())
     # The kinks of the rates make the order three here; measured 0.042 and 0.044 of step³.
     assert max(errors) < 0.06 * step**3
-    assert abs(array(model, "angle", 2) - [-1.0 - 2e-3, -3.0]).max() < 1e-12
+    assert abs(model["angle"] - [-1.0 - 2e-3, -3.0]).max() < 1e-12
 
 
 def test_increments_do_not_depend_on_the_step():
     """Increments add up: coarse steps give the sums of fine ones, kinks and all."""
     settings_ = {"kappa": 3e-3, "epsilon": 2e-3, "max_rate": (0.9, 1.1), "azimuth": 1.0}
-    coarse, fine = table(**settings_), table(**settings_)
-    for model in (coarse, fine):
-        model.set(AT["command[1]"], 1.7)
-        model.set(AT["command[2]"], -2.9)
+    coarse, fine = (table(**settings_).put(command=[1.7, -2.9]) for _ in range(2))
     for k in range(10):
-        assert coarse.do_step(k * 0.5, 0.5) == 0
+        coarse.step(k * 0.5, 0.5)
         total = np.zeros(3)
         for j in range(100):
-            assert fine.do_step(k * 0.5 + j * 0.005, 0.005) == 0
-            total += array(fine, "increment", 3)
-        assert array(coarse, "increment", 3) == pytest.approx(total, abs=3e-14)
+            fine.step(k * 0.5 + j * 0.005, 0.005)
+            total += fine["increment"]
+        assert coarse["increment"] == pytest.approx(total, abs=3e-14)
 
 
 def test_the_earth_turns_once_a_day_and_can_be_stopped():
     still = table(earth_rotation=False)
     turning = table(latitude=math.radians(60.0), azimuth=math.radians(30.0))
-    assert still.do_step(0.0, 3600.0) == 0
-    assert turning.do_step(0.0, 3600.0) == 0
-    assert np.all(array(still, "increment", 3) == 0.0)
+    still.step(0.0, 3600.0)
+    turning.step(0.0, 3600.0)
+    assert np.all(still["increment"] == 0.0)
     rate = 2 * math.pi / SIDEREAL_DAY * 3600.0
     # Outer axis 30 degrees east of north: north is at cos 30 on it and sin 30 across it.
     expected = rate * np.array([0.5 * math.cos(math.radians(30)), 0.5 * 0.5, math.sin(math.radians(60))])
-    assert array(turning, "increment", 3) == pytest.approx(expected, rel=1e-6)
-    q = Rotation.from_quat(array(turning, "attitude_inertial", 4), scalar_first=True)
+    assert turning["increment"] == pytest.approx(expected, rel=1e-6)
+    q = Rotation.from_quat(turning["attitude_inertial"], scalar_first=True)
     assert q.as_rotvec() == pytest.approx(expected, rel=1e-6)
 
 
@@ -159,11 +139,11 @@ def test_rests_are_counted_and_their_encoder_fluctuation_is_held():
     readings = []
     for k in range(400):
         if k % 100 == 0:
-            model.set(AT["command[1]"], 0.5 * (k // 100))
-        assert model.do_step(k * 0.05, 0.05) == 0
+            model.put(command=[0.5 * (k // 100), 0.0])
+        model.step(k * 0.05, 0.05)
         if k % 100 > 60:
-            assert model.get(AT["at_rest"]) == 1.0
-            readings.append((model.get(AT["dwell"]), model.get(AT["angle_reading[1]"]) - 0.5 * (k // 100)))
+            assert model["at_rest"] == 1.0
+            readings.append((model["dwell"], model["angle_reading[1]"] - 0.5 * (k // 100)))
     values = {dwell: {v for d, v in readings if d == dwell} for dwell in (1.0, 2.0, 3.0, 4.0)}
     spread = {dwell: max(v) - min(v) for dwell, v in values.items()}
     middles = [min(v) for v in values.values()]
