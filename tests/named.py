@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from trihedron.fmus import components
 from trihedron.fmus.component import Component, extend
+from trihedron.fmus.instance import Instance
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name
 
@@ -22,14 +23,23 @@ class Named:
     component : Component or str
     effects : mapping
         composed into it: place -> values of the parameters
+    model : Instance
+        by default one in plain Python
     values : of variables by their names, and of elements of arrays ("bias[2]")
     """
 
-    def __init__(self, component: Component | str, effects: Effects | None = None, **values: ArrayLike) -> None:
+    def __init__(
+        self,
+        component: Component | str,
+        effects: Effects | None = None,
+        *,
+        model: Instance | None = None,
+        **values: ArrayLike,
+    ) -> None:
         base = components()[component] if isinstance(component, str) else component
         self.component = extend(base, list(effects or {}))
         self.at = references(self.component)
-        self.model = instantiate(self.component)
+        self.model = model or instantiate(self.component)
         self.elements = {e: (e,) for e in self.at} | {v.name: v.elements for v in self.component.interface}
         self.put(**values)
         for place, sizes in (effects or {}).items():

@@ -8,9 +8,10 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from component_kinds import EXTENDED, all_kinds, draw_inputs, draw_parameters, outputs_of, setter_of, title
+from named import Named
 from trihedron.fmus import build, components
 from trihedron.fmus.component import Component, extend
-from trihedron.fmus.source import instantiate, references
+from trihedron.fmus.source import references
 from trihedron.models.effects import CATALOGUE, EffectPlace
 
 
@@ -27,31 +28,6 @@ def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, tmp_path):
     second = build(component.name, tmp_path / "b", component.effects)
     assert validate_fmu(str(first)) == []
     assert first.read_bytes() == second.read_bytes()
-
-
-@pytest.mark.parametrize("component", all_kinds(), ids=title)
-def test_the_fmu_gives_the_bits_of_plain_python(component, tmp_path, slaves):
-    rng = random.Random(7)
-    parameters = draw_parameters(component, rng)
-    model = instantiate(component)
-    numbers = references(component)
-    for name, value in parameters.items():
-        model.set(numbers[name], value)
-    assert model.initialise(0.0) == 0
-    slave = slaves(build(component.name, tmp_path, component.effects))
-    start(slave, component, parameters)
-    set_values = setter_of(slave, component)
-    shown = [numbers[e] for v in component.interface if v.causality == "output" for e in v.elements]
-    inputs = draw_inputs(component, rng)
-    for k in range(600):
-        if k % 40 == 0 or component.name == "AttitudeComputer":
-            inputs = draw_inputs(component, rng)
-            set_values(inputs)
-            for name, value in inputs.items():
-                model.set(numbers[name], value)
-        slave.doStep(k * 0.02, 0.02)
-        assert model.do_step(k * 0.02, 0.02) == 0
-        assert outputs_of(slave, component) == [model.get(i) for i in shown]
 
 
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
@@ -121,21 +97,16 @@ def test_composing_only_appends_parameters(component):
 
 
 def test_effects_do_not_depend_on_their_order():
-    block = components()["AccelerometerBlock"]
-    places = [EffectPlace("quadratic", "accelerometer-1"), EffectPlace("scale-asymmetry", "accelerometer-1")]
-    readings = []
-    for order in (places, places[::-1]):
-        component = extend(block, order)
-        numbers = references(component)
-        model = instantiate(component)
-        model.set(numbers["quadratic.accelerometer_1.coefficient"], 3e-4)
-        model.set(numbers["scale_asymmetry.accelerometer_1.coefficient"], -2e-4)
-        model.initialise(0.0)
-        model.set(numbers["specific_force[1]"], -6.0)
-        readings.append(model.get(numbers["reading[1]"]))
+    effects = {EffectPlace("quadratic", "accelerometer-1"): [3e-4]}
+    effects[EffectPlace("scale-asymmetry", "accelerometer-1")] = [-2e-4]
+    force = [-6.0, 0.0, 0.0]
+    orders = (effects, dict(reversed(effects.items())))
+    first, second = (
+        Named("AccelerometerBlock", order).begin().put(specific_force=force)["reading"][0] for order in orders
+    )
     n = -6.0 / 9.80665
-    assert readings[0] == readings[1]
-    assert readings[0] == pytest.approx(9.80665 * (n + 3e-4 * n * n - 2e-4 * abs(n)), rel=1e-14)
+    assert first == second
+    assert first == pytest.approx(9.80665 * (n + 3e-4 * n * n - 2e-4 * abs(n)), rel=1e-14)
 
 
 def test_an_effect_of_another_component_is_refused():
@@ -144,36 +115,27 @@ def test_an_effect_of_another_component_is_refused():
 
 
 def test_what_may_not_be_set_is_refused():
-    block = components()["AccelerometerBlock"]
-    numbers = references(block)
-    model = instantiate(block)
-    with pytest.raises(ValueError, match="outside"):
-        model.set(numbers["held_fraction"], 1.5)
-    with pytest.raises(ValueError, match="not a finite number"):
-        model.set(numbers["bias[2]"], math.nan)
-    with pytest.raises(ValueError, match="neither a parameter nor an input"):
-        model.set(numbers["reading[1]"], 0.0)
-    model.initialise(0.0)
+    model = Named("AccelerometerBlock")
+    for name, value, said in (
+        ("held_fraction", 1.5, "outside"),
+        ("bias[2]", math.nan, "not a finite number"),
+        ("reading[1]", 0.0, "neither a parameter nor an input"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            model.put(**{name: value})
+    model.begin()
     with pytest.raises(ValueError, match="fixed"):
-        model.set(numbers["noise_bound"], 1e-5)
-    model.set(numbers["bias[2]"], 1e-3)
-    assert model.get(numbers["reading[2]"]) == pytest.approx(1e-3 * 9.80665)
+        model.put(noise_bound=1e-5)
+    assert model.put(**{"bias[2]": 1e-3})["reading[2]"] == pytest.approx(1e-3 * 9.80665)
 
 
 def test_errors_of_the_block_stay_within_their_bound_and_are_held_over_a_rest():
-    block = components()["AccelerometerBlock"]
-    numbers = references(block)
-    model = instantiate(block)
-    for name, value in {"noise_bound": 1e-5, "held_fraction": 0.75, "seed": 5.0}.items():
-        model.set(numbers[name], value)
-    model.set(numbers["dwell"], 1.0)
-    model.initialise(0.0)
+    model = Named("AccelerometerBlock", noise_bound=1e-5, held_fraction=0.75, seed=5, dwell=1).begin()
     errors = np.zeros((4, 500))
     for dwell in range(4):
-        model.set(numbers["dwell"], dwell + 1.0)
+        model.put(dwell=dwell + 1.0)
         for k in range(500):
-            assert model.do_step(dwell * 50.0 + k * 0.1, 0.1) == 0
-            errors[dwell, k] = model.get(numbers["reading[1]"]) / 9.80665
+            errors[dwell, k] = model.step(dwell * 50.0 + k * 0.1, 0.1)["reading[1]"] / 9.80665
     assert np.abs(errors).max() <= 1e-5
     # Within a rest the error spans the white part alone; from rest to rest the middle moves by the held part.
     assert np.all(np.ptp(errors, axis=1) <= 2 * 0.25e-5)
@@ -181,23 +143,22 @@ def test_errors_of_the_block_stay_within_their_bound_and_are_held_over_a_rest():
     assert np.ptp(errors.mean(axis=1)) > 1e-6
 
 
-def test_a_last_step_of_nothing_does_no_harm():
-    for name, inputs in (
+@pytest.mark.parametrize(
+    ("name", "inputs"),
+    [
         ("TurntableMotion", {"command[1]": 0.5}),
         ("AttitudeComputer", {"increment[1]": 0.01}),
-    ):
-        component = components()[name]
-        numbers = references(component)
-        model = instantiate(component)
-        model.initialise(0.0)
-        for element, value in inputs.items():
-            model.set(numbers[element], value)
-        for k in range(10):
-            assert model.do_step(k * 0.1, 0.1) == 0
-        shown = [numbers[e] for v in component.interface if v.causality == "output" for e in v.elements]
-        before = [model.get(i) for i in shown]
-        assert model.do_step(1.0, 1e-14) == 0
-        assert [model.get(i) for i in shown] == before
+        ("GyroBlock", {"increment[1]": 0.01, "noise_bound": 1e-3}),
+        ("GyroCompensation", {"increment_reading[1]": 0.01}),
+        ("HarmonicMotion", {}),
+    ],
+)
+def test_a_last_step_of_nothing_does_no_harm(name, inputs):
+    model = Named(name, **inputs).begin()
+    for k in range(10):
+        model.step(k * 0.1, 0.1)
+    before = model.outputs()
+    assert model.step(1.0, 1e-14).outputs() == before
 
 
 @pytest.mark.parametrize(
@@ -208,13 +169,7 @@ def test_a_last_step_of_nothing_does_no_harm():
     ],
 )
 def test_bad_parameters_stop_the_initialisation_with_a_message(name, settings, said):
-    component = components()[name]
-    numbers = references(component)
-    model = instantiate(component)
-    for element, value in settings.items():
-        model.set(numbers[element], value)
-    message = model.initialise(0.0)
-    assert said in component.messages[message - 1]
+    assert said in Named(name, **settings).refuses_to_begin()
 
 
 @pytest.mark.parametrize(
@@ -228,13 +183,14 @@ def test_bad_parameters_stop_the_initialisation_with_a_message(name, settings, s
     ],
 )
 def test_bad_inputs_stop_the_step_with_a_message(name, inputs, step, said):
-    component = components()[name]
-    numbers = references(component)
-    model = instantiate(component)
-    model.initialise(0.0)
-    assert model.do_step(0.0, 0.1) == 0
-    for element, value in inputs.items():
-        model.set(numbers[element], value)
-    message = model.do_step(0.1, step)
-    assert message > 0
-    assert said in component.messages[message - 1]
+    model = Named(name).begin().step(0.0, 0.1).put(**inputs)
+    assert said in model.refuses_step(0.1, step)
+
+
+def test_an_enumeration_takes_its_items_only():
+    model = Named("AttitudeComputer")
+    items = next(v for v in model.component.variables if v.name == "algorithm").items
+    model.put(algorithm=len(items))
+    for wrong in (0, -1, len(items) + 1):
+        with pytest.raises(ValueError, match="algorithm"):
+            model.put(algorithm=wrong)

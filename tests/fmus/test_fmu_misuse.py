@@ -9,7 +9,6 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus import build
-from trihedron.fmus.source import instantiate, references
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
@@ -49,18 +48,6 @@ def test_a_step_that_is_none_is_discarded_and_the_next_one_works(unpacked, start
     assert all(math.isfinite(value) for value in slave.getReal(outputs))
     slave.terminate()
     slave.freeInstance()
-
-
-def test_an_enumeration_takes_its_items_only():
-    from trihedron.fmus.attitude_computer import ATTITUDE_COMPUTER
-
-    model = instantiate(ATTITUDE_COMPUTER)
-    algorithm = references(ATTITUDE_COMPUTER)["algorithm"]
-    items = next(v for v in ATTITUDE_COMPUTER.variables if v.name == "algorithm").items
-    model.set(algorithm, len(items))
-    for wrong in (0, -1, len(items) + 1):
-        with pytest.raises(ValueError, match="algorithm"):
-            model.set(algorithm, wrong)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
-"""Native FMUs compute the bits of plain Python, of numba and of the PythonFMU flavour."""
+"""Every flavour computes the bits of plain Python: native FMUs of both versions, the PythonFMU flavour, numba."""
 
 import random
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +9,16 @@ import numpy as np
 import pytest
 
 from component_kinds import all_kinds, draw_inputs, draw_parameters, outputs_of, setter_of, title
+from named import Named
 from native_driver import OK
 from native_model import Model, numbering, open_fmu
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
 from trihedron.fmus.instance import Instance
 from trihedron.fmus.native.compile import host_compiler
-from trihedron.fmus.source import flat_source, instance_rows, instantiate, references
+from trihedron.fmus.source import flat_source, instance_rows, instantiate
 
-pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
+needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 
 STEPS, MANY_STEPS = 300, 10_000
 
@@ -63,22 +63,13 @@ def plan(component: Component, steps: int) -> tuple[dict[str, float], list[dict[
     return parameters, every, [0.02] * steps
 
 
-Run = Callable[[Component, Path, int], list[list[float]]]
-
-
 def run_instance(model: Instance, component: Component, steps: int) -> list[list[float]]:
-    numbers = references(component)
+    named = Named(component, model=model)
     parameters, inputs, lengths = plan(component, steps)
-    for name, value in parameters.items():
-        model.set(numbers[name], value)
-    assert model.initialise(0.0) == 0
-    shown = [numbers[e] for v in component.interface if v.causality == "output" for e in v.elements]
-    seen = [[float(model.get(i)) for i in shown]]
+    named.put(**parameters).begin()
+    seen = [named.outputs()]
     for k in range(steps):
-        for name, value in inputs[k].items():
-            model.set(numbers[name], value)
-        assert model.do_step(k * lengths[k], lengths[k]) == 0
-        seen.append([float(model.get(i)) for i in shown])
+        seen.append(named.put(**inputs[k]).step(k * lengths[k], lengths[k]).outputs())
     return seen
 
 
@@ -123,12 +114,20 @@ def same_bits(first: list[list[float]], second: list[list[float]]) -> bool:
 
 
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
+def test_the_python_flavour_gives_the_bits_of_plain_python(component, tmp_path, slaves):
+    plain = run_instance(instantiate(component), component, STEPS)
+    assert same_bits(run_python_fmu(component, tmp_path, STEPS, slaves), plain)
+
+
+@needs_compiler
+@pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_native_fmus_of_both_versions_give_the_bits_of_plain_python(component, tmp_path):
     plain = run_instance(instantiate(component), component, STEPS)
     assert same_bits(run_native(component, tmp_path, STEPS, 2), plain)
     assert same_bits(run_native(component, tmp_path, STEPS, 3), plain)
 
 
+@needs_compiler
 @pytest.mark.acceptance
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_the_same_bits_from_all_five_over_ten_thousand_steps(component, tmp_path, slaves):
@@ -139,6 +138,7 @@ def test_the_same_bits_from_all_five_over_ten_thousand_steps(component, tmp_path
     assert same_bits(run_python_fmu(component, tmp_path, MANY_STEPS, slaves), plain)
 
 
+@needs_compiler
 def test_value_references_are_those_of_the_model_description(tmp_path):
     import fmpy
 
