@@ -1,11 +1,103 @@
-"""A page as its HTML, for tests."""
+"""Results of every kind that has a page, each made once for all tests, and pages as their HTML."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from trihedron.tools.document.blocks import Page
+import numpy as np
+
+from bench_cases import draw_case, measure
+from strapdown_records import POSES, strapdown_record, true_motion
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.document.blocks import Document, Page
 from trihedron.tools.document.page import html
+from trihedron.tools.planning.plan import plan_targets
+from trihedron.tools.records import PositionRecord
+from trihedron.tools.reports import document_of
+from trihedron.tools.result import Result
+from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials.draw import Options
+from trihedron.tools.trials.draw import draw_case as draw_trial
+
+MATRIX = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
+
+
+@cache
+def clean() -> PositionRecord:
+    """A bench without effects."""
+    return measure(draw_case(5, effects=[]), 5)
+
+
+def few(count: int) -> PositionRecord:
+    """Too few positions of it."""
+    return clean().selected(np.arange(count))
+
+
+@cache
+def bent() -> PositionRecord:
+    """A bench with a quadratic term."""
+    return measure(draw_case(501, effects=["quadratic"]), 501)
+
+
+def with_power(p: int, coefficient: float, power: int) -> PositionRecord:
+    """The clean bench, and what accelerometer p reads beside a power of its input."""
+    record = clean().selected(np.arange(len(clean())))
+    n = calibrate(record, noise_bound=NOISE_BOUND).linearised.input
+    record.specific_force[:, p] += 9.80665 * coefficient * n[:, p] ** power
+    return record
+
+
+def _calibrated(record: PositionRecord) -> tuple[Result, PositionRecord]:
+    return calibrate(record, noise_bound=NOISE_BOUND), record
+
+
+def _diagnosed(record: PositionRecord, **options: Any) -> tuple[Result, PositionRecord]:
+    return diagnose(record, noise_bound=NOISE_BOUND, **options), record
+
+
+MAKERS: dict[str, Callable[[], tuple[Result, Any]]] = {
+    "calibration, consistent": lambda: _calibrated(clean()),
+    "calibration, falsified": lambda: _calibrated(bent()),
+    "calibration, insufficient": lambda: _calibrated(few(4)),
+    "bench, consistent": lambda: _diagnosed(clean()),
+    "bench, explained": lambda: _diagnosed(bent(), rerun=False),
+    "bench, explained, with its gain": lambda: _diagnosed(with_power(2, 8e-4, 2)),
+    "bench, ambiguous": lambda: _diagnosed(with_power(1, 1.5e-4, 3)),
+    "bench, unexplained": lambda: _diagnosed(with_power(0, 5e-3, 5)),
+    "bench, insufficient": lambda: _diagnosed(few(4)),
+    "block, explained": lambda: (
+        diagnose(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=MATRIX, seed=3)),
+        None,
+    ),
+    "block, ambiguous": lambda: (diagnose(draw_trial(Options(strapdown=True), 4, 4).measured()), None),
+    "block, insufficient": lambda: (diagnose(strapdown_record(true_motion(POSES[:1]))), None),
+    "plan": lambda: (plan_targets(("X4",), grid=15.0), None),
+    "plans": lambda: (plan_targets(("X4", "X6+X8"), grid=15.0), None),
+}
+
+
+@cache
+def shown(name: str) -> tuple[Any, Any, Document]:
+    """A result, its record where it has one, and its document."""
+    result, record = MAKERS[name]()
+    assert getattr(result, "verdict", "") in name
+    return result, record, document_of(result, record)
+
+
+@cache
+def page_of(name: str) -> Page:
+    """What stands on its page."""
+    make = shown(name)[2].page
+    assert make is not None
+    return make()
+
+
+@cache
+def text_of(name: str) -> str:
+    """The HTML of its page."""
+    return html(page_of(name))
 
 
 def html_of(make: Callable[..., Page], *arguments: Any, folder: Path | None = None, **options: Any) -> str:

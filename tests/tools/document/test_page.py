@@ -1,18 +1,20 @@
-"""The page of results: one file, no script, whatever the texts hold."""
+"""The page of results: one file, no script, whatever the texts hold; and as PDF."""
 
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from page_text import html_of
+from trihedron.tools.cli import main
 from trihedron.tools.document.blocks import Page, Section, Table
-from trihedron.tools.document.pdf import write_html
+from trihedron.tools.document.pdf import without_times, write_html
 from trihedron.tools.errors import InputError
-from trihedron.tools.reports.pictures.residuals import candidates
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
+PICTURE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>'
 VOID = {"meta", "br", "hr", "img", "link"}
 
 
@@ -52,7 +54,6 @@ def read(text: str) -> Reader:
 
 
 def full_page() -> str:
-    picture = candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1])
     table = Table(
         ["symbol", "estimate", "position"],
         [["X4", -1.5e-4, 3], ["X5", None, 12], ["X6+X8", float("nan"), 7], ["X9", -2.5e-15, 8]],
@@ -63,8 +64,8 @@ def full_page() -> str:
         "The bench",
         "All 18 true values lie inside their intervals.",
         [
-            Section("Candidates", ["One effect explains the data."], picture, "What is left."),
-            Section("Again", [], picture),
+            Section("Candidates", ["One effect explains the data."], PICTURE, "What is left."),
+            Section("Again", [], PICTURE),
             Section("Estimates", table=table, files=[Path("/somewhere/out/run-1/run data.parquet")]),
         ],
         tone="good",
@@ -85,10 +86,6 @@ def test_the_page_is_whole_and_opens_without_script_and_network() -> None:
     assert "default-src 'none'" in page
     assert "prefers-color-scheme: dark" in page
     assert "@media print" in page
-
-
-def test_the_page_repeats_to_the_byte() -> None:
-    assert full_page() == full_page()
 
 
 def test_files_are_linked_relative_to_the_page() -> None:
@@ -128,7 +125,7 @@ def test_hostile_texts_are_shown_and_never_run() -> None:
     section = Section(
         HOSTILE,
         [HOSTILE],
-        candidates([HOSTILE], [1.0]),
+        PICTURE,
         HOSTILE,
         Table([HOSTILE], [[HOSTILE]], HOSTILE),
         [HOSTILE, "javascript:alert(1)", '" onclick="alert(1)'],
@@ -156,9 +153,12 @@ def test_only_pictures_are_put_in_as_they_are() -> None:
         Section("x", svg="<script>alert(1)</script>")
 
 
-def test_a_table_whose_rows_do_not_fit_its_header_is_refused() -> None:
+def test_a_table_is_whole_and_tells_only_columns_that_say_something() -> None:
     with pytest.raises(ValueError, match="row 2 has 1 cells, the header 2"):
         Table(["a", "b"], [[1, 2], [3]])
+    assert Table(["a", "b", "c"], [[1, None, ""], [None, None, ""]], "d").told() == Table(
+        ["a", "c"], [[1, ""], [None, ""]], "d"
+    )
 
 
 def test_writing_the_page(tmp_path: Path) -> None:
@@ -167,3 +167,23 @@ def test_writing_the_page(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a directory"):
         write_html(tmp_path, full_page())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new"]
+
+
+def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("trihedron.tools.document.pdf.converter", lambda: None)
+    assert main(["calibrate", "no-such-record.csv", "--report", str(tmp_path / "out.pdf")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no program here makes PDF" in line
+    assert "out.pdf" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_converter_that_fails_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("trihedron.tools.document.pdf.converter", lambda: shutil.which("false"))
+    with pytest.raises(InputError, match="false did not print it"):
+        write_html(tmp_path / "out.pdf", "<!DOCTYPE html><title>t</title>")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_times_of_a_pdf_are_made_the_same():
+    assert without_times(b"/CreationDate (D:20261121054800+00'00')") == b"/CreationDate (D:20000101000000+00'00')"

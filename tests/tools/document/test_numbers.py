@@ -1,0 +1,138 @@
+"""Numbers with the digits that are justified, signs of typography, intervals that are drawn, equations."""
+
+import math
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from trihedron.tools.document.equations import effect_formula
+from trihedron.tools.document.equations import math as mathml
+from trihedron.tools.document.numbers import (
+    Bar,
+    Written,
+    bars,
+    interval,
+    minus,
+    outwards,
+    significant,
+    symbol_text,
+    to_bound,
+    typeset,
+    upwards,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "written"),
+    [
+        (0.00393096, 2.4e-5, "0.003931"),
+        (-0.00062534, 1.06e-5, "−0.000625"),
+        (0.0, 1e-5, "0.000000"),
+        (-1e-9, 1e-5, "0.000000"),
+        (0.5, 0.12, "0.50"),
+        (3.14159, 12.0, "3"),
+        (0.00393096, 0.0, "0.00393"),
+        (0.00393096, None, "0.00393"),
+    ],
+)
+def test_estimates_have_the_digits_that_their_bounds_justify(value, bound, written):
+    assert to_bound(value, bound) == Written(written)
+
+
+def test_guarantees_survive_rounding():
+    rng = np.random.default_rng(1)
+    for middle, half in zip(rng.normal(size=300), 10.0 ** rng.uniform(-9, 1, 300), strict=True):
+        low, high = outwards(middle - half, middle + half, half)
+        assert low is not None
+        assert high is not None
+        ends = [float(end.text.replace("−", "-")) for end in (low, high)]
+        assert ends[0] <= middle - half + 1e-6 * half
+        assert ends[1] >= middle + half - 1e-6 * half
+        assert ends[1] - ends[0] <= 2.4 * half
+        above = upwards(half)
+        assert above is not None
+        assert half * (1 - 1e-9) <= float(above.text.replace("−", "-")) <= 1.101 * half
+
+
+def test_figures_without_a_bound_have_two_digits():
+    assert [str(significant(v)) for v in (3.218e-5, 0.0, 1e-17, 12.7)] == ["3.2e−5", "0", "0", "13"]
+    assert significant(float("nan")) is None
+
+
+@pytest.mark.parametrize(
+    ("sign", "text", "written"),
+    [
+        (typeset, "-1.09e-03 n² and 1e-05 g", "−1.09·10⁻³ n² and 10⁻⁵ g"),
+        (typeset, "5e12ab 52e1f4 v1e5", "5e12ab 52e1f4 v1e5"),
+        (
+            typeset,
+            "κ by -812.8 arcsec (-1.5), accelerometer-2, X4-5, 2026-11-21, --prior",
+            "κ by −812.8 arcsec (−1.5), accelerometer-2, X4-5, 2026-11-21, --prior",
+        ),
+        (minus, "-1.5e-05", "−1.5e−5"),
+        (minus, "2.0e+03 and -1e-10", "2.0e3 and −1e−10"),
+        (minus, "identity 1 0", "identity 1 0"),
+        (symbol_text, "-X12@first-side", "−X12@first-side"),
+        (symbol_text, "X8@identity", "X8@identity"),
+    ],
+)
+def test_only_numbers_and_signs_are_rewritten(sign, text, written):
+    assert sign(text) == written
+
+
+def test_an_interval_has_the_digits_of_half_of_it_and_its_ends_may_be_open_or_infinite():
+    assert [str(cell) for cell in interval(0.00393096, 0.0039, 0.00396)] == ["0.003931", "0.003900", "0.003960"]
+    assert interval(0.5, None, 1.0) == (Written("0.500"), None, None)
+    assert [str(cell) for cell in interval(0.5, -math.inf, 0.75)] == ["0.500", "−inf", "0.75"]
+
+
+def test_bars_share_one_scale_and_reach_their_ends():
+    drawn, reach = bars([Bar(2.0, -1.0, 1.5), Bar(None, None, None), Bar(1.0, -0.5, 0.5, truth=3.0)])
+    assert reach == pytest.approx(3.06)
+    assert drawn[1] is None
+    assert drawn[0] is not None
+    root = ElementTree.fromstring(drawn[0].svg)
+    band = root.find("rect")
+    assert band is not None
+    assert float(band.attrib["x"]) == pytest.approx(-200.0 / reach, abs=0.06)
+    assert float(band.attrib["width"]) == pytest.approx(400.0 / reach, abs=0.06)
+    assert bars([]) == ([], 0.0)
+
+
+def tree(formula: str) -> ElementTree.Element:
+    return ElementTree.fromstring(mathml(formula).replace("&nbsp;", " "))
+
+
+def test_formulas_become_mathml_that_is_well_formed():
+    root = tree(
+        "f_1/g = n_1 + {0.5 n_1 ; 'where' n_1 > 0 | −1.2e−3 n_1² ; 'where' n_1 < 0} + sin(2α + (−0.1)) <&'x & y'"
+    )
+    said = "".join(root.itertext())
+    assert "1.2·10−3" in said
+    assert "x & y" in said
+    assert root.find(".//mtable") is not None
+
+
+def test_a_matrix_has_rows_and_columns_and_a_change_an_upright_letter():
+    root = tree("Δω = [1 ; 2 | 3 ; 4] n")
+    rows = [["".join(cell.itertext()) for cell in row.iter("mtd")] for row in root.iter("mtr")]
+    assert rows == [["1", "2"], ["3", "4"]]
+    assert "".join(root.itertext()) == "Δω=(1234)n"
+    assert [e.text for e in root.iter() if e.attrib.get("mathvariant") == "normal"] == ["Δ"]
+
+
+@pytest.mark.parametrize("effect", [e for e in CATALOGUE.values() if e.formula], ids=lambda effect: effect.name)
+def test_every_effect_has_a_formula_with_its_parameters_in_it(effect):
+    for place in effect.places or (EffectPlace(effect.name, "position-7", axes=(2,)),):
+        names = [parameter.name for parameter in effect.at(place).parameters]
+        formula = effect_formula(place, {name: f"{k}.25" for k, name in enumerate(names, start=1)})
+        assert formula is not None, place.title
+        said = "".join(tree(formula).itertext())
+        assert all(f"{k}.25" in said for k in range(1, len(names) + 1)), place.title
+
+
+def test_every_effect_that_can_be_searched_has_a_formula():
+    searched = [*POSITION_EFFECTS.values(), *(e for e in STRAPDOWN_EFFECTS.values() if e.variants is None)]
+    assert all(effect.formula for effect in searched)

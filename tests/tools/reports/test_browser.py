@@ -1,0 +1,70 @@
+"""The pages in a real browser: nothing overflows, nothing is missing, nothing is complained of; and as PDF."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from browser import browser, browser_program
+from page_text import MAKERS, text_of
+from trihedron.tools.document.pdf import write_html
+
+PROGRAM = browser_program()
+needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the path")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> dict[str, Path]:
+    """A page of every kind."""
+    folder = tmp_path_factory.mktemp("pages")
+    for name in MAKERS:
+        (folder / f"{name}.html").write_text(text_of(name), encoding="utf-8")
+    return {name: folder / f"{name}.html" for name in MAKERS}
+
+
+@needs_browser
+def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages):
+    assert PROGRAM is not None
+    with browser(PROGRAM) as window:
+        for name, page in pages.items():
+            for width, dark, printed in (
+                (1280, False, False),
+                (400, True, False),
+                (1280, True, False),
+                (720, False, True),
+            ):
+                seen = window.open(page, width, dark=dark, printed=printed)
+                where = f"{name} at {width}"
+                assert seen["client"] == width, where
+                assert seen["scroll"] == width, where
+                assert seen["outside"] == [], where
+                assert seen["images"] == [], where
+                assert seen["pictures"], where
+                assert all(w > 5 and h > 5 for w, h in seen["pictures"]), where
+                assert seen["height"] > 900, where
+        assert window.complaints == []
+
+
+@needs_browser
+def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path):
+    assert PROGRAM is not None
+    page = pages["plans"].read_text(encoding="utf-8")
+    page = page.replace("<main>", '<main><img src="missing.png" alt=""><p style="width: 2000px">wide</p>')
+    (tmp_path / "bad.html").write_text(page, encoding="utf-8")
+    with browser(PROGRAM) as window:
+        seen = window.open(tmp_path / "bad.html", 400)
+        assert seen["scroll"] > 400
+        assert seen["outside"]
+        assert len(seen["images"]) == 1
+        assert window.complaints
+
+
+@needs_browser
+def test_a_report_as_pdf_is_the_same_each_time(pages, tmp_path):
+    for name in ("a.pdf", "b.PDF"):
+        write_html(tmp_path / name, pages["bench, insufficient"].read_text(encoding="utf-8"))
+    first, second = ((tmp_path / name).read_bytes() for name in ("a.pdf", "b.PDF"))
+    assert first.startswith(b"%PDF")
+    assert len(re.findall(rb"/Type\s*/Page\b", first)) >= 2
+    assert first == second
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.pdf", "b.PDF"]

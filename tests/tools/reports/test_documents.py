@@ -1,0 +1,346 @@
+"""What results say: one walk over the documents of every kind, and that their figures are those of the results."""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape, unescape
+from urllib.parse import unquote
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from page_text import MAKERS, bent, clean, few, html_of, page_of, shown, text_of
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.spaces import cosine, spaces_beyond
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.search import compared_places, likeness
+from trihedron.tools.document.blocks import Section
+from trihedron.tools.document.numbers import to_bound, typeset
+from trihedron.tools.document.text import notebook, text
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
+from trihedron.tools.reports import calibration, diagnosis
+from trihedron.tools.reports.evidence import in_words
+from trihedron.tools.reports.model import own_words
+from trihedron.tools.reports.plan import decimals_of
+from trihedron.tools.reports.record import next_positions_csv
+from trihedron.tools.trials.bench import NOISE_BOUND
+
+MEASURED = ["What was measured", "What was simulated"]
+RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]
+SECTIONS = {
+    "calibration, consistent": [*MEASURED, "Residuals before and after", "Targets", "What it bought"],
+    "calibration, falsified": [*MEASURED, "Targets", "Evidence: the readings that prove it"],
+    "calibration, insufficient": [*MEASURED, "Targets", "Where to measure next"],
+    "bench, consistent": [*MEASURED, "Residuals", "Targets", "Excluded: effects of the accelerometers"],
+    "bench, explained": [*MEASURED, "Residuals before and after", "Residuals against the inputs", "The cause",
+                         "Targets, and what the effects do to them", *RANKED, "Left out, and shuffled"],
+    "bench, explained, with its gain": ["The cause", *RANKED, "The gain on what was not used"],
+    "bench, ambiguous": ["Causes that remain", *RANKED, "Where to measure next"],
+    "bench, unexplained": ["Targets", RANKED[0], "What the residual depends on"],
+    "bench, insufficient": [*MEASURED, "Residuals", "Targets"],
+    "block, explained": [*MEASURED, "Errors before and after", "The cause", "The block's own parameters", *RANKED,
+                         "The gain on what was not used", "Left out, and shuffled", "Excluded: effects of the gyros"],
+    "block, ambiguous": [*MEASURED, "Causes that remain", "The block's own parameters", "What to measure next"],
+    "block, insufficient": MEASURED[:1],
+    "plan": ["Guaranteed errors"],
+    "plans": ["Guaranteed errors"],
+}  # fmt: skip
+"""Sections of each page, in their order; there may be others between them."""
+SOURCES = {
+    "calibration, consistent": "Golovan HiGHS",
+    "calibration, falsified": "Golovan HiGHS Cheney",
+    "bench, consistent": "Golovan HiGHS",
+    "bench, explained": "Golovan HiGHS Cheney Lawson Björck Fisher Stone",
+    "bench, explained, with its gain": "Golovan HiGHS Cheney Lawson Björck Fisher Stone Mock-up",
+    "block, explained": "Groves Chelnokov HiGHS Lawson Fisher Stone Björck Allan Lötters Cheney Mock-up",
+    "block, insufficient": "Allan",
+    "plan": "Golovan HiGHS Gilmore",
+}
+"""Who is cited on a page, and nobody else."""
+AUTHORS = {name for names in SOURCES.values() for name in names.split()} | {"Land,"}
+
+
+def section(name: str, title: str) -> Section:
+    (found,) = (section for section in page_of(name).sections if section.title == title)
+    return found
+
+
+def rows_of(name: str, title: str) -> list[dict[str, object]]:
+    """The rows of a section's table, by the names of its columns."""
+    table = section(name, title).table
+    assert table is not None
+    return [dict(zip(table.header, row, strict=True)) for row in table.rows]
+
+
+def number(cell: object) -> float:
+    return float(str(cell).replace("−", "-"))
+
+
+def in_order(wanted: Sequence[str], found: Sequence[str]) -> bool:
+    rest = iter(found)
+    return all(name in rest for name in wanted)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_what_every_document_says(name):
+    result, record, document = shown(name)
+    assert text(document) == str(result) == repr(result)
+    assert not any(re.search(r"(\]|below [0-9.e-]+) 1$|\bnan\b", line) for line in document.lines)
+    assert f"<strong>{escape(document.lines[0])}</strong>" in notebook(document) == result._repr_html_()
+    page, html = page_of(name), text_of(name)
+    titles = [section.title for section in page.sections]
+    assert in_order(SECTIONS[name], titles), titles
+    assert len(set(titles)) == len(titles)
+    headings = [unescape(heading) for heading in re.findall(r"<h2>([^<]*)</h2>", html)]
+    assert headings[-1 if not page.sources else -2] == "What these results rest on"
+    assert {"trihedron", "computed with"} <= set(page.provenance)
+    assert str(getattr(record, "path", result).name) in page.title if record is not None else page.title
+    if name in SOURCES:
+        assert {author for author in AUTHORS if author in " ".join(page.sources)} == set(SOURCES[name].split())
+    for part in page.sections:
+        for equation in part.equations:
+            ElementTree.fromstring(equation.replace("&nbsp;", " "))
+        if part.svg is not None:
+            ElementTree.fromstring(part.svg)
+            assert part.caption
+        if part.table is not None:
+            assert part.table.told() == part.table
+            assert "1" not in [row.get("unit") for row in rows_of(name, part.title)]
+    addresses = re.findall(r'(?:href|src)="([^"]*)"', html)
+    assert all(address.startswith(("#", "data:")) for address in addresses)
+    ids = re.findall(r' id="([^"]*)"', html)
+    assert len(ids) == len(set(ids))
+    assert not re.search(r">\s*(nan|None)\s*<", html)
+
+
+def test_a_page_repeats_to_the_byte():
+    again = diagnose(few(4), noise_bound=NOISE_BOUND)
+    assert html_of(diagnosis.page, again, few(4)) == text_of("bench, insufficient")
+
+
+def test_a_calibration_shows_each_target_in_its_table_and_in_the_model():
+    result, _, _ = shown("calibration, consistent")
+    page = text_of("calibration, consistent")
+    assert f"within {result.radius:.2g} σ" in page
+    row = next(e for e in result.parameters if e.symbol == "X4")
+    assert page.count(str(to_bound(row.estimate, row.guaranteed_error))) >= 2
+    assert page.count('<svg class="bar"') == 18
+
+
+def test_open_targets_are_said_and_the_positions_to_measure_are_carried():
+    result, page = shown("calibration, insufficient")[0], text_of("calibration, insufficient")
+    assert "do not determine any of the targets" in page
+    assert "<mi>?</mi>" in page
+    (carried,) = re.findall(r'href="data:text/csv;charset=utf-8,([^"]*)" download="next-positions.csv"', page)
+    wanted = [(float(p["alpha_deg"]), float(p["beta_deg"])) for p in result.next_positions]
+    found = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in csv.DictReader(io.StringIO(unquote(carried)))]
+    assert found == wanted
+    table = calibration.target_section(calibrate(few(3), noise_bound=NOISE_BOUND)).table
+    assert table is not None
+    assert list(table.header) == ["target", "meaning", "unit"]
+    assert len(table.rows) == 18
+
+
+def test_a_falsified_calibration_shows_the_readings_that_prove_it_and_no_guarantees():
+    result = shown("calibration, falsified")[0]
+    rows = rows_of("calibration, falsified", "Evidence: the readings that prove it")
+    assert len(rows) == len(result.witness)
+    # At the Chebyshev centre the readings that prove it are all off by the radius.
+    assert {abs(number(row["at best off by [σ]"])) for row in rows} == {round(result.radius, 2)}
+    assert "guaranteed error" not in rows_of("calibration, falsified", "Targets")[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"), [("bench, explained", 1), ("bench, explained, with its gain", 1), ("block, explained", 9)]
+)
+def test_a_cause_has_the_digits_that_its_interval_justifies_in_the_table_and_in_the_equation(kind, parameters):
+    (cause,) = shown(kind)[0].causes
+    rows = rows_of(kind, "The cause")
+    assert len(rows) == len(cause.values) == parameters
+    mathematics = "".join(section(kind, "What was simulated").equations)
+    for row, value, (low, high) in zip(rows, cause.values, cause.intervals, strict=True):
+        assert row["estimate"] == (written := to_bound(value, 0.5 * (high - low)))
+        assert number(row["low"]) <= low
+        assert number(row["high"]) >= high
+        assert f"<mn>{str(written).lstrip('−')}</mn>" in mathematics
+
+
+@pytest.mark.parametrize("kind", ["bench, ambiguous", "block, ambiguous"])
+def test_sets_that_remain_are_numbered_and_all_named(kind):
+    result = shown(kind)[0]
+    rows = rows_of(kind, "Causes that remain")
+    count = [len(finding.causes) and sum(len(c.values) for c in finding.causes) for finding in result.findings]
+    assert [row["set"] for row in rows] == [k for k, n in enumerate(count, start=1) for _ in range(n)]
+    told = " ".join(section(kind, "Causes that remain").paragraphs)
+    for number_, finding in enumerate(result.findings, start=1):
+        assert f"Set {number_}: {'; '.join(cause.sentence for cause in finding.causes)}." in told
+    assert "With the effect" not in text_of(kind)
+    assert "with the first of the sets that remain" in page_of(kind).key
+
+
+def test_figures_with_the_effects_are_said_to_be_of_the_first_set_that_remains():
+    result, page = shown("bench, ambiguous")[0], text_of("bench, ambiguous")
+    assert f"With the first of the sets that remain, {result.findings[0].title}, it leaves" in page
+    assert typeset(result.findings[0].causes[0].sentence) in page
+
+
+def test_the_second_witness_and_what_the_cause_does_to_the_calibration():
+    result = shown("bench, explained")[0]
+    rows = rows_of("bench, explained", "Targets, and what the effects do to them")
+    assert len(rows) == 18
+    assert {row["unit"] for row in rows} == {"", "rad", "g"}
+    # A quadratic term passes for scale-factor errors of opposite signs.
+    plus = {1: "X4", 2: "X9", 3: "X14"}[result.causes[0].place.index + 1]
+    (moved,) = (number(row["moved by"]) for row in rows if row["target"] == plus)
+    assert abs(moved) == pytest.approx(abs(result.causes[0].values[0]), rel=0.3)
+    left_out = rows_of("bench, explained", "Left out, and shuffled")
+    assert [row["left out"] for row in left_out] == ["every fifth position", "every quarter of the time"]
+    assert "seed of the shuffles" in page_of("bench, explained").provenance
+
+
+def test_the_gain_is_that_of_the_result():
+    for kind in ("bench, explained, with its gain", "block, explained"):
+        gain, (row, *_) = shown(kind)[0].gain, rows_of(kind, "The gain on what was not used")
+        after = next(value for name, value in row.items() if name.startswith("rms after"))
+        assert number(after) == pytest.approx(gain.held_out_rms_after, rel=5e-3)
+
+
+def test_without_a_cause_it_is_said_what_the_residual_depends_on():
+    result = shown("bench, unexplained")[0]
+    first = result.residual_structure[0]
+    assert (first["accelerometer"], first["on"]) == (1, "input")
+    assert first["explained"] > 0.8
+    assert 0.99 < first["explainable"] <= 1.0
+    assert np.all([0.0 <= entry["explained"] <= 1.0 for entry in result.residual_structure])
+
+
+@pytest.mark.parametrize(
+    ("tried", "words"),
+    [
+        ([("cubic accelerometer-3", 1.2)], []),
+        ([("sag inner-axis", 0.9)], ["One of them is not among the sets that remain"]),
+        ([("sag inner-axis", 0.9), ("sag outer-axis", 1.0)], ["2 of them are not among the sets that remain"]),
+    ],
+)
+def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_not_to_remain(tried, words):
+    result = shown("bench, explained")[0]
+    named = (result.causes[0].place.title, 0.5)
+    ranked = diagnosis.ranking_section(result.model_copy(update={"tried": (named, *tried)}))
+    assert ranked is not None
+    assert [said.partition(":")[0] for said in ranked.paragraphs[1:]] == words
+
+
+def test_a_block_says_on_what_it_rests_and_what_is_missing():
+    record = shown("block, explained")[0].evidence.found.record
+    below = text_of("block, explained").partition("What these results rest on")[2]
+    for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy"):
+        assert fact in below
+    said = unescape(text_of("block, insufficient"))
+    assert "1 rests of" in said
+    assert all(str(thing) in said for thing in shown("block, insufficient")[0].missing)
+    ambiguous = shown("block, ambiguous")[0]
+    assert "no interval is given" in section("block, ambiguous", "The block's own parameters").paragraphs[0]
+    # One measurement that shows two effects is named once.
+    assert ambiguous.next == (f"{OF_ACCELEROMETERS} (shows quadratic, scale-asymmetry)",)
+    explained = shown("block, explained")[0]
+    assert diagnosis.confusion_section(explained.model_copy(update={"tried": ()})) is None
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"baseline": "symmetric"},
+        {"convention": "A2", "targets": ("X4-X5", "X16-X17"), "priors": ("X16=1e-2", "bounds")},
+    ],
+    ids=["symmetric", "asked"],
+)
+def test_pages_of_other_options(options):
+    page = html_of(calibration.page, calibrate(clean(), noise_bound=NOISE_BOUND, **options), clean())
+    assert page.count("<math ") >= 5
+    assert all(expression.replace("-", "−") in page for expression in options.get("targets", ()))
+
+
+def test_pages_of_several_mountings_whatever_they_are_called():
+    half = len(clean()) // 2
+    record = replace(clean(), mounting=("upright-1e5",) * half + ("elsewhere",) * (len(clean()) - half))
+    options = {"noise_bound": NOISE_BOUND, "mounting": {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}}
+    page = html_of(calibration.page, calibrate(record, **options), record)
+    assert "X8@upright-1e5" in page
+    assert "X13@elsewhere" in page
+    assert "X8@upright-1e5" in html_of(diagnosis.page, diagnose(record, **options), record)
+
+
+def test_warnings_of_the_record_are_on_the_page():
+    warned = shown("calibration, falsified")[0].model_copy(update={"warnings": ["row 7 <b>looks</b> odd"]})
+    assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in html_of(calibration.page, warned, bent())
+
+
+def test_a_plan_shows_its_estimator_and_carries_its_positions():
+    best, page = shown("plan")[0][0].optimum, text_of("plan")
+    assert f"{best.cost:.6f} σ" in page
+    assert all(f"<mn>{abs(weight):.6f}</mn>" in page for weight in best.weights)
+    assert 'download="X4.csv"' in page
+
+
+def test_mountings_and_senses_go_into_the_list_of_positions():
+    positions = [
+        {"alpha_deg": 90.0, "beta_deg": 355.0, "mounting": "b"},
+        {"alpha_deg": 1.5, "beta_deg": 0.0, "approach_alpha": -1},
+    ]
+    wanted = "position,alpha_deg,beta_deg,mounting,approach_alpha\n1,90.0,355.0,b,\n2,1.5,0.0,,-1\n"
+    assert next_positions_csv(positions) == wanted
+
+
+@pytest.mark.parametrize(
+    ("words", "given", "said"),
+    [
+        (own_words, "gyro gamma_11", "scale factor of gyro 1"),
+        (own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
+        (own_words, "accelerometer bias_3", "bias of accelerometer 3"),
+        (own_words, "something else", "something else"),
+        (in_words, "rate_2", ("rate", "2")),
+        (in_words, "gamma_12", ("gamma, axis 2", "1")),
+        (in_words, "coefficient_1_23", ("coefficient, axes 2 3", "1")),
+        (in_words, "delay", ("delay", "")),
+        (decimals_of, [10.0, -5.0], 0),
+        (decimals_of, [10.5, 0.25], 2),
+        (decimals_of, [13.886530140], 4),
+    ],
+)
+def test_parameters_and_angles_are_in_words(words, given, said):
+    assert words(given) == said
+
+
+def test_likeness_is_the_cosine_between_spaces_less_what_is_imitated():
+    e = np.eye(4)
+    first, second = e[:, [0]] + e[:, [3]], e[:, [0]] + e[:, [1]] + 7.0 * e[:, [3]]
+    spaces = spaces_beyond(e[:, [3]], [first, second, e[:, [3]]])
+    alike = np.array([[cosine(a, b) for b in spaces] for a in spaces])
+    assert alike == pytest.approx(np.array([[1.0, np.sqrt(0.5), 0.0], [np.sqrt(0.5), 1.0, 0.0], [0.0, 0.0, 0.0]]))
+
+
+def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers():
+    places = [
+        EffectPlace("sag", "outer-axis"),
+        EffectPlace("encoder-harmonic", "outer-axis", 1),
+        EffectPlace("bias-drift", "accelerometer-1"),
+        EffectPlace("quadratic", "accelerometer-3"),
+    ]
+    alike = likeness(bench_evidence(clean(), noise_bound=NOISE_BOUND), places)
+    assert np.allclose(alike, alike.T)
+    assert np.allclose(np.diag(alike), 1.0)
+    assert alike[0, 1] > 1.0 - 1e-4
+    assert alike[2, 3] < 0.5
+
+
+def test_effects_that_are_compared_begin_with_those_that_were_found():
+    explained = shown("block, explained")[0]
+    ranked = [title for title, _ in explained.tried]
+    compared = compared_places(explained.evidence.classes.places, [explained.findings[0].places], ranked)
+    assert compared[0] == explained.causes[0].place
+    assert np.diag(likeness(explained.evidence, compared)) == pytest.approx(1.0)
