@@ -8,7 +8,6 @@ is called better or worse by chance at most `CHANCE`, whatever the number of sca
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -55,8 +54,12 @@ class Change(Result):
     before: float | None
     after: float | None
     p: float | None
-    verdict: Verdict
+    verdict: Verdict = "same"
     runs: int
+    direction: int = Field(default=0, exclude=True)
+    """+1 where the scalar grew, −1 where it fell."""
+    better: str | None = Field(default=None, exclude=True)
+    """Which way is better: "higher" or "lower"."""
 
 
 class Comparison(Result):
@@ -85,20 +88,6 @@ class Comparison(Result):
     def of(self, verdict: Verdict) -> list[Change]:
         """Changes of one kind."""
         return [change for change in self.changes if change.verdict == verdict]
-
-
-@dataclass(frozen=True)
-class _Test:
-    """A comparison before the correction: its direction is +1 where the scalar grew, −1 where it fell."""
-
-    name: str
-    what: str
-    before: float | None
-    after: float | None
-    p: float | None
-    direction: int
-    better: str | None
-    runs: int
 
 
 def compare(folder: Path, other: Path) -> Comparison:
@@ -163,48 +152,51 @@ def _is(results: Results, name: str, good: Sequence[str]) -> NDArray:
     return column.is_in(list(good)).cast(pl.Float64).fill_null(math.nan).to_numpy()
 
 
-def _happens(name: str, what: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> _Test:
-    """Compare how often something is so; arrays of 0, 1 and NaN."""
+def _compared(before: NDArray, now: NDArray, *, paired: bool) -> tuple[NDArray, NDArray]:
+    """The values that are there: of pairs where both are."""
+    there, there_now = np.isfinite(before), np.isfinite(now)
     if paired:
-        there = np.isfinite(before) & np.isfinite(now)
-        before, now = before[there], now[there]
+        there = there_now = there & there_now
+    return before[there], now[there_now]
+
+
+def _happens(name: str, what: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> Change:
+    """Compare how often something is so; arrays of 0, 1 and NaN."""
+    before, now = _compared(before, now, paired=paired)
+    if paired:
         up, down = int(((now == 1.0) & (before == 0.0)).sum()), int(((now == 0.0) & (before == 1.0)).sum())
         p = float(stats.binomtest(up, up + down).pvalue) if up + down else 1.0
         direction = int(np.sign(up - down))
     else:
-        before, now = before[np.isfinite(before)], now[np.isfinite(now)]
         table = [[now.sum(), len(now) - now.sum()], [before.sum(), len(before) - before.sum()]]
         p = float(np.asarray(stats.fisher_exact(np.array(table, dtype=int))[1]))
         direction = int(np.sign(_mean(now) - _mean(before)))
+    sizes = {"before": _number(_mean(before)), "after": _number(_mean(now)), "runs": len(now)}
     enough = min(len(before), len(now)) >= FEWEST
-    return _Test(name, what, _number(_mean(before)), _number(_mean(now)), p if enough else None, direction, better,
-                 len(now))  # fmt: skip
+    return Change(name=name, what=what, p=p if enough else None, direction=direction, better=better, **sizes)
 
 
-def _numbers(name: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> _Test:
+def _numbers(name: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> Change:
     """Compare the values of a scalar."""
     p: float | None = None
+    direction = 0
+    before, now = _compared(before, now, paired=paired)
     if paired:
-        there = np.isfinite(before) & np.isfinite(now)
-        before, now = before[there], now[there]
         change = now - before
         change[np.abs(change) <= ROUNDING * _scale(before, now)] = 0.0
         moved = change[change != 0.0]
-        direction = int(np.sign(np.median(moved))) if len(moved) else 0
         if len(change) >= FEWEST:
             ranked: Any = stats.wilcoxon(moved) if len(moved) >= FEWEST else None
             p = 1.0 if ranked is None else float(ranked.pvalue)
-        if direction == 0 and len(moved):
-            direction = int(np.sign(moved.mean()))
-    else:
-        before, now = before[np.isfinite(before)], now[np.isfinite(now)]
-        direction = 0
-        if min(len(before), len(now)) >= FEWEST:
-            result: Any = stats.mannwhitneyu(now, before, method="asymptotic")
-            p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(result.pvalue)
-            direction = int(np.sign(result.statistic - 0.5 * len(now) * len(before)))
-    middle = [float(np.median(x)) if len(x) else math.nan for x in (before, now)]
-    return _Test(name, "median", _number(middle[0]), _number(middle[1]), p, direction, better, len(now))
+        if len(moved):
+            direction = int(np.sign(np.median(moved))) or int(np.sign(moved.mean()))
+    elif min(len(before), len(now)) >= FEWEST:
+        result: Any = stats.mannwhitneyu(now, before, method="asymptotic")
+        p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(result.pvalue)
+        direction = int(np.sign(result.statistic - 0.5 * len(now) * len(before)))
+    middle = [_number(float(np.median(x)) if len(x) else math.nan) for x in (before, now)]
+    sizes = {"before": middle[0], "after": middle[1], "runs": len(now)}
+    return Change(name=name, what="median", p=p, direction=direction, better=better, **sizes)
 
 
 def _scale(before: NDArray, now: NDArray) -> float:
@@ -220,23 +212,15 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _corrected(tests: Sequence[_Test]) -> list[Change]:
+def _corrected(tests: Sequence[Change]) -> list[Change]:
     """Holm's correction over all scalars that can be told, and what it leaves of each."""
     told = sorted((test.p, k) for k, test in enumerate(tests) if test.p is not None)
-    corrected: dict[int, float] = {}
-    largest = 0.0
+    changes, largest = list(tests), 0.0
     for rank, (p, k) in enumerate(told):
         largest = max(largest, min(1.0, p * (len(told) - rank)))
-        corrected[k] = largest
-    return [_change(test, corrected.get(k)) for k, test in enumerate(tests)]
-
-
-def _change(test: _Test, p: float | None) -> Change:
-    verdict: Verdict = "same"
-    if p is not None and p <= CHANCE and test.direction:
-        if test.better is None:
-            verdict = "changed"
-        else:
-            verdict = "better" if (test.direction > 0) == (test.better == "higher") else "worse"
-    shared = {name: getattr(test, name) for name in ("name", "what", "before", "after", "runs")}
-    return Change(**shared, p=p, verdict=verdict)
+        verdict: Verdict = "same"
+        if largest <= CHANCE and tests[k].direction:
+            higher = "higher" if tests[k].direction > 0 else "lower"
+            verdict = "changed" if tests[k].better is None else "better" if tests[k].better == higher else "worse"
+        changes[k] = tests[k].model_copy(update={"p": largest, "verdict": verdict})
+    return changes

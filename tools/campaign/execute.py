@@ -1,17 +1,16 @@
 """A campaign carried out: from its file to its folder, by workers that may be killed, in any order."""
 
-import sys
 import time as clocks
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
 from ..errors import InputError
+from ..progress import progress_bar
 from ..workers import Killed, LostCluster, Workers, by_itself, completed, started
-from .design import Order, make_order
 from .file import Campaign
-from .runs import Computed, columns_of, compute, make_runner, try_run
+from .runs import Computed, Order, columns_of, compute, make_order, make_runner, try_run
 from .store import Store, opened
 from .summary import CampaignResult, Cost, summarise
 
@@ -41,15 +40,16 @@ def run_campaign(
         missing, before, failed = store.missing()
         done, seconds, cpu_seconds, kills = before, 0.0, 0.0, 0
         try:
-            with _progress(campaign.runs, before, show=progress) as shown:
-                shown(done, failed)
-                if missing:
-                    with started(engine, jobs, scheduler) as workers:
-                        for computed in _computed(order, campaign, missing, workers):
-                            store.write(computed)
-                            done, failed = done + computed.runs, failed + computed.failures
-                            seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
-                            shown(done, failed)
+            with progress_bar("runs", campaign.runs, show=progress and bool(missing)) as shown:
+                shown(done)
+                with started(engine, jobs, scheduler) if missing else nullcontext() as workers:
+                    for computed in _computed(order, campaign, missing, workers) if workers else ():
+                        store.write(computed)
+                        done, failed = done + computed.runs, failed + computed.failures
+                        seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
+                        rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
+                        words = f", {failed} failed" if failed else ""
+                        shown(computed.runs, f"{done} of {campaign.runs} runs, {rate:.3g}/s{words}")
                         kills = workers.kills
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {_so_far(store, done)}") from None
@@ -92,32 +92,3 @@ def _computed(order: Order, campaign: Campaign, missing: list[int], workers: Wor
     make = partial(compute, order, frozenset[int]())
     for _, computed in completed(workers, make, missing, instead=without_deadly_runs):
         yield computed
-
-
-@contextmanager
-def _progress(total: int, before: int, *, show: bool) -> Iterator[Callable[[int, int], None]]:
-    """What is told how many runs are done and how many of them failed: a bar with rate and time left, or nobody."""
-    if not show or not sys.stderr.isatty():
-        yield lambda _done, _failed: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    began = clocks.perf_counter()
-    columns = (
-        TextColumn("runs"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(compact=True),
-        TextColumn("{task.fields[failed]}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=600.0) as bar:
-        task = bar.add_task("runs", total=total, completed=before, rate="", failed="")
-
-        def shown(done: int, failed: int) -> None:
-            rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
-            words = f"{failed} failed" if failed else ""
-            bar.update(task, completed=done, rate=f"{rate:.3g}/s" if done > before else "", failed=words)
-
-        yield shown

@@ -24,6 +24,8 @@ RUNS_OF_PARTITION = {"calibration": 50, "attitude": 50, "simulation": 50, "hidde
 MOST_FILES = 4000
 MOST_OF_PARTITION = 5000
 """Runs in a file all the same: a worker holds a file in memory, and what it is killed in is lost."""
+Value = float | str | bool
+"""Of a parameter in a run."""
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
 Span = tuple[Number, Number, Annotated[int, Field(ge=2, le=1_000_000)]]

@@ -35,8 +35,7 @@ from ..trials.bench import draw_truth, true_elementary
 from ..trials.draw import Options, draw_case
 from ..trials.outcome import diagnosed, judged
 from ..trials.suite import named_suite
-from .design import Value, short_seed
-from .file import AttitudeSetting, CalibrationSetting, Campaign, HiddenSetting, Reduction, SimulationSetting
+from .file import AttitudeSetting, CalibrationSetting, Campaign, HiddenSetting, Reduction, SimulationSetting, Value
 
 Better = Literal["lower", "higher"]
 
@@ -109,6 +108,15 @@ MOTIONS = ("amplitude_factor", "frequency_factor", "motion", "rate_hz", "duratio
 INCREMENTS = 1.0
 """Kind of input of the gyros."""
 MOST_SAMPLES = 100_000_000
+
+
+def short_seed(seed: np.random.SeedSequence) -> int:
+    """A seed as the components take one, from 0 to 2**31 - 1."""
+    return int(seed.generate_state(1, np.uint32)[0] >> 1)
+
+
+def _json(content: Mapping[str, Any]) -> str:
+    return json.dumps(content, ensure_ascii=False, allow_nan=False)
 
 
 class CalibrationRuns:
@@ -184,8 +192,7 @@ class CalibrationRuns:
         scalars |= {"misses": misses, "worst_error_ratio": ratio}
         diagnosis = None
         if self.diagnose:
-            found = diagnose(record, **options, bounds=chosen.bounds, rerun=False)
-            diagnosis = json.dumps(found.to_json(), ensure_ascii=False, allow_nan=False)
+            diagnosis = _json(diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
         return Given(scalars, record_table(record) if self.record else None, diagnosis)
 
     def _truth(self, rng: np.random.Generator, values: Mapping[str, Value], *, symmetric: bool) -> NDArray:
@@ -216,15 +223,8 @@ def read_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
 
 
 def record_table(record: PositionRecord) -> pl.DataFrame:
-    """A position record as the table that a file of it has."""
-    columns = {
-        "position": record.position,
-        "time_s": record.time_s,
-        "alpha_deg": np.degrees(record.alpha),
-        "beta_deg": np.degrees(record.beta),
-        **{f"f{p + 1}_mps2": record.specific_force[:, p] for p in range(3)},
-    }
-    return pl.DataFrame(columns)
+    """A position record as a table: where, when, what was read."""
+    return record.to_polars().select("position", "time_s", *RAW_COLUMNS)
 
 
 class SimulationRuns:
@@ -295,8 +295,7 @@ class SimulationRuns:
                     scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
                     scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
             if self.keep.diagnosis:
-                diagnosis = diagnose(record, noise_bound=sigma, rerun=False).to_json()
-                told = json.dumps(diagnosis, ensure_ascii=False, allow_nan=False)
+                told = _json(diagnose(record, noise_bound=sigma, rerun=False).to_json())
             return Given(scalars, record_table(record) if self.keep.record else None, told)
         return Given(scalars, table if self.keep.record else None)
 
@@ -432,50 +431,22 @@ def read_increments(
     noise_bound: float,
     seed: int,
 ) -> NDArray:
-    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.blocks.gyro`.
+    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.blocks.gyro`: (N, 3) [rad].
 
-    Parameters
-    ----------
-    samples : Samples
-    scale_misalignment : (9,) array
-        Γ, row by row
-    bias : (3,) array
-        [rad/s]
-    quantum : float
-        [rad]; 0: exact
-    noise_bound : float
-        [rad/s]
-    seed : int
-        of the errors
-
-    Returns
-    -------
-    (N, 3) array
-        [rad]
+    Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
     """
     gyros = instantiate(GYRO_BLOCK)
     memory = {name: np.array(values, dtype=float) for name, values in gyros.memory.items()}
     memory |= {"scale_misalignment": np.array(scale_misalignment), "bias": np.array(bias)}
     given: dict[str, float] = {"input_kind": INCREMENTS, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
 
-    def arguments(kernel: str, own: tuple[str, ...]) -> tuple[Any, ...]:
-        names = [name for name in gyros.arguments[kernel] if name not in own]
-        scalars = {
-            name: float(given[name] if name in given else memory[name][0]) for name in names if name in gyros.scalars
-        }
+    def arguments(kernel: str) -> tuple[Any, ...]:
+        names = [name for name in gyros.arguments[kernel] if name not in ("time", "step")]
+        scalars = {name: float(given.get(name, memory[name][0])) for name in names if name in gyros.scalars}
         return tuple(scalars.get(name, memory[name]) for name in names)
 
-    read = np.empty_like(samples.increments)
-    status = _reader()(
-        samples.period,
-        samples.increments,
-        arguments("initialise", ("time",)),
-        arguments("step", ("time", "step")),
-        memory["increment"],
-        memory["increment_reading"],
-        read,
-    )
-    if status:
+    read, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
+    if status := _reader()(samples.period, read, arguments("initialise"), arguments("step"), ports):
         raise InputError(GYRO_BLOCK.messages[status - 1])
     return read
 
@@ -485,16 +456,17 @@ def _reader() -> Callable[..., int]:
     initialise, step = cast("tuple[Any, Any]", (compiled(gyro.initialise), compiled(gyro.step)))
 
     @numba.njit(nogil=True, error_model="numpy")
-    def read(period, increments, to_initialise, to_step, increment, reading, found):
+    def read(period, rows, to_initialise, to_step, ports):
+        increment, reading = ports
         status = initialise(0.0, *to_initialise)
-        for k in range(len(increments)):
+        for k in range(len(rows)):
             if status != 0:
                 return status
             for p in range(3):
-                increment[p] = increments[k, p]
+                increment[p] = rows[k, p]
             status = step(k * period, period, *to_step)
             for p in range(3):
-                found[k, p] = reading[p]
+                rows[k, p] = reading[p]
         return status
 
     return read
@@ -548,5 +520,14 @@ class HiddenRuns:
         }
         told = None
         if self.keep.diagnosis:
-            told = json.dumps({**outcome.to_json(), "diagnosis": found.to_json()}, ensure_ascii=False, allow_nan=False)
+            told = _json({**outcome.to_json(), "diagnosis": found.to_json()})
         return Given(scalars, record_table(record) if self.keep.record else None, told)
+
+
+RUNNERS: dict[str, Callable[[Campaign, Any], Runner]] = {
+    "calibration": CalibrationRuns,
+    "attitude": AttitudeRuns,
+    "simulation": SimulationRuns,
+    "hidden": HiddenRuns,
+}
+"""What makes the runs of each kind, from the campaign and its section."""

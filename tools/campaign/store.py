@@ -12,9 +12,8 @@ import polars as pl
 
 from ..errors import InputError
 from ..files import whole_file, write_text
-from .design import Order, versions
 from .file import Campaign, parse_campaign
-from .runs import Columns, Computed
+from .runs import Columns, Computed, Order, versions
 
 SCHEMA = "trihedron.campaign-result/1"
 MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", ".lock"

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from campaign_runs import CALIBRATION
-from trihedron.tools.campaign.design import Design, short_seed
 from trihedron.tools.campaign.file import Axis, Campaign, parse_campaign
-from trihedron.tools.campaign.runs import columns_of, make_runner
+from trihedron.tools.campaign.kinds import short_seed
+from trihedron.tools.campaign.runs import Design, columns_of, make_runner
 from trihedron.tools.errors import InputError
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
