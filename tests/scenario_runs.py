@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import Run, simulate
+from trihedron.tools.orchestrator import Simulation, simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
@@ -19,7 +19,7 @@ def scenario(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
     return Scenario.model_validate({**data, "base_folder": folder})
 
 
-def run(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Run:
+def run(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
     """Its run."""
     return simulate(scenario(folder, fmus, **sections), compiled=compiled)
 

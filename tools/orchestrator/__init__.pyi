@@ -1,4 +1,3 @@
-from .run import Run as Run
 from .run import Simulation as Simulation
 from .run import default_folder as default_folder
 from .run import simulate as simulate

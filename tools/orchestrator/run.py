@@ -6,7 +6,6 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from multiprocessing.util import Finalize
@@ -21,7 +20,7 @@ from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
 from ..records.rests import position_record_of
-from ..result import Result
+from ..result import ABSENT, Result
 from .journal import Column, Journal, recorded_variables, resolve_columns
 from .load import Loaded, Sources, check_steps, interfaces_of, load, resolve_parameters
 from .loops import Assembly, run_fmus
@@ -36,49 +35,6 @@ MOST_ROWS = 20_000_000
 """A raw record of more rows is not averaged: it is read whole."""
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")
 _FOLDER_PREFIX = "trihedron-run-"
-
-
-@dataclass(frozen=True)
-class Run:
-    """A simulated run.
-
-    Attributes
-    ----------
-    rows : DataFrame or None
-        the record; None where it is too long for memory and only in the file
-    scenario : Scenario
-        as it was run
-    provenance : dict
-        what run.json holds: the scenario, versions, content hashes
-    files : tuple of Path
-        what was written
-    """
-
-    rows: pl.DataFrame | None
-    scenario: Scenario
-    provenance: dict[str, Any]
-    files: tuple[Path, ...] = ()
-
-    @cached_property
-    def _lazy(self) -> pl.LazyFrame:
-        if self.rows is not None:
-            return self.rows.lazy()
-        return pl.scan_csv(self.files[0]) if self.files[0].suffix == ".csv" else pl.scan_parquet(self.files[0])
-
-    @property
-    def columns(self) -> list[str]:
-        """Names of the columns."""
-        return self._lazy.collect_schema().names()
-
-    @property
-    def height(self) -> int:
-        """How many rows there are."""
-        return int(self._lazy.select(pl.len()).collect().item())
-
-    @cached_property
-    def table(self) -> pl.DataFrame:
-        """The rows in memory: `time_s` and the recorded columns; row k is the k-th recorded communication point."""
-        return self.rows if self.rows is not None else self._lazy.collect()
 
 
 class Simulation(Result):
@@ -99,9 +55,11 @@ class Simulation(Result):
         everything that was written
     ignored_parameters : tuple of str
         parameters of an .ssp that name nothing in it
-    run : Run
-        rows, provenance, files of the run itself
-    positions : PositionRecord or None
+    scenario : Scenario
+        as it was run
+    provenance : dict
+        what run.json holds: the scenario, versions, content hashes
+    averages : PositionRecord or None
         the averaged rests
     """
 
@@ -110,12 +68,22 @@ class Simulation(Result):
     rows: int
     columns: list[str]
     final_time_s: float
-    rests: int | None = Field(alias="positions")
-    no_positions: str
-    files: tuple[Path, ...]
-    ignored_parameters: tuple[str, ...]
-    run: Run | None = Field(default=None, exclude=True, repr=False)
+    rests: int | None = Field(default=None, alias="positions")
+    no_positions: str = ""
+    files: tuple[Path, ...] = ()
+    ignored_parameters: tuple[str, ...] = ()
+    scenario: Scenario = Field(default=ABSENT, exclude=True, repr=False)
+    provenance: dict[str, Any] = Field(default=ABSENT, exclude=True, repr=False)
     averages: PositionRecord | None = Field(default=None, exclude=True, repr=False)
+    held: pl.DataFrame | None = Field(default=None, exclude=True, repr=False)
+    """The record; None where it is too long for memory and only in the file."""
+
+    @cached_property
+    def table(self) -> pl.DataFrame:
+        """The rows in memory: `time_s` and the recorded columns; row k is the k-th recorded communication point."""
+        if self.held is not None:
+            return self.held
+        return (pl.read_csv if self.files[0].suffix == ".csv" else pl.read_parquet)(self.files[0])
 
     @property
     def positions(self) -> PositionRecord | None:
@@ -127,12 +95,6 @@ class Simulation(Result):
         """Recorded rows."""
         return self.rows
 
-    @property
-    def provenance(self) -> dict[str, Any]:
-        """What run.json holds: the scenario, versions, content hashes."""
-        assert self.run is not None
-        return self.run.provenance
-
     def position_record(self) -> PositionRecord:
         """The averaged rests; an InputError where the run is no raw record of a table."""
         if self.averages is None:
@@ -143,12 +105,11 @@ class Simulation(Result):
         return self.rows
 
     def __getitem__(self, column: str) -> pl.Series:
-        return self.to_polars()[column]
+        return self.table[column]
 
     def to_polars(self) -> pl.DataFrame:
         """The run: row k is the k-th recorded communication point."""
-        assert self.run is not None
-        return self.run.table
+        return self.table
 
 
 class PreparedScenario:
@@ -253,7 +214,9 @@ def default_folder(scenario: Scenario) -> Path:
     return Path(f"{stem}-run")
 
 
-def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = False, compiled: bool = True) -> Run:
+def simulate(
+    scenario: Scenario, out: Path | None = None, *, progress: bool = False, compiled: bool = True
+) -> Simulation:
     """Run a scenario.
 
     Parameters
@@ -265,10 +228,6 @@ def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = Fa
         show a bar on standard error, where that is a terminal
     compiled : bool
         the loop over the steps as machine code; False: as plain Python, with the same results
-
-    Returns
-    -------
-    Run
 
     Raises
     ------
@@ -290,7 +249,7 @@ def simulate(scenario: Scenario, out: Path | None = None, *, progress: bool = Fa
         raise InputError("the run does not fit into memory; raise record.every or record less") from error
 
 
-def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, compiled: bool) -> Run:
+def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, compiled: bool) -> Simulation:
     """The run, its rows in the journal block by block."""
     assembly, scenario = prepared.assemble({}), prepared.scenario
     grid, every, form = assembly.grid, scenario.record.every, scenario.record.format
@@ -318,7 +277,16 @@ def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, c
         journal.drop()
         raise
     table, files = journal.finish(form, {})
-    return Run(table, scenario, provenance, files)
+    return Simulation(
+        title=scenario.title,
+        rows=grid.steps // every + 1,
+        columns=["time_s", *(column.name for column in assembly.columns)],
+        final_time_s=provenance["final_time_s"],
+        files=files,
+        scenario=scenario,
+        provenance=provenance,
+        held=table,
+    )
 
 
 def _provenance(prepared: PreparedScenario, assembly: Assembly) -> dict[str, Any]:
@@ -349,33 +317,19 @@ def simulate_table(
     if out is not None:
         # Averages of an earlier run would not be those of this one.
         (out / "positions.csv").unlink(missing_ok=True)
-    positions, why_not, files, height = None, "", run.files, run.height
+    found: dict[str, Any] = {"ignored_parameters": ignored}
     if set(run.columns) >= RAW_COLUMNS:
         try:
-            if height > MOST_ROWS:
-                raise InputError(f"{height} rows are too many to average here; raise record.every")
-            positions = _averaged(run)
+            if run.rows > MOST_ROWS:
+                raise InputError(f"{run.rows} rows are too many to average here; raise record.every")
+            raw = read_written(run.files[0]) if run.files else read_record(run.table)
+            if not isinstance(raw, RawRecord):
+                raise InputError("the run is not a raw record of a table")
+            positions = position_record_of(raw)
+            found |= {"averages": positions, "rests": len(positions)}
         except InputError as error:
-            why_not = str(error)
-    if out is not None and positions is not None:
-        write_record(positions, out / "positions.csv")
-        files = (*files, out / "positions.csv")
-    return Simulation(
-        title=scenario.title,
-        rows=height,
-        columns=run.columns,
-        final_time_s=run.provenance["final_time_s"],
-        positions=None if positions is None else len(positions),
-        no_positions=why_not,
-        files=files,
-        ignored_parameters=ignored,
-        run=run,
-        averages=positions,
-    )
-
-
-def _averaged(run: Run) -> PositionRecord:
-    raw = read_written(run.files[0]) if run.files else read_record(run.table)
-    if not isinstance(raw, RawRecord):
-        raise InputError("the run is not a raw record of a table")
-    return position_record_of(raw)
+            found["no_positions"] = str(error)
+    if out is not None and "averages" in found:
+        write_record(found["averages"], out / "positions.csv")
+        found["files"] = (*run.files, out / "positions.csv")
+    return run.model_copy(update=found)
