@@ -18,101 +18,61 @@ from .program import loop_of
 _intrinsic: Any = intrinsic
 _BYTE, _WORD = ir.IntType(8), ir.IntType(64)
 _OPTIONS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
-_KINDS = ("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
+_KINDS = (
+    *(types.float64, types.float32, types.int8, types.uint8, types.int16),
+    *(types.uint16, types.int32, types.uint32, types.int64, types.uint64),
+)
 """By the codes of `trihedron.tools.orchestrator.interface.ValueType`."""
 _REALS = 2
 """So many of them are real."""
-_MACHINE = {getattr(types, kind): ir.IntType(int(kind.lstrip("uint"))) for kind in _KINDS[_REALS:]}
-_MACHINE |= {types.float64: ir.DoubleType(), types.float32: ir.FloatType()}
-
-
-def _call(*arguments: Any) -> Any:
-    """Signature and code of a call of int f(arguments) at an address."""
-    machine = ir.FunctionType(ir.IntType(32), [_MACHINE[a] for a in arguments])
-
-    def code(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        return builder.call(builder.inttoptr(values[0], machine.as_pointer()), values[1:])
-
-    return types.int32(types.int64, *arguments), code
 
 
 @_intrinsic
-def call2(_context: Any, _function: Any, _a: Any, _b: Any) -> Any:
-    """A function of two words."""
-    return _call(types.int64, types.int64)
+def call(_context: Any, _function: Any, arguments: Any) -> Any:
+    """A call of int f(arguments) at an address; a boolean is passed as an int, of which its lowest byte is taken."""
+
+    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        machine = ir.FunctionType(ir.IntType(32), [context.get_value_type(kind) for kind in arguments])
+        given = [builder.extract_value(values[1], k) for k in range(len(arguments))]
+        return builder.call(builder.inttoptr(values[0], machine.as_pointer()), given)
+
+    return types.int32(types.int64, arguments), code
 
 
 @_intrinsic
-def call4(_context: Any, _function: Any, _a: Any, _b: Any, _c: Any, _d: Any) -> Any:
-    """A function of four words."""
-    return _call(*[types.int64] * 4)
+def load(_context: Any, _address: Any, kind: Any) -> Any:
+    """The number of a kind at an address."""
+    number = kind.instance_type
+
+    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        return builder.load(builder.inttoptr(values[0], context.get_value_type(number).as_pointer()), align=1)
+
+    return number(types.int64, kind), code
 
 
 @_intrinsic
-def call5(_context: Any, _function: Any, _a: Any, _b: Any, _c: Any, _d: Any, _e: Any) -> Any:
-    """A function of five words."""
-    return _call(*[types.int64] * 5)
+def store(_context: Any, _address: Any, number: Any) -> Any:
+    """Write a number to an address."""
 
+    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        builder.store(values[1], builder.inttoptr(values[0], values[1].type.as_pointer()), align=1)
+        return context.get_dummy_value()
 
-@_intrinsic
-def call_step2(_context: Any, _function: Any, _instance: Any, _time: Any, _step: Any, _final: Any) -> Any:
-    """fmi2DoStep."""
-    return _call(types.int64, types.float64, types.float64, types.int32)
-
-
-@_intrinsic
-def call_step3(
-    _context: Any, _function: Any, _instance: Any, _time: Any, _step: Any, _final: Any,
-    _event: Any, _end: Any, _early: Any, _last: Any,
-) -> Any:  # fmt: skip
-    """fmi3DoStep; its boolean is passed as an int, of which it takes the lowest byte."""
-    return _call(types.int64, types.float64, types.float64, types.int32, *[types.int64] * 4)
-
-
-def _loader(kind: str) -> Any:
-    """What reads a number of a kind at an address."""
-    number = getattr(types, kind)
-
-    @_intrinsic
-    def load(_context: Any, _address: Any) -> Any:
-        def code(_inner: Any, builder: Any, _signature: Any, values: Any) -> Any:
-            return builder.load(builder.inttoptr(values[0], _MACHINE[number].as_pointer()), align=1)
-
-        return number(types.int64), code
-
-    return load
-
-
-def _storer(kind: str) -> Any:
-    """What writes a number of a kind to an address."""
-    number = getattr(types, kind)
-
-    @_intrinsic
-    def store(_context: Any, _address: Any, _value: Any) -> Any:
-        def code(_inner: Any, builder: Any, _signature: Any, values: Any) -> Any:
-            builder.store(values[1], builder.inttoptr(values[0], _MACHINE[number].as_pointer()), align=1)
-            return _inner.get_dummy_value()
-
-        return types.void(types.int64, number), code
-
-    return store
+    return types.void(types.int64, number), code
 
 
 @_intrinsic
 def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
     """memcpy."""
 
-    def code(_inner: Any, builder: Any, _signature: Any, values: Any) -> Any:
+    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         pointer = _BYTE.as_pointer()
         copy = builder.module.declare_intrinsic("llvm.memcpy", [pointer, pointer, _WORD])
         ends = [builder.inttoptr(value, pointer) for value in values[:2]]
         builder.call(copy, [*ends, values[2], ir.Constant(ir.IntType(1), 0)])
-        return _inner.get_dummy_value()
+        return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64), code
-
-
-_load_i64, _store_i64 = _loader("int64"), _storer("int64")
 
 
 def _compiled(function: Any) -> Any:
@@ -122,52 +82,57 @@ def _compiled(function: Any) -> Any:
 def _reader(as_number: Any, codes: range) -> Any:
     """What reads a number by the code of its kind, an int64 where it is none of these codes."""
 
-    def if_it_is(this: int, load: Any, otherwise: Any) -> Any:
-        return _compiled(lambda code, at: as_number(load(at)) if code == this else otherwise(code, at))
+    def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
+        return _compiled(lambda code, at: as_number(load(at, kind)) if code == this else otherwise(code, at))
 
-    read = _compiled(lambda _code, at: as_number(_load_i64(at)))
+    read = _compiled(lambda _code, at: as_number(load(at, types.int64)))
     for this in reversed(codes):
-        read = if_it_is(this, _loader(_KINDS[this]), read)
+        read = if_it_is(this, _KINDS[this], read)
     return read
+
+
+_whole = _reader(types.int64, range(_REALS, len(_KINDS) - 2))
+_real = _reader(types.float64, range(len(_KINDS) - 2))
 
 
 def _converter() -> Any:
     """What turns a number of one kind into one of another: factor * value + offset where that is real."""
 
-    def if_it_is_real(this: int, store: Any, otherwise: Any) -> Any:
+    def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
+        scaled = _compiled(lambda of, at, factor, offset: kind(factor * _real(of, at) + offset))
+        number = scaled if this < _REALS else _compiled(lambda of, at, _factor, _offset: kind(_whole(of, at)))
         return _compiled(
             lambda code, to, at, of, factor, offset: (
-                store(to, factor * _real(of, at) + offset)
+                store(to, number(of, at, factor, offset))
                 if code == this
                 else otherwise(code, to, at, of, factor, offset)
             )
         )
 
-    def if_it_is(this: int, store: Any, otherwise: Any) -> Any:
-        return _compiled(
-            lambda code, to, at, of, factor, offset: (
-                store(to, _whole(of, at)) if code == this else otherwise(code, to, at, of, factor, offset)
-            )
-        )
-
-    convert = _compiled(lambda _code, to, at, of, _factor, _offset: _store_i64(to, _whole(of, at)))
+    convert = _compiled(lambda _code, to, at, of, _factor, _offset: store(to, _whole(of, at)))
     for this in reversed(range(len(_KINDS) - 2)):
-        convert = (if_it_is_real if this < _REALS else if_it_is)(this, _storer(_KINDS[this]), convert)
+        convert = if_it_is(this, _KINDS[this], convert)
     return convert
-
-
-_whole = _reader(types.int64, range(_REALS, len(_KINDS) - 2))
-_real = _reader(types.float64, range(len(_KINDS) - 2))
-_convert = _converter()
 
 
 class _Machine:
     """The primitives of the loop as machine code."""
 
-    copy, convert, real_of = copy_bytes, _convert, _real
-    load_word, load_byte, load_real = _load_i64, _loader("uint8"), _loader("float64")
-    store_word, store_real = _store_i64, _storer("float64")
-    call2, call4, call5, step2, step3 = call2, call4, call5, call_step2, call_step3
+    copy, convert, real_of = copy_bytes, _converter(), _real
+    load_word = _compiled(lambda at: load(at, types.int64))
+    load_byte = _compiled(lambda at: load(at, types.uint8))
+    load_real = _compiled(lambda at: load(at, types.float64))
+    store_word = _compiled(lambda at, value: store(at, types.int64(value)))
+    store_real = _compiled(lambda at, value: store(at, types.float64(value)))
+    call2 = _compiled(lambda f, a, b: call(f, (a, b)))
+    call4 = _compiled(lambda f, a, b, c, d: call(f, (a, b, c, d)))
+    call5 = _compiled(lambda f, a, b, c, d, e: call(f, (a, b, c, d, e)))
+    step2 = _compiled(lambda f, a, time, step, final: call(f, (a, time, step, types.int32(final))))
+    step3 = _compiled(
+        lambda f, a, time, step, final, *told: call(
+            f, (a, time, step, types.int32(final), told[0], told[1], told[2], told[3])
+        )
+    )
 
 
 def object_code(machine: Any, name: str) -> bytes:

@@ -223,16 +223,7 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
 
 
 def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
-    """Check an FMU archive and unpack it.
-
-    Parameters
-    ----------
-    path : Path
-        the file
-    label : str
-        what to call it in messages
-    make_folder : callable
-        sha256 -> an empty folder to unpack into; called only when the archive has passed all checks
+    """Check an FMU archive and unpack it into the folder for its SHA-256, which is made when all checks are passed.
 
     Raises
     ------
@@ -299,14 +290,9 @@ _NO_UPDATE = fmi3.fmi3IntermediateUpdateCallback()
 
 
 class Slave:
-    """An instance of an FMU of FMI 2.0. A failing call is an InputError with FMU, call, time and the FMU's own words.
+    """An instance of an FMU of FMI 2.0, under its name in the scenario.
 
-    Parameters
-    ----------
-    name : str
-        the FMU's name in the scenario
-    fmu : UnpackedFmu
-        what to instantiate
+    A failing call is an InputError with FMU, call, time and the FMU's own words.
     """
 
     prefix = "fmi2"
@@ -406,7 +392,7 @@ class Slave:
         """Name of the function that gets or sets values of a type."""
         return f"{self.prefix}{verb}{'Boolean' if access == 'Boolean2' else access}"
 
-    def set_values(self, values: Iterable[tuple[Variable, Value]], _interface: Interface) -> None:
+    def set_values(self, values: Iterable[tuple[Variable, Value]], _: Interface) -> None:
         """Set variables one by one, as is done before the run."""
         for variable, value in values:
             text = isinstance(value, str)

@@ -73,21 +73,10 @@ _SUFFIXES = column_units()
 def between(
     first: str | None, second: str | None, scales: Mapping[str, Unit], others: Mapping[str, Unit], *, relative: bool
 ) -> tuple[float, float] | None:
-    """How a value in one unit becomes a value in another: factor and offset.
+    """Factor and offset by which a value in one unit becomes a value in another; None for other dimensions.
 
-    Parameters
-    ----------
-    first, second : str or None
-        declared units; a variable without a unit goes with every unit
-    scales, others : mapping
-        what the FMU of the first and that of the second define; what they leave open is as in our table
-    relative : bool
-        the value is a difference: no offset
-
-    Returns
-    -------
-    tuple or None
-        second value = factor * first value + offset; None where the units are not of one dimension
+    A variable without a unit goes with every unit. What the FMUs of the first and of the second do not define is as in
+    our table. A difference (`relative`) has no offset.
     """
     if first is None or second is None:
         return 1.0, 0.0
@@ -124,26 +113,9 @@ def suffix_for(unit: str | None) -> str:
 
 
 def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tuple[float, float]:
-    """How the value of a variable becomes the value of a column, whose name ends in the unit's suffix.
+    """Factor and offset by which the value of a variable becomes that of a column, whose name ends in a unit's suffix.
 
-    Parameters
-    ----------
-    unit : str or None
-        the variable's declared unit; without one the column's suffix is believed
-    column : str
-        name of the column
-    scales : mapping
-        the units that the variable's FMU defines
-
-    Returns
-    -------
-    factor, offset : float
-        column's value = factor * variable's value + offset
-
-    Raises
-    ------
-    InputError
-        when the suffix is missing or says another dimension
+    Where the variable has no unit, the suffix is believed. An InputError where it is missing or says another dimension.
     """
     suffix, expected = column.rpartition("_")[2], suffix_for(unit)
     suffix = suffix if "_" in column and suffix in _SUFFIXES else ""
@@ -235,19 +207,9 @@ class Interface:
         return [v.name for v in self.variables.values() if v.causality == causality]
 
     def find(self, name: str, causalities: tuple[str, ...] | None = None) -> tuple[Variable, ...]:
-        """The variable of this name, or the elements of the array of this name.
+        """The variable of this name (without the FMU's), or the elements of the array of this name.
 
-        Parameters
-        ----------
-        name : str
-            without the FMU's name
-        causalities : tuple of str, optional
-            what a misspelt name is compared with first
-
-        Raises
-        ------
-        InputError
-            no such variable; names the nearest
+        An InputError where there is none names the nearest, of these causalities first.
         """
         if name in self.variables:
             return (self.variables[name],)
@@ -330,10 +292,7 @@ def _elements(entry: ModelVariable, version: int) -> list[Variable]:
 def interface_of(name: str, label: str, description: ModelDescription) -> Interface:
     """The interface of an FMU as its model description gives it; arrays of FMI 3.0 become their elements, row by row.
 
-    Raises
-    ------
-    InputError
-        two variables of one name, or a number in the description that is none
+    An InputError for two variables of one name, or a number in the description that is none.
     """
     version = 3 if str(description.fmiVersion).startswith("3") else 2
     variables: dict[str, Variable] = {}
@@ -364,13 +323,7 @@ def interface_of(name: str, label: str, description: ModelDescription) -> Interf
 def refer(
     text: str, interfaces: Mapping[str, Interface], causalities: tuple[str, ...] | None = None
 ) -> tuple[Interface, tuple[Variable, ...]]:
-    """What `fmu.variable`, `fmu.variable[2]` or `fmu.array` stands for.
-
-    Raises
-    ------
-    InputError
-        no such FMU or variable; names the nearest
-    """
+    """What `fmu.variable`, `fmu.variable[2]` or `fmu.array` stands for; an InputError names the nearest."""
     fmu, dot, name = text.partition(".")
     if not dot or not name:
         raise InputError(f"'{text}' must name an FMU and a variable: fmu.variable")
@@ -390,13 +343,7 @@ def refer_to(causality: str, text: str, interfaces: Mapping[str, Interface]) -> 
 
 
 def checked(value: Value, variable: Variable) -> Value:
-    """A value as the variable's type takes it.
-
-    Raises
-    ------
-    InputError
-        another type, not finite, or outside the declared limits
-    """
+    """A value as the variable's type takes it; an InputError for another type, not finite, outside its limits."""
     kind, value_type = variable.kind, variable.value_type
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if kind == "Real" and number:
@@ -424,13 +371,7 @@ def checked(value: Value, variable: Variable) -> Value:
 
 
 def spread(value: Value | list[Value], variables: tuple[Variable, ...], name: str) -> list[tuple[Variable, Value]]:
-    """One checked value for each variable of a scalar or an array.
-
-    Raises
-    ------
-    InputError
-        lengths differ, or a value that a variable does not take
-    """
+    """One checked value for each variable of a scalar or an array; an InputError where the lengths differ."""
     values = value if isinstance(value, list) else [value]
     if isinstance(value, list) and len(variables) == 1 and len(values) != 1:
         raise InputError(f"{name} is a scalar; {len(values)} values are given")

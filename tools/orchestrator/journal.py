@@ -9,8 +9,9 @@ import ctypes
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,10 +61,7 @@ class Column:
 def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
     """The columns of the record; every output of every FMU where none are named.
 
-    Raises
-    ------
-    InputError
-        an unknown variable, an array, a repeated name, or a suffix that does not fit the variable's unit
+    An InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
     """
     resolved = []
     if columns is None:
@@ -168,15 +166,7 @@ class Blocks:
 
 
 class Journal:
-    """The rows of a run.
-
-    Parameters
-    ----------
-    out : Path or None
-        the run's folder; None: everything stays in memory
-    provenance : dict
-        what run.json says of the run
-    """
+    """The rows of a run: in its folder with a run.json that says its provenance, without a folder in memory."""
 
     def __init__(self, out: Path | None, provenance: Mapping[str, Any]) -> None:
         self._out, self._provenance = out, provenance
@@ -223,7 +213,7 @@ class Journal:
         self._writing = self._writer.submit(_write_part, rows, part)
 
     def _begin(self) -> None:
-        try:
+        with _written(self._out):
             folder = self.folder
             missing = [p for p in (folder, *folder.parents) if not p.exists()]
             if self._out is not None and self._out.exists() and not self._out.is_dir():
@@ -232,19 +222,13 @@ class Journal:
             folder.mkdir(parents=True)
             self._made = missing
             (folder / "run.json").write_text(provenance_text({**self._provenance, "complete": False}), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{self._out}: cannot be written ({reason(error)})") from error
 
     def _wait(self) -> None:
         """Wait for the part that is being written."""
         if self._writing is not None:
             writing, self._writing = self._writing, None
-            try:
+            with _written(self.folder):
                 writing.result()
-            except OSError as error:
-                raise InputError(f"{self.folder}: cannot be written ({reason(error)})") from error
-            except pl.exceptions.PolarsError as error:
-                raise InputError(f"{self.folder}: cannot be written ({error})") from error
 
     def drop(self) -> None:
         """Forget the run: nothing of it is left on disk."""
@@ -256,30 +240,18 @@ class Journal:
                     folder.rmdir()
 
     def finish(self, form: str, more: Mapping[str, Any]) -> tuple[pl.DataFrame | None, tuple[Path, ...]]:
-        """Write the run whole into its folder, with run.json.
+        """Write the run whole into its folder, as "parquet" or "csv", with run.json, which says `more` too.
 
-        Parameters
-        ----------
-        form : str
-            "parquet" or "csv"
-        more : mapping
-            what run.json says beside the provenance
-
-        Returns
-        -------
-        table : DataFrame or None
-            the rows, unless they are too many to be in memory
-        files : tuple of Path
+        Gives the rows, unless they are too many to be in memory, and the files.
         """
         if self._out is None:
             return pl.concat(self._tables, rechunk=True), ()
         try:
             self._wait()
-            table = self._write(self._out, form, {**self._provenance, **more})
+            with _written(self._out):
+                table = self._write(self._out, form, {**self._provenance, **more})
             # Of this run, or of one that was killed here.
             shutil.rmtree(self.folder, ignore_errors=True)
-        except pl.exceptions.PolarsError as error:
-            raise InputError(f"{self._out}: cannot be written ({error})") from error
         finally:
             self.drop()
         # A run of another form that stood here would not be the one that run.json describes.
@@ -302,6 +274,17 @@ class Journal:
                     rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
             (beside / "run.json").write_text(provenance_text(provenance), encoding="utf-8", newline="\n")
         return table
+
+
+@contextmanager
+def _written(folder: Path | None) -> Iterator[None]:
+    """Say of a folder that it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({reason(error)})") from error
+    except pl.exceptions.PolarsError as error:
+        raise InputError(f"{folder}: cannot be written ({error})") from error
 
 
 def _write_part(rows: pl.DataFrame, part: Path) -> None:

@@ -80,19 +80,10 @@ def run_fmus(
     flush: Callable[[], bool] = lambda: False,
     compiled: bool = True,
 ) -> None:
-    """Run FMUs together from the grid's start to its end.
+    """Run FMUs together from the grid's start to its end; `keep_rows` takes what is recorded, block by block.
 
-    Parameters
-    ----------
-    assembly : Assembly
-    keep_rows : callable
-        takes the recorded rows block by block
-    progress : callable
-        told how many more steps are made
-    flush : callable
-        whether a block is to be handed on before it is full
-    compiled : bool
-        by machine code, unless strings are recorded; otherwise by plain Python, with the same results
+    `progress` is told how many more steps are made, `flush` says whether a block is handed on before it is full. Where
+    it is not `compiled`, or strings are recorded, plain Python gives the same results.
 
     Raises
     ------
@@ -144,16 +135,7 @@ def held_interrupt() -> Iterator[Callable[[], bool]]:
     """Hold the first Ctrl-C back until the block looks at it or ends; the second one acts at once.
 
     An FMU that runs Python in this process would be struck by the exception itself, and report it as its own failure.
-
-    Yields
-    ------
-    callable
-        whether Ctrl-C was pressed: the block should then end
-
-    Raises
-    ------
-    KeyboardInterrupt
-        at the end of the block, when Ctrl-C was pressed
+    The block is told whether Ctrl-C was pressed: it should then end, and KeyboardInterrupt follows.
     """
     pressed = threading.Event()
     before = signal.getsignal(signal.SIGINT)
@@ -242,13 +224,7 @@ class _Loop:
 
 
 def initialise(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
-    """Bring all FMUs through initialisation; outputs are passed on in it and after it.
-
-    Raises
-    ------
-    InputError
-        a call that fails, an output that is not finite, or a cycle that does not settle
-    """
+    """Bring all FMUs through initialisation; outputs are passed on in it and after it."""
     grid, order = assembly.grid, assembly.order
     for name in order:
         slaves[name].set_values(assembly.loaded[name].values.values(), assembly.loaded[name].interface)
@@ -302,13 +278,7 @@ def _settle(group: Group, slaves: Mapping[str, Slave], assembly: Assembly) -> No
 
 @cache
 def compiled_march() -> Callable[..., int]:
-    """The compiled loop, as ctypes calls it: it lets other threads of Python run.
-
-    Returns
-    -------
-    callable
-        takes the addresses that the loop takes
-    """
+    """The compiled loop, of addresses, as ctypes calls it: it lets other threads of Python run."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()

@@ -110,18 +110,9 @@ class Port:
 
 
 class Ports:
-    """What goes into and out of one FMU at each step.
+    """What goes into and out of one FMU at each step, from all wires of the run and the FMU's own stimuli.
 
-    Parameters
-    ----------
-    interface : Interface
-    wires : sequence of Wire
-        all of the run
-    drives : sequence of Drive
-        its own stimuli
-    recorded : sequence of Variable
-    start_value : callable
-        what an input holds before anything is passed on
+    An input holds its `start_value` before anything is passed on.
 
     Attributes
     ----------
@@ -256,14 +247,7 @@ class Place:
 
 
 class Program:
-    """Operations, with what a message needs of each.
-
-    Parameters
-    ----------
-    slaves : mapping
-        the running FMUs by their names
-    ports : mapping
-        what goes into and out of each
+    """Operations on running FMUs and what goes into and out of each, with what a message needs of each operation.
 
     Attributes
     ----------
@@ -370,17 +354,7 @@ class Program:
 def step_program(
     groups: Sequence[Group], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
-    """The operations of one step of all FMUs.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        the FMUs in their order, those that form a cycle together
-    run : RunSetting
-        how cycles are taken
-    slaves, ports : mapping
-        by the FMU's name
-    """
+    """The operations of one step of all FMUs, in the order of the groups."""
     program = Program(slaves, ports)
     everybody = [name for group in groups for name in group.members]
     for group in groups:

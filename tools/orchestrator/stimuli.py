@@ -75,10 +75,7 @@ class NumberTable:
 def make_grid(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
     """Count the run's steps; without a stop time the longest programme says when it ends.
 
-    Raises
-    ------
-    InputError
-        the step does not divide the run, or nothing says when it ends
+    An InputError where the step does not divide the run, or nothing says when it ends.
     """
     if run.stop_s is None and not programme_ends:
         raise InputError("run.stop_s is missing (only a position programme says by itself when a run ends)")
@@ -102,22 +99,7 @@ def make_grid(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
 
 
 def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[NumberTable, bytes]:
-    """Read columns of numbers from a CSV file, or from a Parquet file (by its name's ending).
-
-    Parameters
-    ----------
-    path : Path
-        the file
-    label : str
-        what to call it in messages
-    wanted : sequence of str or None
-        names of the columns; None: every column
-
-    Returns
-    -------
-    table : NumberTable
-    content : bytes
-        the file's bytes
+    """Columns of numbers (None: all) of a CSV file, or of a Parquet file (by its name's ending), and the file's bytes.
 
     Raises
     ------
@@ -225,21 +207,9 @@ def resolve_rows(
     grid: Grid,
     interfaces: Mapping[str, Interface],
 ) -> list[Drive]:
-    """Timed rows for inputs, one drive for each FMU and type.
+    """Timed rows for inputs, one drive for each FMU and type; `read` gives the table of some columns.
 
-    Parameters
-    ----------
-    stimulus : Stimulus
-        with `columns` and `stamp`
-    read : callable
-        names of columns -> the table
-    grid : Grid
-    interfaces : mapping
-
-    Raises
-    ------
-    InputError
-        a column that is missing, of another dimension than its variable, or rows that do not cover the run
+    An InputError for a column that is missing, of another dimension than its variable, rows that do not cover the run.
     """
     assert stimulus.columns is not None
     ends: list[tuple[Interface, Variable, str, tuple[float, float]]] = []
@@ -357,18 +327,7 @@ def resolve_programme(
     """Lay a position programme out in whole steps.
 
     Each position's slot is the move from the position before (the slower axis, limited rate and acceleration)
-    and the dwell, rounded up to whole steps.
-
-    Parameters
-    ----------
-    stimulus : Stimulus
-        with `to`, the command of two angles [rad]
-    table : NumberTable
-        alpha_deg, beta_deg and, where it is there, dwell_s
-    step : float
-        of the run [s]
-    loaded : mapping
-        the FMUs
+    and the dwell, rounded up to whole steps [s]. Gives the commands of the two angles [rad], and the step of the end.
 
     Raises
     ------

@@ -38,10 +38,7 @@ class Group:
 def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
     """The connections, element by element.
 
-    Raises
-    ------
-    InputError
-        an unknown end, a wrong direction, or ends whose length, type or unit differ
+    An InputError for an unknown end, a wrong direction, or ends whose length, type or unit differ.
     """
     wires: list[Wire] = []
     for number, connection in enumerate(connections, start=1):
@@ -71,14 +68,7 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
 
 
 def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]]) -> None:
-    """Refuse an input that two sources feed.
-
-    Parameters
-    ----------
-    wires : iterable of Wire
-    drives : iterable
-        (what the user called the stimulus, drive)
-    """
+    """Refuse an input that two sources feed; a drive comes with what the user called its stimulus."""
     taken: dict[tuple[str, str], str] = {}
     sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
     sources += [(drive.fmu, variable, name) for name, drive in drives for variable in drive.variables]
@@ -91,10 +81,7 @@ def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Driv
 def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
     """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
 
-    Raises
-    ------
-    InputError
-        a cycle, which is named, where the scenario does not say how to take it
+    An InputError names a cycle where the scenario does not say how to take it.
     """
     if coupling is None:
         _refuse_cycle(names, wires)

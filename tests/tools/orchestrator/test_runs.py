@@ -241,7 +241,7 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
     for size in (200_000, 37_777):
         monkeypatch.setattr(journal, "BLOCK_BYTES", size)
         parts = simulate(table_run(form), tmp_path / "parts")
-        assert parts.rows is None
+        assert parts.held is None
         assert parts.columns == whole.columns
         assert parts.height == whole.height == 6001
         assert parts.table.equals(whole.table) if form == "parquet" else parts.table.shape == whole.table.shape
