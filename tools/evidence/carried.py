@@ -209,10 +209,7 @@ class Carried(CarriedRecord):
                 return [reference.errors(k, rotation, at) for k, (rotation, at) in rotations]
             forces = {place: values for place, values in effects.items() if not is_of_gyros(place)}
             up = reference.directions((self.point + step)[: len(NAMES)], forces)
-            return [
-                np.einsum("skp,sp->sk", reference.across(k, up, at), reference.errors(k, rotation, up, at))
-                for k, (rotation, at) in rotations
-            ]
+            return [reference.errors(k, rotation, up, up, at) for k, (rotation, at) in rotations]
 
         return errors
 
@@ -230,8 +227,7 @@ class Carried(CarriedRecord):
                 errors.append(rotation_vectors(turned(part.pieces, attitude)))
             else:
                 number = reference.scored.index(part.pieces)
-                apart = reference.errors(number, turned(part.pieces, attitude), up)
-                errors.append(np.einsum("skp,sp->sk", reference.across(number, first), apart))
+                errors.append(reference.errors(number, turned(part.pieces, attitude), up, first))
         return errors
 
     # What the engine asks

@@ -4,7 +4,7 @@ The simulation is run about the calibrated block, and once more about one large 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from ..motion.rests import rest_warnings
 from ..motion.sampling import rates_of
 from ..records import StrapdownRecord
 from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
-from .carried_bounds import force_deviation, gyro_noise
+from .carried_bounds import force_deviation, gyro_noise, rest_lengths
 from .evidence import Evidence, coefficient_count, estimated
 from .references import (
     FEWEST_WINDOWS,
@@ -29,13 +29,13 @@ from .references import (
     Gravity,
     Run,
     Truth,
-    Usable,
     gravity_pieces,
     has_truth,
     integrals,
     known_rows,
     means_at_rest,
     truth_windows,
+    usable_in,
     windows_of,
 )
 
@@ -129,40 +129,6 @@ def force_places(motion: Motion) -> list[EffectPlace]:
     return [place for effect in own for place in effect.places]
 
 
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """A record with what its simulations are held against, and the gyros' part of the model's parameters."""
-
-    found: Inspection
-    block: str
-    rates: str
-    motion: Motion
-    reference: Gravity | Truth
-    own: tuple[EffectPlace, ...]
-
-    def evidence_about(self, x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
-        """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
-        motion, own, reference = self.motion, self.own, self.reference
-        gyros = gyro_places(motion, own) if tried else []
-        forces = force_places(motion) if tried and len(x) else []
-        attitude, at_rest = carried_attitude(motion, model, self.found.gravity), None
-        integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
-        if not own:
-            at_rest = added_at_rest(self.found, motion, model, gyros)
-            integral = integral - integral[..., _columns(gyros, [BIAS])] @ at_rest
-        run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
-        if isinstance(reference, Gravity):
-            parts = reference.parts(run, x, forces, motion.time_s)
-        else:
-            parts = reference.parts(run, motion.time_s)
-        names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
-        names += [(f"gyro {p.name}", p.unit) for place in own for p in CATALOGUE[place.effect].at(place).parameters]
-        point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
-        whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
-        record = (self.found, self.block, self.rates, warnings_of(self.found), ())
-        return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest)
-
-
 def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous") -> Carried:
     """The evidence of a record about its calibrated block; against the true attitude where the record has it.
 
@@ -177,19 +143,35 @@ def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous")
         as for `motion_of`
     """
     motion = motion_of(found.record, found.sampling, found.gravity, rates)
-    x, model = np.zeros(0), GyroModel(bias=rest_mean(found))
-    if has_truth(found):
-        own: tuple[EffectPlace, ...] = (BIAS, SCALE) if block == "calibrated" else ()
-        setting = Setting(found, block, rates, motion, truth_reference(found), own)
-    else:
+    x, model, own = np.zeros(0), GyroModel(bias=rest_mean(found)), (BIAS, SCALE) if block == "calibrated" else ()
+    reference = truth_reference(found) if has_truth(found) else gravity_reference(found)
+    if isinstance(reference, Gravity):
         assert found.accelerometers is not None
         assert found.accelerometers.least_squares is not None
-        x, own = found.accelerometers.least_squares, (BIAS, SCALE) if block == "calibrated" else (BIAS,)
-        setting = Setting(found, block, rates, motion, gravity_reference(found), own)
+        x, own = found.accelerometers.least_squares, own or (BIAS,)
+    record = (found, block, rates, warnings_of(found), ())
+
+    def about(x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
+        """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
+        gyros = gyro_places(motion, own) if tried else []
+        forces = force_places(motion) if tried and len(x) else []
+        attitude, at_rest = carried_attitude(motion, model, found.gravity), None
+        integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
+        if not own:
+            at_rest = added_at_rest(found, motion, model, gyros)
+            integral = integral - integral[..., _columns(gyros, [BIAS])] @ at_rest
+        run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
+        parts = reference.parts(run, x, forces) if isinstance(reference, Gravity) else reference.parts(run)
+        names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
+        names += [(f"gyro {p.name}", p.unit) for place in own for p in CATALOGUE[place.effect].at(place).parameters]
+        point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
+        whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
+        return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest)
+
     for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0):
         # An hour's attitudes are large: those of one run go before the next.
-        x, model = refined(setting.evidence_about(x, model, tried=False))
-    return setting.evidence_about(x, model, tried=True)
+        x, model = refined(about(x, model, tried=False))
+    return about(x, model, tried=True)
 
 
 def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
@@ -212,21 +194,23 @@ def gravity_reference(found: Inspection) -> Gravity:
     noise = gyro_noise(found, inputs_of(calibration.least_squares, reading))
     assert noise is not None
     deviation = np.maximum(force_deviation(found) / found.gravity, LEAST_FORCE)
-    return Gravity(rests, reading, deviation, noise, *gravity_pieces(rests, Usable(found)))
+    still, moves, ends = gravity_pieces(found)
+    return Gravity(found.record.time_s, rests, noise, moves, ends, still, reading, deviation)
 
 
 def truth_reference(found: Inspection) -> Truth:
     """The true attitude of a record as the reference."""
     assert found.record.attitude is not None
     up = found.rests.force / found.gravity if len(found.rests) else None
-    return Truth(found.rests, found.record.attitude, gyro_noise(found, up), truth_windows(found, Usable(found)))
+    noise, attitude = gyro_noise(found, up), found.record.attitude
+    return Truth(found.record.time_s, found.rests, noise, truth_windows(found), attitude)
 
 
 def rest_mean(found: Inspection) -> NDArray[np.float64]:
     """The gyros' mean reading over all rests (3,) [rad/s]; zeros where there are none."""
     if not len(found.rests):
         return np.zeros(3)
-    lengths = np.array([rows.stop - rows.start for rows in found.rests.rows], dtype=float)
+    lengths = rest_lengths(found.rests, 1.0)
     return lengths @ found.rests.rate / lengths.sum()
 
 
@@ -377,7 +361,7 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     known = known_rows(record)
     if record.attitude is None or not len(known):
         return ()
-    windows = windows_of(known, Usable(found), found.sampling.period, LENGTHS[0])
+    windows = windows_of(known, usable_in(found), found.sampling.period, LENGTHS[0])
     if len(windows) < FEWEST_TURNS:
         return ()
     rotation = Rotation.from_quat(np.roll(record.attitude[windows.first], -1, axis=1)).inv()
@@ -406,7 +390,7 @@ def missing_things(found: Inspection) -> tuple[str, ...]:
     """What to add to a record that cannot be judged; nothing where it can."""
     rests, calibration = found.rests, found.accelerometers
     if has_truth(found):
-        if truth_windows(found, Usable(found)):
+        if truth_windows(found):
             return ()
         return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
     if not len(rests):
@@ -418,7 +402,7 @@ def missing_things(found: Inspection) -> tuple[str, ...]:
         return tuple(f"a rest with {pose}" for pose in poses) or ("rests in a dozen poses",)
     if np.abs(calibration.least_squares).max() > 0.25:
         return ("rests whose readings are those of gravity alone: no accelerometers fit the present ones",)
-    moves = gravity_pieces(rests, Usable(found))[1]
+    moves = gravity_pieces(found)[1]
     count = len(moves[0]) if moves else 0
     if count < FEWEST_MOVES:
         return (

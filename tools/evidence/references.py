@@ -5,7 +5,7 @@ in axes of the piece's beginning and to first order. Errors are computed less tr
 carried attitude too far.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,78 +136,22 @@ def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
     return np.unique(np.concatenate(ends)) if ends else np.zeros(0, dtype=int)
 
 
-class Usable:
-    """Which stretches of a record hold no gap and no saturated gyro.
-
-    Parameters
-    ----------
-    found : Inspection
-    """
-
-    def __init__(self, found: Inspection) -> None:
-        record, sampling = found.record, found.sampling
-        bad = np.zeros(len(record), dtype=bool)
-        bad[1:] = np.diff(record.time_s) > GAP * sampling.period
-        for axis, rate in enumerate(rates_of(record).T, start=1):
-            if f"w{axis}" in sampling.saturated:
-                clipped = saturated_mask(rate)
-                bad |= clipped
-                bad[1:] |= clipped[:-1]
-        self._broken = np.cumsum(bad)
-
-    def __call__(self, first: NDArray, last: NDArray) -> NDArray[np.bool_]:
-        """Stretches (S,) of which every interval can be used."""
-        return self._broken[last] == self._broken[first]
+Usable = Callable[[NDArray, NDArray], NDArray[np.bool_]]
+"""Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 
 
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """What the accelerometers say at K rests.
-
-    Attributes
-    ----------
-    n : (K, 3) array
-        inputs [g]
-    inverse : (3, 3) array
-        (I + Γ)⁻¹ of the accelerometers
-    slopes : (K, 3, 9 + E) array
-        how the inputs computed change with the nine parameters, then with the coefficients of static effects
-    norm : (K,) array
-        |n| − 1 [g]
-    by_reading : (K, 3) array
-        how the norm takes errors of the readings
-    """
-
-    n: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    norm: NDArray[np.float64]
-    by_reading: NDArray[np.float64]
-
-    @property
-    def up(self) -> NDArray[np.float64]:
-        """Directions (K, 3) of gravity's reaction."""
-        return self.n / np.linalg.norm(self.n, axis=1)[:, None]
-
-    def turning(self, index: NDArray) -> NDArray[np.float64]:
-        """How directions change with the inputs (S, 3, 3): across them, over their size."""
-        up, size = self.up[index], np.linalg.norm(self.n[index], axis=1)
-        return (np.eye(3) - up[:, :, None] * up[:, None, :]) / size[:, None, None]
-
-
-def poses_of(x: NDArray, reading: NDArray, rests: Rests, places: Sequence[EffectPlace]) -> Poses:
-    """The poses, with accelerometers of nine parameters (9,) and mean readings (K, 3) [g]."""
-    n = inputs_of(x, reading)
-    norm, _, by_reading = norm_equations(x, reading)
-    inverse = np.linalg.inv(block_of(x)[0])
-    by_parameters = np.zeros((len(n), 3, len(NAMES)))
-    for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
-        by_parameters[:, p, k] = n[:, q]
-    by_parameters[:, :, 6:] = np.eye(3)
-    of_effects = [force_columns(place, n, rests) for place in places]
-    # Readings too large by s, by an effect or a parameter larger in truth, make inputs too large by (I + Γ)⁻¹ s.
-    slopes = inverse @ np.concatenate([by_parameters, *of_effects], axis=2)
-    return Poses(n, inverse, slopes, norm, by_reading)
+def usable_in(found: Inspection) -> Usable:
+    """Which stretches of a record hold no gap and no saturated gyro."""
+    record, sampling = found.record, found.sampling
+    bad = np.zeros(len(record), dtype=bool)
+    bad[1:] = np.diff(record.time_s) > GAP * sampling.period
+    for axis, rate in enumerate(rates_of(record).T, start=1):
+        if f"w{axis}" in sampling.saturated:
+            clipped = saturated_mask(rate)
+            bad |= clipped
+            bad[1:] |= clipped[:-1]
+    broken = np.cumsum(bad)
+    return lambda first, last: broken[last] == broken[first]
 
 
 def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> NDArray[np.float64]:
@@ -227,34 +171,57 @@ def across(up: NDArray) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, eq=False)
-class Gravity:
-    """Gravity is the reference: its direction at the rests, its size, and that the block does not turn there.
+class Reference:
+    """What a carried attitude is held against.
 
     Attributes
     ----------
+    time_s : (N,) array
+        of the record
     rests : Rests
+    noise : RestNoise or None
+        of the gyros; None where the record does not tell: bounds are then zero
+    scored : tuple of Pieces
+        of each kind that the model is judged by
+    """
+
+    time_s: NDArray[np.float64]
+    rests: Rests
+    noise: RestNoise | None
+    scored: tuple[Pieces, ...]
+
+    @property
+    def rows(self) -> NDArray[np.int_]:
+        """Every row at which a piece begins or ends."""
+        return all_rows(self.scored)
+
+    def spread(self, pieces: Pieces) -> NDArray[np.float64]:
+        """Mean square (S,) of turns of pieces that is noise [rad²]."""
+        return np.zeros(len(pieces)) if self.noise is None else self.noise.angle_square(pieces.durations(self.time_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity(Reference):
+    """Gravity is the reference: its direction at the rests, its size, and that the block does not turn there.
+
+    Pieces that are scored are moves over one, two and three rests.
+
+    Attributes
+    ----------
+    ends : tuple of (S, 2) array of int
+        numbers of the rests at the ends of the moves
+    still : Pieces
+        the rests without a gap
     reading : (K, 3) array
         the accelerometers' means [g]
     deviation : (K, 3) array
         their standard deviation [g]
-    noise : RestNoise
-    still : Pieces
-        the rests without a gap
-    scored : tuple of Pieces
-        moves over one, two and three rests
-    ends : tuple of (S, 2) array of int
-        numbers of the rests at their ends
     """
 
-    rests: Rests
+    ends: tuple[NDArray[np.int_], ...]
+    still: Pieces
     reading: NDArray[np.float64]
     deviation: NDArray[np.float64]
-    noise: RestNoise
-    still: Pieces
-    scored: tuple[Pieces, ...]
-    ends: tuple[NDArray[np.int_], ...]
-
-    name = "gravity"
 
     @property
     def rows(self) -> NDArray[np.int_]:
@@ -269,16 +236,31 @@ class Gravity:
             n = inputs_of(x, self.reading - added)
         return n / np.linalg.norm(n, axis=1)[:, None]
 
-    def errors(self, number: int, rotation: NDArray, up: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray:
-        """Errors (S, 3) of directions (K, 3) after chosen moves of one kind, carried back by rotations (S, 3, 3)."""
-        before, after = self.ends[number][chosen].T
-        return np.einsum("sij,sj->si", rotation, up[after]) - up[before]
-
     def across(self, number: int, up: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray[np.float64]:
         """Two unit vectors (S, 2, 3) across the directions (K, 3) before chosen moves of one kind."""
         return across(up[self.ends[number][chosen][:, 0]])
 
-    def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace], time_s: NDArray) -> list[Part]:
+    def errors(
+        self, number: int, rotation: NDArray, up: NDArray, frame: NDArray, chosen: NDArray | slice = slice(None)
+    ) -> NDArray[np.float64]:
+        """Errors (S, 2) of directions after chosen moves of one kind, carried back.
+
+        Parameters
+        ----------
+        number : int
+            of the kind
+        rotation : (S, 3, 3) array
+            of the moves
+        up, frame : (K, 3) array
+            directions at the rests; those across which the errors are
+        chosen : optional
+            mask or numbers of moves
+        """
+        before, after = self.ends[number][chosen].T
+        apart = np.einsum("sij,sj->si", rotation, up[after]) - up[before]
+        return np.einsum("skp,sp->sk", self.across(number, frame, chosen), apart)
+
+    def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace]) -> list[Part]:
         """Norms at the rests, turns at rest, moves.
 
         Parameters
@@ -288,54 +270,63 @@ class Gravity:
             of the accelerometers
         places : sequence of EffectPlace
             static effects of the accelerometers
-        time_s : (N,) array
-            of the record
 
         Returns
         -------
         list of Part
             parameters: the accelerometers' nine, then the gyros'; effects: the gyros', then the accelerometers'
         """
-        poses = poses_of(x, self.reading, self.rests, places)
-        split, count, still = run.own, len(poses.n), self.still
+        n, up = inputs_of(x, self.reading), self.directions(x)
+        inverse = np.linalg.inv(block_of(x)[0])
+        by_parameters = np.zeros((len(n), 3, len(NAMES)))
+        for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
+            by_parameters[:, p, k] = n[:, q]
+        by_parameters[:, :, 6:] = np.eye(3)
+        # Readings too large by s, by an effect or a parameter larger in truth, make inputs too large by (I + Γ)⁻¹ s.
+        of_effects = [force_columns(place, n, self.rests) for place in places]
+        slopes = inverse @ np.concatenate([by_parameters, *of_effects], axis=2)
+        # Directions change with the inputs across them, over their size.
+        size = np.linalg.norm(n, axis=1)[:, None, None]
+        turning = (np.eye(3) - up[:, :, None] * up[:, None, :]) / size
+        still, own, count = self.still, run.own, len(n)
         factor = factor_for(count + 3 * len(still) + 2 * sum(len(moves) for moves in self.scored))
 
         def part(pieces: Pieces, error: NDArray, bound: NDArray, by_forces: NDArray, by_rates: NDArray) -> Part:
-            nominal = np.concatenate([by_forces[..., : len(NAMES)], by_rates[..., :split]], axis=-1)
-            columns = np.concatenate([by_rates[..., split:], by_forces[..., len(NAMES) :]], axis=-1)
+            nominal = np.concatenate([by_forces[..., : len(NAMES)], by_rates[..., :own]], axis=-1)
+            columns = np.concatenate([by_rates[..., own:], by_forces[..., len(NAMES) :]], axis=-1)
             return Part(pieces, error, bound, nominal, columns, scored=pieces.kind == "moves")
 
-        deviation = np.sqrt((poses.by_reading**2 * self.deviation**2).sum(axis=1))
-        by_forces = np.einsum("kp,kpc->kc", poses.up, poses.slopes)[:, None, :]
+        norm, _, by_reading = norm_equations(x, self.reading)
+        deviation = np.sqrt((by_reading**2 * self.deviation**2).sum(axis=1))
+        by_forces = np.einsum("kp,kpc->kc", up, slopes)[:, None, :]
         by_rates = np.zeros((count, 1, run.integral.shape[2]))
         norms = Pieces("norms", "norms", *_ends_of(self.rests))
-        parts = [part(norms, poses.norm[:, None], factor * deviation[:, None], by_forces, by_rates)]
+        parts = [part(norms, norm[:, None], factor * deviation[:, None], by_forces, by_rates)]
         if len(still):
-            seconds = still.durations(time_s)
-            limit = factor * np.sqrt(self.noise.angle_square(seconds)) + EARTH_AT_REST * EARTH_RATE * seconds
-            by_forces = np.zeros((len(still), 3, poses.slopes.shape[2]))
+            earth = EARTH_AT_REST * EARTH_RATE * still.durations(self.time_s)
+            limit = factor * np.sqrt(self.spread(still)) + earth
+            by_forces = np.zeros((len(still), 3, slopes.shape[2]))
             error = rotation_vectors(turned(still, run.attitude))
             parts.append(part(still, error, np.repeat(limit[:, None], 3, axis=1), by_forces, run.columns(still)))
         for number, (moves, ends) in enumerate(zip(self.scored, self.ends, strict=True)):
             start, end = ends.T
-            rotation, up = turned(moves, run.attitude), poses.up
+            rotation = turned(moves, run.attitude)
             sideways = self.across(number, up)
-            error = np.einsum("skp,sp->sk", sideways, self.errors(number, rotation, up))
             # An error e of the attitude moves the direction by e × u: along t by e · (u × t).
             by_rates = np.cross(up[start][:, None, :], sideways) @ run.columns(moves)
-            at_end, at_start = sideways @ rotation @ poses.turning(end), sideways @ poses.turning(start)
-            by_forces = at_end @ poses.slopes[end] - at_start @ poses.slopes[start]
-            seconds = moves.durations(time_s)[:, None]
-            square = _square(at_end @ poses.inverse, self.deviation[end])
-            square = square + self.noise.angle_square(seconds[:, 0])[:, None]
-            square = square + _square(at_start @ poses.inverse, self.deviation[start])
-            limit = factor * np.sqrt(square) + EARTH_AT_REST * EARTH_RATE * seconds
-            parts.append(part(moves, error, limit, by_forces, by_rates))
+            at_end, at_start = sideways @ rotation @ turning[end], sideways @ turning[start]
+            by_forces = at_end @ slopes[end] - at_start @ slopes[start]
+            square = _square(at_end @ inverse, self.deviation[end])
+            square = square + self.spread(moves)[:, None]
+            square = square + _square(at_start @ inverse, self.deviation[start])
+            limit = factor * np.sqrt(square) + EARTH_AT_REST * EARTH_RATE * moves.durations(self.time_s)[:, None]
+            parts.append(part(moves, self.errors(number, rotation, up, up), limit, by_forces, by_rates))
         return parts
 
 
-def gravity_pieces(rests: Rests, usable: Usable) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
+def gravity_pieces(found: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
     """Rests without a gap; moves over one, two and three rests; numbers (S, 2) of the rests at the ends of each."""
+    rests, usable = found.rests, usable_in(found)
     first, last = _ends_of(rests)
     kept = np.flatnonzero(usable(first, last) & (last > first))
     still = Pieces("rests", "rests", first[kept], last[kept])
@@ -354,46 +345,32 @@ def gravity_pieces(rests: Rests, usable: Usable) -> tuple[Pieces, tuple[Pieces, 
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class Truth(Reference):
     """The true attitude is the reference, over windows of several lengths.
 
     Attributes
     ----------
-    rests : Rests
     attitude : (N, 4) array
         true, NaN where it is not known
-    noise : RestNoise or None
-        None where the record does not tell: the bounds are then zero
-    scored : tuple of Pieces
-        the windows of each length
     """
 
-    rests: Rests
     attitude: NDArray[np.float64]
-    noise: RestNoise | None
-    scored: tuple[Pieces, ...]
-
-    name = "true attitude"
-
-    @property
-    def rows(self) -> NDArray[np.int_]:
-        """Every row at which a piece begins or ends."""
-        return all_rows(self.scored)
 
     def errors(self, number: int, rotation: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray[np.float64]:
         """Rotation vectors (S, 3) of the carried rotations (S, 3, 3) against the true ones of chosen windows [rad]."""
         true = turned(self.scored[number].selected(chosen), self.attitude)
         return rotation_vectors(rotation @ true.transpose(0, 2, 1))
 
-    def parts(self, run: Run, time_s: NDArray) -> list[Part]:
+    def parts(self, run: Run) -> list[Part]:
         """A part for each length."""
-        period = float(np.median(np.diff(time_s)))
+        period = float(np.median(np.diff(self.time_s)))
         factor = factor_for(3 * sum(len(windows) for windows in self.scored))
         parts = []
         for number, windows in enumerate(self.scored):
-            seconds, limit = windows.durations(time_s), np.zeros(len(windows))
+            limit = np.zeros(len(windows))
             if self.noise is not None:
-                limit = factor * np.sqrt(self.noise.angle_square(seconds)) + EARTH_IN_MOTION * EARTH_RATE * seconds
+                seconds = windows.durations(self.time_s)
+                limit = factor * np.sqrt(self.spread(windows)) + EARTH_IN_MOTION * EARTH_RATE * seconds
                 limit = limit + truth_scatter(self.attitude, self.rests, period, float(np.median(seconds)))
             error = self.errors(number, turned(windows, run.attitude))
             bound, columns = np.repeat(limit[:, None], 3, axis=1), run.columns(windows)
@@ -413,9 +390,9 @@ def has_truth(found: Inspection) -> bool:
     return len(known_rows(found.record)) > 0
 
 
-def truth_windows(found: Inspection, usable: Usable) -> tuple[Pieces, ...]:
+def truth_windows(found: Inspection) -> tuple[Pieces, ...]:
     """Windows of each length of which the record holds enough."""
-    known, period = known_rows(found.record), found.sampling.period
+    known, usable, period = known_rows(found.record), usable_in(found), found.sampling.period
     windows = [windows_of(known, usable, period, seconds) for seconds in LENGTHS if seconds >= 4.0 * period]
     return tuple(mine for mine in windows if len(mine) >= FEWEST_WINDOWS)
 
