@@ -2,8 +2,9 @@
 
 import ast
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ..source import Part
 
@@ -12,6 +13,33 @@ FLOAT, INT, VECTOR, WHOLE, NOTHING = "float", "int", "Vector", "whole", "None"
 
 MATH = {"sqrt": 1, "sin": 1, "cos": 1, "atan2": 2, "floor": 1, "fabs": 1}
 """Functions of `math` that kernels may call, with their numbers of arguments."""
+
+
+COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+OPERATORS = {ast.Add: ("+", 5), ast.Sub: ("-", 5), ast.Mult: ("*", 6), ast.Div: ("/", 6)}
+UNARY, ATOM = 7, 9
+
+RESERVED = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+atan2 cos fabs floor sin sqrt whole
+"""
+"""The words of C, and the functions of the translated source, that no variable may have for its name."""
+
+
+def kernel_name(name: str) -> str:
+    """What a kernel is called in C: `remainder`, say, is a function of C's own."""
+    return f"kernel_{name}"
+
+
+def variable_name(name: str) -> str:
+    """What an argument or a variable is called in C."""
+    return f"{name}_" if name in RESERVED.split() else name
+
+
+def constant_name(name: str) -> str:
+    """What a constant is called in C."""
+    return f"k_{name}"
 
 
 class RestrictionError(TypeError):
@@ -39,6 +67,18 @@ class Signature:
     kinds: tuple[str, ...]
     result: str
     changed: frozenset[str]
+
+
+class Value(NamedTuple):
+    """An expression in C: its text, how strongly that binds, and its kind."""
+
+    text: str
+    level: int
+    kind: str
+
+    def bound(self, level: int) -> str:
+        """The text, in brackets where it binds less strongly than its surroundings."""
+        return self.text if self.level >= level else f"({self.text})"
 
 
 @dataclass
@@ -70,98 +110,105 @@ class Scope:
         shown = text if len(text) <= 60 else text[:57] + "..."
         return RestrictionError(f"{self.origin}, line {line}: '{shown}': {reason}")
 
-    def kind(self, node: ast.expr) -> str:
-        """Kind of an expression that has a value."""
+    def value(self, node: ast.expr) -> Value:
+        """An expression in C, which is refused where it is not in restricted Python."""
         match node:
             case ast.Constant(value=bool()):
                 raise self.refuse(node, "truth values are no numbers in restricted Python")
-            case ast.Constant(value=int()):
-                return INT
-            case ast.Constant(value=float(value)) if value - value == 0.0:
-                return FLOAT
+            case ast.Constant(value=int() as number):
+                return Value(repr(number), ATOM, INT)
+            case ast.Constant(value=float(number)) if number - number == 0.0:
+                return Value(repr(number), ATOM, FLOAT)
             case ast.Name(id=name) if name in self.variables:
-                return self.variables[name]
+                return Value(variable_name(name), ATOM, self.variables[name])
             case ast.Name(id=name) if name in self.constants:
-                return self.constants[name]
+                return Value(constant_name(name), ATOM, self.constants[name])
             case ast.Name():
                 raise self.refuse(node, "has no value yet, or is neither a number nor a kernel")
             case ast.Attribute(value=ast.Name(id="math"), attr="pi"):
-                return FLOAT
+                return Value("MATH_PI", ATOM, FLOAT)
             case ast.Subscript(value=ast.Name(id=name), slice=index):
                 if self.variables.get(name) != VECTOR:
                     raise self.refuse(node, f"{name} is not a vector")
-                if self.kind(index) != INT:
+                at = self.value(index)
+                if at.kind != INT:
                     raise self.refuse(node, "an index is a whole number")
-                return FLOAT
+                return Value(f"{variable_name(name)}[{at.text}]", ATOM, FLOAT)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                kind = self.number(operand)
-                if kind == WHOLE:
+                number = self.number(operand)
+                if number.kind == WHOLE:
                     raise self.refuse(node, "the sign of a floor's zero is lost: add to 0.0 first")
-                return kind
+                return Value(f"-{number.bound(UNARY + 1)}", UNARY, number.kind)
             case ast.BinOp():
                 return self._operation(node)
             case ast.Call():
                 return self.call(node)
         raise self.refuse(node, "is not in restricted Python")
 
-    def number(self, node: ast.expr) -> str:
-        """Kind of an expression that must be a number."""
-        kind = self.kind(node)
-        if kind in (VECTOR, NOTHING):
+    def number(self, node: ast.expr) -> Value:
+        """An expression that must be a number."""
+        value = self.value(node)
+        if value.kind in (VECTOR, NOTHING):
             raise self.refuse(node, "is not a number")
-        return kind
+        return value
 
-    def _operation(self, node: ast.BinOp) -> str:
-        kinds = {self.number(node.left), self.number(node.right)}
-        if not isinstance(node.op, ast.Add | ast.Sub | ast.Mult | ast.Div):
+    def _operation(self, node: ast.BinOp) -> Value:
+        left, right = self.number(node.left), self.number(node.right)
+        kinds = {left.kind, right.kind}
+        if type(node.op) not in OPERATORS:
             raise self.refuse(node, f"operator {type(node.op).__name__} is not in restricted Python")
         if WHOLE in kinds and FLOAT not in kinds:
             raise self.refuse(node, "whole numbers of any size are not in restricted Python: one side must be a float")
-        return FLOAT if isinstance(node.op, ast.Div) or FLOAT in kinds else INT
+        sign, level = OPERATORS[type(node.op)]
+        divides = isinstance(node.op, ast.Div)
+        first = f"(double){left.bound(UNARY)}" if divides and left.kind == INT else left.bound(level)
+        kind = FLOAT if divides or FLOAT in kinds else INT
+        return Value(f"{first} {sign} {right.bound(level + 1)}", level, kind)
 
-    def call(self, node: ast.Call) -> str:
-        """Kind of what a call returns."""
+    def call(self, node: ast.Call) -> Value:
+        """A call; what it returns may be nothing."""
         if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
             raise self.refuse(node, "keyword arguments are not in restricted Python")
         match node.func:
             case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in MATH:
                 if len(node.args) != MATH[name]:
                     raise self.refuse(node, f"math.{name} takes {MATH[name]} argument(s)")
-                for argument in node.args:
-                    self.number(argument)
-                return WHOLE if name == "floor" else FLOAT
-            case ast.Name(id="int" | "float" as name) if len(node.args) == 1:
-                self.number(node.args[0])
-                return INT if name == "int" else FLOAT
+                text = f"{name}({', '.join(self.number(argument).text for argument in node.args)})"
+                # Python's floor is an int, which has no negative zero.
+                return Value(f"{text} + 0.0", 5, WHOLE) if name == "floor" else Value(text, ATOM, FLOAT)
+            case ast.Name(id="float") if len(node.args) == 1:
+                return Value(f"(double){self.number(node.args[0]).bound(UNARY)}", UNARY, FLOAT)
+            case ast.Name(id="int") if len(node.args) == 1:
+                given = self.number(node.args[0])
+                return given if given.kind == INT else Value(f"whole({given.text})", ATOM, INT)
             case ast.Name(id=name) if name in self.kernels:
-                self._check_arguments(node, self.kernels[name])
-                return self.kernels[name].result
+                arguments = ", ".join(self._arguments(node, self.kernels[name]))
+                return Value(f"{kernel_name(name)}({arguments})", ATOM, self.kernels[name].result)
         raise self.refuse(node, "is neither a kernel nor a function of math that restricted Python has")
 
-    def _check_arguments(self, node: ast.Call, kernel: Signature) -> None:
+    def _arguments(self, node: ast.Call, kernel: Signature) -> Iterator[str]:
         if len(node.args) != len(kernel.kinds):
             raise self.refuse(node, f"{kernel.name} takes {len(kernel.kinds)} arguments")
         for argument, name, wanted in zip(node.args, kernel.arguments, kernel.kinds, strict=True):
-            given = self.kind(argument)
-            if wanted == VECTOR or given == VECTOR:
-                if wanted != given or not isinstance(argument, ast.Name):
+            given = self.value(argument)
+            if VECTOR in (wanted, given.kind):
+                if wanted != given.kind or not isinstance(argument, ast.Name):
                     raise self.refuse(argument, f"{kernel.name}'s {name} is a {wanted}; a vector is passed by its name")
-            elif given == NOTHING or (wanted == INT and given != INT):
+            elif given.kind == NOTHING or (wanted == INT and given.kind != INT):
                 raise self.refuse(argument, f"{kernel.name}'s {name} is a {wanted}")
+            yield given.text
 
-    def condition(self, node: ast.expr) -> None:
-        """Refuse what cannot be decided by `if` and `while`."""
+    def condition(self, node: ast.expr) -> str:
+        """What `if` and `while` decide by, in C."""
         match node:
-            case ast.BoolOp(values=values):
-                for value in values:
-                    self.condition(value)
+            case ast.BoolOp(op=op, values=values):
+                texts = [f"({self.condition(v)})" if isinstance(v, ast.BoolOp) else self.condition(v) for v in values]
+                return (" && " if isinstance(op, ast.And) else " || ").join(texts)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                self.condition(operand)
-            case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() | ast.Eq() | ast.NotEq()]):
-                self.number(left)
-                self.number(node.comparators[0])
-            case _:
-                raise self.refuse(node, "a condition is made of single comparisons of numbers, and, or, not")
+                return f"!({self.condition(operand)})"
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in COMPARISONS:
+                return f"{self.number(left).text} {COMPARISONS[type(op)]} {self.number(right).text}"
+        raise self.refuse(node, "a condition is made of single comparisons of numbers, and, or, not")
 
     def check_order(self, nodes: list[ast.expr]) -> None:
         """Refuse expressions of one statement whose value depends on which is taken first: C leaves that open."""
@@ -183,106 +230,6 @@ class Scope:
         kernel = self.kernels[node.func.id]
         pairs = zip(node.args, kernel.arguments, strict=True)
         return {a.id for a, name in pairs if name in kernel.changed and isinstance(a, ast.Name)}
-
-
-COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-OPERATORS = {ast.Add: ("+", 5), ast.Sub: ("-", 5), ast.Mult: ("*", 6), ast.Div: ("/", 6)}
-UNARY, ATOM = 7, 9
-
-RESERVED = """
-auto break case char const continue default do double else enum extern float for goto if inline int long register
-restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
-atan2 cos fabs floor sin sqrt whole
-"""
-"""The words of C, and the functions of the translated source, that no variable may have for its name."""
-
-
-def kernel_name(name: str) -> str:
-    """What a kernel is called in C: `remainder`, say, is a function of C's own."""
-    return f"kernel_{name}"
-
-
-def variable_name(name: str) -> str:
-    """What an argument or a variable is called in C."""
-    return f"{name}_" if name in RESERVED.split() else name
-
-
-def constant_name(name: str) -> str:
-    """What a constant is called in C."""
-    return f"k_{name}"
-
-
-def number_text(value: float) -> str:
-    """A constant; the shortest text that reads back to the same number."""
-    return repr(value)
-
-
-def expression(node: ast.expr, scope: Scope) -> str:
-    """An expression in C; the scope has found it to be in restricted Python."""
-    return _expression(node, scope)[0]
-
-
-def _expression(node: ast.expr, scope: Scope) -> tuple[str, int]:
-    """The text and how strongly it binds."""
-    match node:
-        case ast.Constant(value=int() | float() as value):
-            return number_text(value), ATOM
-        case ast.Name(id=name):
-            return variable_name(name) if name in scope.variables else constant_name(name), ATOM
-        case ast.Attribute():
-            return "MATH_PI", ATOM
-        case ast.Subscript(value=ast.Name(id=name), slice=index):
-            return f"{variable_name(name)}[{expression(index, scope)}]", ATOM
-        case ast.UnaryOp(operand=operand):
-            return f"-{_bound(operand, scope, UNARY + 1)}", UNARY
-        case ast.BinOp(left=left, op=op, right=right):
-            sign, level = OPERATORS[type(op)]
-            first = _bound(left, scope, level)
-            if isinstance(op, ast.Div) and scope.kind(left) == INT:
-                first = f"(double){_bound(left, scope, UNARY)}"
-            return f"{first} {sign} {_bound(right, scope, level + 1)}", level
-        case ast.Call():
-            return _call(node, scope)
-    raise scope.refuse(node, "is not in restricted Python")
-
-
-def _bound(node: ast.expr, scope: Scope, level: int) -> str:
-    text, own = _expression(node, scope)
-    return text if own >= level else f"({text})"
-
-
-def _call(node: ast.Call, scope: Scope) -> tuple[str, int]:
-    arguments = [expression(argument, scope) for argument in node.args]
-    match node.func:
-        case ast.Attribute(attr="floor"):
-            # Python's floor is an int, which has no negative zero.
-            return f"floor({arguments[0]}) + 0.0", 5
-        case ast.Attribute(attr=name):
-            return f"{name}({', '.join(arguments)})", ATOM
-        case ast.Name(id="float"):
-            return f"(double){_bound(node.args[0], scope, UNARY)}", UNARY
-        case ast.Name(id="int"):
-            if scope.kind(node.args[0]) == INT:
-                return arguments[0], _expression(node.args[0], scope)[1]
-            return f"whole({arguments[0]})", ATOM
-        case ast.Name(id=name):
-            return f"{kernel_name(name)}({', '.join(arguments)})", ATOM
-    raise scope.refuse(node, "is not in restricted Python")
-
-
-def condition(node: ast.expr, scope: Scope) -> str:
-    """A condition in C."""
-    match node:
-        case ast.BoolOp(op=op, values=values):
-            joint = " && " if isinstance(op, ast.And) else " || "
-            return joint.join(
-                f"({condition(v, scope)})" if isinstance(v, ast.BoolOp) else condition(v, scope) for v in values
-            )
-        case ast.UnaryOp(operand=operand):
-            return f"!({condition(operand, scope)})"
-        case ast.Compare(left=left, ops=[op], comparators=[right]):
-            return f"{expression(left, scope)} {COMPARISONS[type(op)]} {expression(right, scope)}"
-    raise scope.refuse(node, "is not a condition of restricted Python")
 
 
 TYPES = {FLOAT: "double", INT: "int64_t", WHOLE: "double", NOTHING: "void"}
@@ -336,9 +283,8 @@ def translate(parts: Sequence[Part]) -> tuple[str, dict[str, Signature]]:
         for node in ast.parse(part.text).body:
             match node:
                 case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                    constants[name] = scope.kind(value)
-                    kind = TYPES[constants[name]]
-                    texts.append(f"static const {kind} {constant_name(name)} = {expression(value, scope)};\n")
+                    text, _, constants[name] = scope.value(value)
+                    texts.append(f"static const {TYPES[constants[name]]} {constant_name(name)} = {text};\n")
                 case ast.FunctionDef():
                     function = _Function(node, scope)
                     texts.append(function.text())
@@ -413,19 +359,15 @@ class _Function:
             case ast.Pass() | ast.Expr(value=ast.Constant(value=str())):
                 pass
             case ast.Expr(value=ast.Call() as call):
-                scope.call(call)
-                scope.check_order(call.args)
-                self._note_changes(call)
-                self._say(f"{expression(call, scope)};", depth)
+                text = scope.call(call).text
+                self._check(call.args, call)
+                self._say(f"{text};", depth)
             case ast.Assign(targets=[target], value=value):
-                scope.check_order([value, target])
-                self._note_changes(value)
                 self._assign(node, target, value, depth)
             case ast.If():
                 self._if(node, depth, "if")
             case ast.While(test=test, body=body, orelse=[]):
-                self._test(test)
-                self._say(f"while ({condition(test, scope)}) {{", depth)
+                self._say(f"while ({self._test(test)}) {{", depth)
                 self._body(body, depth + 1)
                 self._say("}", depth)
             case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range")), orelse=[]):
@@ -433,23 +375,28 @@ class _Function:
             case ast.Return(value=None) if self.result == NOTHING:
                 self._say("return;", depth)
             case ast.Return(value=ast.expr() as value) if self.result != NOTHING:
-                kind = scope.number(value)
+                text, _, kind = scope.number(value)
                 if self.result == INT and kind != INT:
                     raise scope.refuse(node, "the kernel returns int")
-                scope.check_order([value])
-                self._note_changes(value)
-                self._say(f"return {expression(value, scope)};", depth)
+                self._check([value], value)
+                self._say(f"return {text};", depth)
             case _:
                 raise scope.refuse(node, f"statement {type(node).__name__} of this form is not in restricted Python")
 
-    def _test(self, test: ast.expr) -> None:
-        self.scope.condition(test)
-        self.scope.check_order([test])
-        self._note_changes(test)
+    def _test(self, test: ast.expr) -> str:
+        text = self.scope.condition(test)
+        self._check([test], test)
+        return text
+
+    def _check(self, nodes: list[ast.expr], value: ast.expr) -> None:
+        """Refuse a statement whose order C leaves open; note the vectors that its calls change."""
+        self.scope.check_order(nodes)
+        for node in ast.walk(value):
+            if isinstance(node, ast.Call):
+                self.changed |= self.scope.changed(node)
 
     def _if(self, node: ast.If, depth: int, word: str) -> None:
-        self._test(node.test)
-        self._say(f"{word} ({condition(node.test, self.scope)}) {{", depth)
+        self._say(f"{word} ({self._test(node.test)}) {{", depth)
         self._body(node.body, depth + 1)
         match node.orelse:
             case []:
@@ -463,10 +410,10 @@ class _Function:
 
     def _assign(self, node: ast.Assign, target: ast.expr, value: ast.expr, depth: int) -> None:
         scope = self.scope
-        kind = scope.number(value)
+        text, _, kind = scope.number(value)
+        self._check([value, target], value)
         match target:
             case ast.Subscript(value=ast.Name(id=name)):
-                scope.kind(target)
                 self.changed.add(name)
             case ast.Name(id=name):
                 if name in self.counters:
@@ -480,7 +427,7 @@ class _Function:
                     raise scope.refuse(node, f"{name} is a float and a floor's whole number: add 0.0 to the floor")
             case _:
                 raise scope.refuse(node, "one name or one element is assigned to")
-        self._say(f"{expression(target, scope)} = {expression(value, scope)};", depth)
+        self._say(f"{scope.value(target).text} = {text};", depth)
 
     def _for(self, node: ast.For, name: str, depth: int) -> None:
         scope = self.scope
@@ -490,7 +437,8 @@ class _Function:
             raise scope.refuse(call, "a range has an end, or a start and an end")
         if name in scope.variables or name in scope.constants:
             raise scope.refuse(node, f"{name} counts this loop only: it may have no other value")
-        if any(scope.kind(bound) != INT for bound in call.args):
+        ends = [scope.value(bound) for bound in call.args]
+        if any(end.kind != INT for end in ends):
             raise scope.refuse(call, "the ends of a range are whole numbers")
         scope.check_order(call.args)
         assigned = {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
@@ -501,21 +449,15 @@ class _Function:
                 raise scope.refuse(call, "the ends of a range call nothing: give them a name")
             if isinstance(bound, ast.Subscript):
                 raise scope.refuse(call, "the ends of a range are no elements: give them a name")
-        first = expression(call.args[0], scope) if len(call.args) == 2 else "0"
-        last = expression(call.args[-1], scope)
+        first = ends[0].text if len(ends) == 2 else "0"
         counter = variable_name(name)
-        self._say(f"for (int64_t {counter} = {first}; {counter} < {last}; {counter}++) {{", depth)
+        self._say(f"for (int64_t {counter} = {first}; {counter} < {ends[-1].text}; {counter}++) {{", depth)
         scope.variables[name] = INT
         self.counters.append(name)
         self._body(node.body, depth + 1)
         self.counters.remove(name)
         del scope.variables[name]
         self._say("}", depth)
-
-    def _note_changes(self, value: ast.expr) -> None:
-        for node in ast.walk(value):
-            if isinstance(node, ast.Call):
-                self.changed |= self.scope.changed(node)
 
 
 def _returns(body: Sequence[ast.stmt]) -> bool:
