@@ -1,6 +1,6 @@
 """AccelerometerBlock, whose scale factors depend on the sign of the input; AccelerometerCompensation, its inverse."""
 
-from ..models.blocks import accelerometer, accelerometer_compensation
+from ..models import accelerometer, accelerometer_compensation
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
 from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work

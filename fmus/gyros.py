@@ -1,6 +1,6 @@
 """GyroBlock, three gyros that read increments, and GyroCompensation, its inverse: increments of the body."""
 
-from ..models.blocks import gyro, gyro_compensation
+from ..models import gyro, gyro_compensation
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
 from .component import GRAVITY, Component, fixed, input_, output, seed, state, tunable, work

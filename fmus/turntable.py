@@ -2,12 +2,11 @@
 
 import math
 
-from ..models import position_programme
+from ..models import position_programme, table_controller, turntable
 from ..models.motion import AXIS_PLAN_SIZE
 from ..models.position_programme import POSITIONS
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
-from ..models.turntable import controller, kernel
 from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, work
 
 ARCSECOND = math.pi / 648000.0
@@ -137,7 +136,7 @@ TURNTABLE_MOTION = Component(
         work("turns", "small turns that effects add", 4),
         work("turn_rates", "their rates", 4),
     ),
-    model=kernel,
+    model=turntable,
     messages=(
         "mounting is not a proper orthogonal matrix (rows orthonormal to 1e-6, determinant +1)",
         "max_rate and max_acceleration must be positive",
@@ -260,7 +259,7 @@ TABLE_CONTROLLER = Component(
         ),
         state("held", "commands so far", 2),
     ),
-    model=controller,
+    model=table_controller,
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "attitude is zero or not finite",

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from planning_reference import random_mounting
-from trihedron.models.bench import TARGETS
-from trihedron.models.regressors import admissible, regressors
+from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.planning.plan import plan_targets
 
 

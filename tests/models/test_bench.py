@@ -10,18 +10,21 @@ from simulated_bench import ALPHA, BETA, random_bench
 from trihedron.models.bench import (
     ELEMENTARY,
     TARGETS,
+    admissible,
     elementary,
     elementary_reading,
     input_direction,
     input_jacobian,
+    nominal_input,
+    regressors,
     rotation_vector,
+    sign_margin,
     small_turn,
     target_jacobian,
     target_reading,
     target_values,
     up,
 )
-from trihedron.models.regressors import admissible, nominal_input, regressors, sign_margin
 from trihedron.tools.calibration.model import PRESETS
 
 MOUNTINGS = [

@@ -18,13 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.bench import (
     SYMMETRIC_PAIRS,
     TARGETS,
+    admissible,
     checked_rotation,
     input_direction,
     input_jacobian,
+    nominal_input,
+    sign_margin,
     target_jacobian,
     target_reading,
 )
-from ...models.regressors import admissible, nominal_input, sign_margin
 from ..errors import InputError, nearest
 from ..records import PositionRecord
 

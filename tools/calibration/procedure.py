@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...fmus.parameters import GRAVITIES
-from ...models.bench import SYMMETRIC_PAIRS
-from ...models.regressors import admissible
+from ...models.bench import SYMMETRIC_PAIRS, admissible
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ...fmus.gyros import GYRO_BLOCK
 from ...fmus.source import instantiate
+from ...models import gyro
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
-from ...models.blocks import gyro
 from ..calibration import calibrate
 from ..compiled import compiled
 from ..diagnosis import diagnose
@@ -431,7 +431,7 @@ def read_increments(
     noise_bound: float,
     seed: int,
 ) -> NDArray:
-    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.blocks.gyro`: (N, 3) [rad].
+    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
 
     Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
     """

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...models.bench import admissible, nominal_input
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.outlier import place_of
-from ...models.regressors import admissible, nominal_input
 from ..bounded.possible import Interval
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import Problem, sets_of_size

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from ...models.bench import admissible
 from ...models.effects import EffectPlace
-from ...models.regressors import admissible
 from ..bounded.programmes import least_largest
 from ..bounded.spaces import column_space, cosine, spaces_beyond
 from ..calibration.model import PRESETS, Parametrisation, Positions, parametrise, predicted_input, reading_jacobian

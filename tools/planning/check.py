@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...models.bench import nominal_input, regressors, stand_regressors
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
-from ...models.regressors import nominal_input, regressors, stand_regressors
 from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
 from ..orchestrator.stimuli import read_table

@@ -18,8 +18,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...models.bench import TARGETS
-from ...models.regressors import ASYMMETRIC_SLOTS
+from ...models.bench import ASYMMETRIC_SLOTS, TARGETS
 from ..calibration.model import Parametrisation
 from ..calibration.targets import IN_TARGETS
 from ..errors import InputError
@@ -74,7 +73,7 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
     bounds : (float, float)
         u^max [rad] and v^0max of (1.7)
     rule : {"paper", "tables"}
-        as `models.regressors.sign_margin`
+        as `models.bench.sign_margin`
 
     Raises
     ------

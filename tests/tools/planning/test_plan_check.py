@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planning_tasks import OPTIMA, stored, tables_task
-from trihedron.models.regressors import regressors
+from trihedron.models.bench import regressors
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning.check import check_settings, detecting, distance, named_effects
 from trihedron.tools.planning.forms import x_from_targets

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from trihedron.models.regressors import regressors
+from trihedron.models.bench import regressors
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.cli import main

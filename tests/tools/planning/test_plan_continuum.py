@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from planning_proof import ProofError, proven_gap
 from planning_reference import random_mounting
-from trihedron.models.regressors import admissible
+from trihedron.models.bench import admissible
 from trihedron.tools.planning.plan import Plans, plan_targets
 
 GAP = 1e-9

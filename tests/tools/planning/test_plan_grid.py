@@ -9,8 +9,7 @@ from scipy.optimize import linprog
 
 from planning_proof import ProofError, proven_gap
 from planning_reference import COSTS, random_mounting
-from trihedron.models.bench import TARGETS
-from trihedron.models.regressors import admissible, regressors
+from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning.forms import sheets

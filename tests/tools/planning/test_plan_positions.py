@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from planning_tasks import OPTIMA, stored, tables_task
-from trihedron.models.bench import TARGETS
-from trihedron.models.regressors import admissible, regressors
+from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.planning.bounds import Pool, bound_positions, pool_of, symmetries
 from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.order import (

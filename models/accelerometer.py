@@ -6,17 +6,8 @@ input of accelerometer p. Γ and the bias are fractions of gravity's model value
 
 import math
 
-from ..random_numbers import seed_generator, symmetric
-from ..restricted import (
-    CONTEXT_SIZE,
-    GRAVITY,
-    HOURS,
-    INPUT,
-    RATE,
-    SENSE_INPUT,
-    TEMPERATURE,
-    Vector,
-)
+from .random_numbers import seed_generator, symmetric
+from .restricted import CONTEXT_SIZE, GRAVITY, HOURS, INPUT, RATE, SENSE_INPUT, TEMPERATURE, Vector
 
 ROUNDING = 1e-12
 """Change of an input [g] that may be rounding."""

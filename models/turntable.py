@@ -1,20 +1,18 @@
 """The two-axis turntable: commanded positions, geometric errors, encoders, and what a block on it undergoes.
 
 Angles: the servo brings the encoder reading to the command, so the true angle is the angle of the move less the
-encoder offset. Stages: the encoders' readings here, the geometry in `geometry`, increments in
-`increments`.
+encoder offset. Stages: the encoders' readings here, the geometry and the increments in `turntable_geometry`.
 
 Source: Golovan, Matasov, Tarygin 2022, section 1.
 """
 
 import math
 
-from ..motion import AXIS_PLAN_SIZE, follow_move, plan_move
-from ..random_numbers import seed_generator, symmetric
-from ..restricted import Vector
-from ..rotation import is_rotation, quaternion_of_matrix, turn_by_vector
-from .geometry import observe
-from .increments import integrate_increment
+from .motion import AXIS_PLAN_SIZE, follow_move, plan_move
+from .random_numbers import seed_generator, symmetric
+from .restricted import Vector
+from .rotation import is_rotation, quaternion_of_matrix, turn_by_vector
+from .turntable_geometry import integrate_increment, observe
 
 EARTH_RATE = 7.292115e-5
 """Rotation rate of the Earth [rad/s] (WGS 84)."""

@@ -11,8 +11,8 @@ section 4.4, solved for the rate.
 
 import math
 
-from ..restricted import PREVIOUS_STEPS, Vector
 from .gyro import describe_step, keep_rate, reading_effects
+from .restricted import PREVIOUS_STEPS, Vector
 
 
 def solve_response(scale_misalignment: Vector, right: Vector, n: Vector) -> None:

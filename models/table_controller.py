@@ -6,7 +6,7 @@ at a rate of the gain times the error. What neither axis can turn is left as it 
 
 import math
 
-from ..restricted import Vector
+from .restricted import Vector
 
 NORM_TOLERANCE = 1e-3
 

@@ -6,7 +6,7 @@ own input. Source: Golovan, Matasov, Tarygin 2022, (1.1), solved for the input.
 
 import math
 
-from ..restricted import Vector
+from .restricted import Vector
 
 
 def is_invertible(

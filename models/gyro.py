@@ -9,8 +9,8 @@ section 4.4.
 
 import math
 
-from ..random_numbers import seed_generator, symmetric
-from ..restricted import (
+from .random_numbers import seed_generator, symmetric
+from .restricted import (
     GYRO_CONTEXT_SIZE,
     HOURS,
     INPUT,
