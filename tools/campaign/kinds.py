@@ -4,38 +4,27 @@ import io
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib import resources
-from typing import Any, Literal, Protocol, cast
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-import numba
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from ...fmus.gyros import GYRO_BLOCK
-from ...fmus.source import instantiate
-from ...models import gyro
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
-from ..calibration import calibrate
-from ..compiled import compiled
-from ..diagnosis import diagnose
+from .. import calibration, diagnosis, motion, papers, trials
 from ..errors import InputError, nearest
-from ..motion.attitude import algorithm_named
-from ..motion.attitude_error import angle_between, attitudes_of_angles
-from ..motion.compare import Samples, run_algorithm, sample_motion
 from ..orchestrator.load import SETTABLE
 from ..orchestrator.run import PreparedScenario
 from ..orchestrator.scenario import read_scenario
-from ..papers.attitude import EXACT, paper_motion
 from ..records import PositionRecord, RawRecord
 from ..records.rests import position_record_of
-from ..trials.bench import draw_truth, true_elementary
-from ..trials.draw import Options, draw_case
-from ..trials.outcome import diagnosed, judged
-from ..trials.suite import named_suite
 from .file import AttitudeSetting, CalibrationSetting, Campaign, HiddenSetting, Reduction, SimulationSetting, Value
+
+if TYPE_CHECKING:
+    from ..motion import Samples
 
 Better = Literal["lower", "higher"]
 
@@ -105,8 +94,6 @@ ERRORS = (
 """Errors of the gyros that can be swept."""
 MOTIONS = ("amplitude_factor", "frequency_factor", "motion", "rate_hz", "duration_s", "algorithm")
 """What can be swept beside them."""
-INCREMENTS = 1.0
-"""Kind of input of the gyros."""
 MOST_SAMPLES = 100_000_000
 
 
@@ -174,7 +161,7 @@ class CalibrationRuns:
             specific_force=chosen.gravity * reading,
         )
         options = {"noise_bound": chosen.noise_bound, "gravity": chosen.gravity, "baseline": chosen.baseline}
-        result = calibrate(record, **options, bounds=chosen.bounds, convention=chosen.convention)
+        result = calibration.calibrate(record, **options, bounds=chosen.bounds, convention=chosen.convention)
         true = dict(zip(TARGETS, target_values(truth, np.eye(3)).tolist(), strict=True))
         scalars: dict[str, Value | int | None] = {"verdict": result.verdict, "radius": result.radius}
         misses, ratio = 0, 0.0
@@ -190,19 +177,19 @@ class CalibrationRuns:
                 scalars[f"{symbol}_width"] = estimate.high - estimate.low
                 misses += not estimate.low <= true[symbol] <= estimate.high
         scalars |= {"misses": misses, "worst_error_ratio": ratio}
-        diagnosis = None
+        told = None
         if self.diagnose:
-            diagnosis = _json(diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
-        return Given(scalars, record_table(record) if self.record else None, diagnosis)
+            told = _json(diagnosis.diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
+        return Given(scalars, record_table(record) if self.record else None, told)
 
     def _truth(self, rng: np.random.Generator, values: Mapping[str, Value], *, symmetric: bool) -> NDArray:
         """Elementary parameters (24,): those that are swept, the others drawn or zero."""
         truth = np.zeros(len(ELEMENTARY))
         # Drawn in any case: the errors are then the same whatever is swept.
-        drawn = draw_truth(rng, symmetric=symmetric)
+        drawn = trials.draw_truth(rng, symmetric=symmetric)
         if self.setting.truth == "drawn":
             mounting_error = drawn["TurntableMotion"]["mounting_error"]
-            truth = true_elementary(drawn, tuple(mounting_error))
+            truth = trials.true_elementary(drawn, tuple(mounting_error))
         for name, value in values.items():
             if name in SWEPT:
                 truth[ELEMENTARY.index(name)] = float(value)
@@ -289,13 +276,13 @@ class SimulationRuns:
             record = positions_of(table)
             sigma = self.setting.noise_bound
             if self.setting.calibrate:
-                found = calibrate(record, noise_bound=sigma)
+                found = calibration.calibrate(record, noise_bound=sigma)
                 scalars |= {"verdict": found.verdict, "radius": found.radius}
                 for estimate in found.parameters:
                     scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
                     scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
             if self.keep.diagnosis:
-                told = _json(diagnose(record, noise_bound=sigma, rerun=False).to_json())
+                told = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())
             return Given(scalars, record_table(record) if self.keep.record else None, told)
         return Given(scalars, table if self.keep.record else None)
 
@@ -354,7 +341,7 @@ class AttitudeRuns:
         if campaign.keep.diagnosis:
             raise InputError("keep.diagnosis: an attitude run has no diagnosis")
         _algorithm(setting.algorithm, "attitude.algorithm")
-        paper_motion(setting.motion, EXACT)
+        papers.paper_motion(setting.motion, papers.EXACT)
         self.outputs = {
             name: Output(pl.Float64, "lower")
             for name in ("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps")
@@ -380,7 +367,7 @@ class AttitudeRuns:
             1.0 / rate,
             round(rate * duration),
         )
-        read = read_increments(
+        read = motion.read_increments(
             samples,
             np.array([of(f"scale_misalignment_{p}{q}", 0.0) for p in (1, 2, 3) for q in (1, 2, 3)]),
             np.array([of(f"bias_{p}_radps", 0.0) for p in (1, 2, 3)]),
@@ -388,9 +375,9 @@ class AttitudeRuns:
             of("noise_bound_radps", setting.noise_bound_radps),
             short_seed(seed),
         )
-        computed = run_algorithm(algorithm, read, renormalise=True)
+        computed = motion.run_algorithm(algorithm, read, renormalise=True)
         every = algorithm.samples
-        angle = angle_between(computed, attitudes[every - 1 : len(attitudes) // every * every : every])
+        angle = motion.angle_between(computed, attitudes[every - 1 : len(attitudes) // every * every : every])
         last = float(angle[-1])
         scalars = {
             "largest_error_rad": float(angle.max()),
@@ -410,66 +397,19 @@ def _algorithm(name: str, where: str) -> Algorithm:
     known = [algorithm.name for algorithm in ALGORITHMS]
     if name not in known:
         raise InputError(f"{where}: there is no attitude algorithm '{name}'; {nearest(name, known)}")
-    return algorithm_named(name)
+    return motion.algorithm_named(name)
 
 
 @lru_cache(maxsize=2)
-def motion_samples(name: str, amplitude: float, frequency: float, period: float, count: int) -> tuple[Samples, NDArray]:
+def motion_samples(
+    name: str, amplitude: float, frequency: float, period: float, count: int
+) -> "tuple[Samples, NDArray]":
     """Exact increments of a motion and its true attitudes (N, 4), kept while the motion stays the same."""
-    harmonics = paper_motion(name, EXACT).reshape(-1, 3).copy()
+    harmonics = papers.paper_motion(name, papers.EXACT).reshape(-1, 3).copy()
     harmonics[:, 0] *= amplitude
     harmonics[:, 1] *= frequency
-    samples = sample_motion(harmonics.ravel(), period, count)
-    return samples, attitudes_of_angles(samples.angles)
-
-
-def read_increments(
-    samples: Samples,
-    scale_misalignment: NDArray,
-    bias: NDArray,
-    quantum: float,
-    noise_bound: float,
-    seed: int,
-) -> NDArray:
-    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
-
-    Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
-    """
-    gyros = instantiate(GYRO_BLOCK)
-    memory = {name: np.array(values, dtype=float) for name, values in gyros.memory.items()}
-    memory |= {"scale_misalignment": np.array(scale_misalignment), "bias": np.array(bias)}
-    given: dict[str, float] = {"input_kind": INCREMENTS, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
-
-    def arguments(kernel: str) -> tuple[Any, ...]:
-        names = [name for name in gyros.arguments[kernel] if name not in ("time", "step")]
-        scalars = {name: float(given.get(name, memory[name][0])) for name in names if name in gyros.scalars}
-        return tuple(scalars.get(name, memory[name]) for name in names)
-
-    read, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
-    if status := _reader()(samples.period, read, arguments("initialise"), arguments("step"), ports):
-        raise InputError(GYRO_BLOCK.messages[status - 1])
-    return read
-
-
-@cache
-def _reader() -> Callable[..., int]:
-    initialise, step = cast("tuple[Any, Any]", (compiled(gyro.initialise), compiled(gyro.step)))
-
-    @numba.njit(nogil=True, error_model="numpy")
-    def read(period, rows, to_initialise, to_step, ports):
-        increment, reading = ports
-        status = initialise(0.0, *to_initialise)
-        for k in range(len(rows)):
-            if status != 0:
-                return status
-            for p in range(3):
-                increment[p] = rows[k, p]
-            status = step(k * period, period, *to_step)
-            for p in range(3):
-                rows[k, p] = reading[p]
-        return status
-
-    return read
+    samples = motion.sample_motion(harmonics.ravel(), period, count)
+    return samples, motion.attitudes_of_angles(samples.angles)
 
 
 class HiddenRuns:
@@ -479,13 +419,13 @@ class HiddenRuns:
         self.keep = campaign.keep
         if setting.suite is not None:
             try:
-                named = named_suite(setting.suite)
+                named = trials.named_suite(setting.suite)
             except InputError as error:
                 raise InputError(f"hidden.suite: {str(error).removeprefix('--suite ')}") from error
             self.options, self.seed = named.options, named.seed
         else:
             size = setting.size
-            self.options = Options(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
+            self.options = trials.Options(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)
             self.seed = campaign.seed
         self.outputs = {
             "hidden": Output(pl.String),
@@ -502,10 +442,10 @@ class HiddenRuns:
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
-        case = draw_case(self.options, self.seed, number)
+        case = trials.draw_case(self.options, self.seed, number)
         record = case.measured()
-        found = diagnosed(case, record)
-        outcome = judged(case, found)
+        found = trials.diagnosed(case, record)
+        outcome = trials.judged(case, found)
         scalars: dict[str, Value | int | None] = {
             "hidden": outcome.hidden_words,
             "named": outcome.named_words,

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ... import fmus, models
 from ..errors import InputError, nearest
@@ -164,7 +164,7 @@ class Design:
     @cached_property
     def _hypercube(self) -> NDArray:
         """All points of a Latin hypercube: it has no shorter description."""
-        sampler = qmc.LatinHypercube(len(self.campaign.distributions), rng=self._generator())
+        sampler = scipy.stats.qmc.LatinHypercube(len(self.campaign.distributions), rng=self._generator())
         return sampler.random(self.campaign.sampling.points)
 
     def _generator(self, *key: int) -> np.random.Generator:
@@ -174,7 +174,7 @@ class Design:
         """A row of a scrambled Sobol sequence of so many columns."""
         chunk, at = divmod(row, _CHUNK)
         if self._chunk is None or self._chunk[0] != chunk:
-            sampler = qmc.Sobol(columns, rng=self._generator())
+            sampler = scipy.stats.qmc.Sobol(columns, rng=self._generator())
             if chunk:
                 sampler.fast_forward(chunk * _CHUNK)
             self._chunk = (chunk, sampler.random(_CHUNK))

@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy import stats
 
 from ..errors import InputError
 from ..result import Result
@@ -202,7 +202,7 @@ def rate(hits: NDArray) -> dict[str, Any]:
     count, cases = int(hits.sum()), len(hits)
     if not cases:
         return {"cases": 0, "count": 0, "rate": None, "interval": None}
-    interval = stats.binomtest(count, cases).proportion_ci(CONFIDENCE, method="wilson")
+    interval = scipy.stats.binomtest(count, cases).proportion_ci(CONFIDENCE, method="wilson")
     return {"cases": cases, "count": count, "rate": count / cases, "interval": [interval.low, interval.high]}
 
 
@@ -235,7 +235,7 @@ def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str
         if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
             found[name] = {"correlation": None, "p": None}
         else:
-            result: Any = stats.spearmanr(x, y)
+            result: Any = scipy.stats.spearmanr(x, y)
             found[name] = {"correlation": float(result.statistic), "p": float(result.pvalue)}
     return {"parameters": found}
 
@@ -276,5 +276,5 @@ def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
 def _indices(rows: NDArray) -> tuple[NDArray, NDArray]:
     """First-order and total indices from the values of the rows of A, B and each A with a column from B."""
     blocks: Any = {"f_A": rows[None, 0], "f_B": rows[None, 1], "f_AB": rows[2:, None]}
-    found = stats.sobol_indices(func=blocks, n=rows.shape[1])
+    found = scipy.stats.sobol_indices(func=blocks, n=rows.shape[1])
     return np.ravel(found.first_order), np.ravel(found.total_order)

@@ -4,14 +4,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numba
 import numpy as np
 import polars as pl
 from pydantic import Field
 
-from ...models import harmonic_motion, rotation
+from ...fmus.gyros import GYRO_BLOCK
+from ...fmus.source import instantiate
+from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ...models.attitude_algorithms.adaptive_degree import adaptive_degree
 from ...models.attitude_algorithms.functional_iteration import functional_iteration
@@ -283,3 +285,52 @@ def _turn(algorithm: Algorithm) -> Callable[..., None]:
             kernel(g, turned)
 
     return compile_callee(turn)
+
+
+def read_increments(
+    samples: Samples,
+    scale_misalignment: np.ndarray,
+    bias: np.ndarray,
+    quantum: float,
+    noise_bound: float,
+    seed: int,
+) -> np.ndarray:
+    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
+
+    Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
+    """
+    gyros = instantiate(GYRO_BLOCK)
+    memory = {name: np.array(values, dtype=float) for name, values in gyros.memory.items()}
+    memory |= {"scale_misalignment": np.array(scale_misalignment), "bias": np.array(bias)}
+    given: dict[str, float] = {"input_kind": 1.0, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
+
+    def arguments(kernel: str) -> tuple[Any, ...]:
+        names = [name for name in gyros.arguments[kernel] if name not in ("time", "step")]
+        scalars = {name: float(given.get(name, memory[name][0])) for name in names if name in gyros.scalars}
+        return tuple(scalars.get(name, memory[name]) for name in names)
+
+    read, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
+    if status := _reader()(samples.period, read, arguments("initialise"), arguments("step"), ports):
+        raise InputError(GYRO_BLOCK.messages[status - 1])
+    return read
+
+
+@cache
+def _reader() -> Callable[..., int]:
+    initialise, step = cast("tuple[Any, Any]", (compiled(gyro.initialise), compiled(gyro.step)))
+
+    @numba.njit(nogil=True, error_model="numpy")
+    def read(period, rows, to_initialise, to_step, ports):
+        increment, reading = ports
+        status = initialise(0.0, *to_initialise)
+        for k in range(len(rows)):
+            if status != 0:
+                return status
+            for p in range(3):
+                increment[p] = rows[k, p]
+            status = step(k * period, period, *to_step)
+            for p in range(3):
+                rows[k, p] = reading[p]
+        return status
+
+    return read

@@ -15,10 +15,11 @@ from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.tools.campaign.execute import run_campaign
 from trihedron.tools.campaign.file import Campaign, parse_campaign
-from trihedron.tools.campaign.kinds import Given, motion_samples, read_increments, reduced
+from trihedron.tools.campaign.kinds import Given, motion_samples, reduced
 from trihedron.tools.campaign.runs import Design, columns_of, make_order, make_runner
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
+from trihedron.tools.motion.compare import read_increments
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.run import PreparedScenario
 from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenario
