@@ -172,7 +172,7 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
     distinct_files({"the record": record, "--json": json, "--allan": allan})
     found = library.inspect(record, **options)
     if allan is not None:
-        write_text(allan, reports.allan_picture(found.record, found.rests, found.sampling.period))
+        write_text(allan, reports.allan_picture(found))
     return answer(found, json)
 
 

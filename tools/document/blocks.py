@@ -128,10 +128,6 @@ class Page:
     sources: Sequence[str] = ()
 
 
-def _no_table() -> None:
-    return None
-
-
 @dataclass(frozen=True)
 class Document:
     """What a result has to say.
@@ -147,5 +143,5 @@ class Document:
     """
 
     lines: Sequence[str]
-    table: "Callable[[], DataFrame | None]" = _no_table
+    table: "Callable[[], DataFrame | None]" = lambda: None
     page: Callable[[], Page] | None = None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from .theme import plain
+from .theme import plain, raised
 
 DIGITS = 6
 """Significant digits of a number in a table."""
@@ -21,7 +21,6 @@ LONG = 24
 
 _WRITTEN_POWER = re.compile(r"(?<![\w.])(?P<sign>[-+−]?)(?P<head>\d+(?:\.\d+)?)e(?P<power>[-+−]?\d+)(?![\w.]*\w)")
 _MINUS = re.compile(r"(?:(?<=[\s(\[])|^)-(?=\d)")
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def typeset(text: str) -> str:
 
 def _power(number: re.Match[str]) -> str:
     sign, head, power = number["sign"].replace("-", "−"), number["head"], int(number["power"].replace("−", "-"))
-    return f"{sign}{'' if head == '1' else f'{head}·'}10{str(power).translate(_RAISED)}"
+    return f"{sign}{'' if head == '1' else f'{head}·'}{raised(power)}"
 
 
 def look(column: Sequence[Cell]) -> str:
@@ -151,7 +150,11 @@ def upwards(bound: float | None, digits: int = 2) -> Written | None:
     """A bound with two digits, rounded up: what is guaranteed stays so."""
     if bound is None or not math.isfinite(bound):
         return None
-    return Written(minus(_compact(_away(abs(bound), digits, up=True), digits)))
+    value = abs(bound)
+    if value > 0.0:
+        scale = 10.0 ** (digits - 1 - math.floor(math.log10(value)))
+        value = math.ceil(value * scale - 1e-9) / scale
+    return Written(minus(_compact(value, digits)))
 
 
 def outwards(low: float | None, high: float | None, bound: float | None) -> tuple[Written | None, Written | None]:
@@ -178,13 +181,6 @@ def significant(value: float | None, digits: int = 2) -> Written | None:
     if value is None or not math.isfinite(value):
         return None
     return Written(minus(_compact(value if abs(value) > NOTHING else 0.0, digits)))
-
-
-def _away(value: float, digits: int, *, up: bool) -> float:
-    if value == 0.0:
-        return 0.0
-    scale = 10.0 ** (digits - 1 - math.floor(math.log10(abs(value))))
-    return (math.ceil(value * scale - 1e-9) if up else math.floor(value * scale + 1e-9)) / scale
 
 
 def _compact(value: float, digits: int) -> str:

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
-from .blocks import Download, Page, Table
+from .blocks import Page, Table
 from .numbers import look, typeset, written
 from .pdf import write_html
 from .theme import plain
@@ -35,32 +35,7 @@ def html(page: Page, folder: Path | None = None) -> str:
     str
         HTML, complete; whatever the texts hold is shown and never run
     """
-    shown = [
-        {
-            "title": plain(section.title),
-            "mark": f"part-{number}",
-            "equations": [Markup(equation) for equation in section.equations],
-            "download": None if section.download is None else _carried(section.download),
-            "paragraphs": [_prose(text) for text in section.paragraphs],
-            # Made by this package, which escapes every label.
-            "svg": None if section.svg is None else Markup(section.svg),
-            "caption": typeset(plain(section.caption)),
-            "table": None if section.table is None else _table(section.table),
-            "files": [_link(file, folder) for file in section.files],
-        }
-        for number, section in enumerate(page.sections, start=1)
-    ]
-    return _template().render(
-        title=plain(page.title),
-        verdict=typeset(plain(page.verdict)),
-        tone=page.tone,
-        sections=shown,
-        contents=len(shown) > FEW,
-        key=[(plain(name), typeset(plain(value))) for name, value in page.key.items()],
-        sources=[plain(source) for source in page.sources],
-        provenance=[(plain(name), plain(value)) for name, value in page.provenance.items()],
-        style=Markup(_text("page.css")),
-    )
+    return _template().render(page=page, folder=folder, few=FEW, style=_text("page.css"))
 
 
 def write_page(path: Path, page: Page) -> None:
@@ -76,7 +51,7 @@ def write_page(path: Path, page: Page) -> None:
 
 def _prose(text: str) -> Markup:
     """A paragraph; what stands between backquotes is code."""
-    parts = typeset(plain(text)).split("`")
+    parts = _said(text).split("`")
     if len(parts) % 2 == 0:
         return escape("`".join(parts))
     return Markup("").join(
@@ -93,26 +68,23 @@ def _template() -> "Template":
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    # Pictures and equations are made by this package, which escapes every label: they alone are put in as they are.
+    environment.filters |= {"plain": plain, "said": _said, "prose": _prose, "cells": _cells, "linked": _linked}
+    environment.filters["quoted"] = quote
     return environment.from_string(_text("page.html"))
 
 
-def _table(table: Table) -> dict[str, object]:
+def _said(text: object) -> str:
+    return typeset(plain(text))
+
+
+def _cells(table: Table) -> tuple[list[str], list[tuple[str, ...]]]:
+    """How each column looks, and the rows as they are written."""
     columns = [[row[k] for row in table.rows] for k in range(len(table.header))]
-    texts = [written(column) for column in columns]
-    return {
-        "caption": typeset(plain(table.caption)),
-        "header": [plain(name) for name in table.header],
-        "look": [look(column) for column in columns],
-        "rows": [list(row) for row in zip(*texts, strict=True)],
-    }
+    return list(map(look, columns)), list(zip(*map(written, columns), strict=True))
 
 
-def _carried(file: Download) -> dict[str, str]:
-    address = "data:text/csv;charset=utf-8," + quote(file.text)
-    return {"name": plain(file.name), "shown": plain(file.shown), "address": address}
-
-
-def _link(file: Path | str, folder: Path | None) -> tuple[str, str]:
+def _linked(file: Path | str, folder: Path | None) -> tuple[str, str]:
     """How a file is shown, and the address that leads to it."""
     shown = Path(file)
     if folder is not None:

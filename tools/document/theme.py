@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,7 +93,6 @@ STYLE: dict[str, Any] = {
 """Settings of matplotlib, over its defaults."""
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_NOT_DATA = ("metadata",)
 
 
 def plain(text: object) -> str:
@@ -140,8 +140,7 @@ def svg_text(figure: "Figure", label: str) -> str:
     text = stream.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    for name in _NOT_DATA:
-        text = re.sub(rf"\s*<{name}>.*?</{name}>", "", text, flags=re.DOTALL)
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = text.replace("'DejaVu Sans'", FONTS).replace(">*{", ">.trihedron-picture *{")
     # Copies of a marker carry their own colours; those of the original would hide them from the rules of dark pages.
     text = re.sub(r'(<path id="[^"]*" d="[^"]*" style=")([^"]*)(?=")', _without_colours, text)
@@ -150,7 +149,7 @@ def svg_text(figure: "Figure", label: str) -> str:
     box = re.search(r'viewBox="[^"]*"', head)
     assert box is not None
     names = f'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" {box.group()}'
-    head = f'<svg {names} class="trihedron-picture" role="img" aria-label="{_attribute(label)}">'
+    head = f'<svg {names} class="trihedron-picture" role="img" aria-label="{escape(plain(label), quote=True)}">'
     return f"{head}\n<style>{_dark_rules()}</style>{_own_ids(body)}".rstrip() + "\n"
 
 
@@ -161,12 +160,6 @@ def _without_colours(match: re.Match[str]) -> str:
 def _shortened(match: re.Match[str]) -> str:
     """Coordinates to a hundredth of a point: finer cannot be seen."""
     return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", match[0])
-
-
-def _attribute(text: str) -> str:
-    for character, name in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")):
-        text = text.replace(character, name)
-    return plain(text)
 
 
 def _dark_rules() -> str:
@@ -205,13 +198,14 @@ def column(values: object) -> np.ndarray:
 
 def three_columns(values: object) -> np.ndarray:
     """Values as an (N, 3) array of doubles; what is not finite as NaN."""
-    array = np.array(values, dtype=np.float64)
-    array = array.reshape(-1, 3).copy()
-    array[~np.isfinite(array)] = np.nan
-    return array
+    return column(values).reshape(-1, 3)
+
+
+def raised(power: int) -> str:
+    """A power of ten: 10⁻³."""
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def power_of_ten(value: float, _: object = None) -> str:
-    """A label of a logarithmic axis: 10⁻³."""
-    power = round(float(np.log10(value)))
-    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    """A label of a logarithmic axis."""
+    return raised(round(float(np.log10(value))))

@@ -5,9 +5,9 @@ from .makers import document_of as document_of
 from .makers import write_report as write_report
 from .papers import write_reproduction as write_reproduction
 from .pictures.records import allan_picture as allan_picture
+from .pictures.records import plan_picture as plan_picture
 from .plan import operator_page as operator_page
 from .plan import plan_page as plan_page
-from .plan import plan_picture as plan_picture
 from .plan import write_curve as write_curve
 from .plan import write_plan as write_plan
 from .trials import write_suite as write_suite

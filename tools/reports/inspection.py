@@ -16,7 +16,7 @@ from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import NormCalibration
 from ..motion.rests import rest_warnings
 from .model import own_words
-from .pictures.records import allan_picture, attitude_error
+from .pictures.records import allan_picture, attitude_picture
 
 DIGITS_OF_STAMPS = 1e-6
 """Jitter of so small a part of the period is in the last digits of the time stamps."""
@@ -123,7 +123,7 @@ def record_sections(found: Inspection, warnings: Sequence[str] = (), *, forces: 
     first = Section(
         "What was measured",
         list(map(sentence, dict.fromkeys(lines))),
-        allan_picture(found.record, found.rests, found.sampling.period),
+        allan_picture(found),
         "Allan deviation of the readings over the rests: what noise leaves of a mean of that length.",
     )
     sections = [] if found.accelerometers is None or not forces else [_accelerometers(found.accelerometers, told=told)]
@@ -223,7 +223,7 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     return Section(
         "A measured strapdown record",
         [f"{attitude_lines(shown)[0]}.", *map(sentence, split_lines(shown))],
-        attitude_error(shown.time_s, np.degrees(shown.error_rad), np.degrees(shown.error_angle)),
+        attitude_picture(shown),
         "Attitude from the measured gyros, "
         + ("" if shown.gyro_bias is None else "their bias at rest taken out, ")
         + "less the true attitude.",

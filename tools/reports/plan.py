@@ -3,20 +3,16 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..document.blocks import Download, Page, Section, Table
 from ..document.equations import math, signed
 from ..document.numbers import Cell, Written, minus, symbol_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning.check import SettingCheck
-from ..planning.forms import clearance, sheets
 from ..planning.order import DWELL_S, checked_dwell
 from ..planning.plan import Curve, Plan, PlannedPosition, Plans, PositionPlan
 from .model import physical_words
-from .pictures.records import STEP_DEG, admissible_positions, curve_picture, positions_picture
+from .pictures.records import curve_picture, plan_picture, positions_picture
 from .record import cited, matrix_text, next_positions_csv, versions
 
 UNCERTAIN = 1e-8
@@ -134,39 +130,14 @@ def setting_lines(check: SettingCheck) -> list[str]:
     return lines
 
 
-def plan_picture(plan: Plan) -> str:
-    """The paper's figure for any target and mounting, as SVG."""
-    best = plan.optimum
-    return admissible_positions(
-        _fields(plan), best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights, plan.target
-    )
-
-
-def _fields(plan: Plan) -> list[tuple[int, NDArray]]:
-    """Clearance of each accelerometer over the square of angles, whichever sign its input has."""
-    angle = np.radians(np.arange(0.0, 360.0 + STEP_DEG / 2, STEP_DEG))
-    fields: dict[int, NDArray] = {}
-    for sheet in sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible):
-        here = clearance(sheet, angle[:, None], angle[None, :])
-        number = sheet.accelerometer + 1
-        fields[number] = np.maximum(fields[number], here) if number in fields else here
-    return sorted(fields.items())
-
-
 def plan_page(plans: Plans) -> Page:
     """The page: costs of all targets, then each target's estimator, positions, weights and picture."""
     first = plans[0]
     where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
-    rows: list[list[Cell]] = [
-        [
-            symbol_text(p.target),
-            physical_words(p.name),
-            Written(f"{p.cost:.10f}"),
-            Written(f"{p.gap:.0e}"),
-            len(p.weights),
-        ]
-        for p in plans
-    ]
+    rows: list[list[Cell]] = []
+    for p in plans:
+        figures = (Written(f"{p.cost:.10f}"), Written(f"{p.gap:.0e}"))
+        rows.append([symbol_text(p.target), physical_words(p.name), *figures, len(p.weights)])
     sections = [
         Section(
             "Guaranteed errors",
@@ -178,7 +149,7 @@ def plan_page(plans: Plans) -> Page:
             table=Table(["target", "meaning", "cost [σ]", "proven gap", "readings"], rows),
             equations=[math("z = f/g − Q up(α, β)"), math("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
         ),
-        *(section for plan in plans for section in plan_sections(plan)),
+        *map(target_section, plans),
     ]
     verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
     if len(plans) == 1:
@@ -205,38 +176,27 @@ def plan_page(plans: Plans) -> Page:
     )
 
 
-def plan_sections(plan: Plan) -> list[Section]:
+def target_section(plan: Plan) -> Section:
     """The estimator of one target, with its numbers."""
     best = plan.optimum
     readings = list(zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True))
-    rows: list[list[Cell]] = [
-        [int(p) + 1, Written(minus(f"{a:.8g}")), Written(minus(f"{b:.8g}")), Written(minus(f"{w:+.6f}"))]
-        for p, a, b, w in readings
-    ]
-    terms = [
-        signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)", first=k == 0)
-        for k, (p, a, b, w) in enumerate(readings)
-    ]
-    places = [
-        {"alpha_deg": float(a), "beta_deg": float(b)} for a, b in dict.fromkeys((a, b) for _, a, b, _ in readings)
-    ]
+    rows: list[list[Cell]] = []
+    terms = []
+    for k, (p, a, b, w) in enumerate(readings):
+        rows.append([int(p) + 1, *(Written(minus(text)) for text in (f"{a:.8g}", f"{b:.8g}", f"{w:+.6f}"))])
+        terms.append(signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)", first=k == 0))
+    terms[0] = f"'{symbol_text(plan.target)}' = {terms[0]}"
+    places = dict.fromkeys((float(a), float(b)) for _, a, b, _ in readings)
     name = f"{plan.target}.csv"
-    return [
-        Section(
-            f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
-            svg=plan_picture(plan),
-            caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
-            table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
-            equations=[
-                math(f"{'' if k else _left(plan)}{' '.join(terms[k : k + 3])}") for k in range(0, len(terms), 3)
-            ],
-            download=Download(name, next_positions_csv(places), f"{name}, to take to the table"),
-        )
-    ]
-
-
-def _left(plan: Plan) -> str:
-    return f"'{symbol_text(plan.target)}' = "
+    content = next_positions_csv([{"alpha_deg": a, "beta_deg": b} for a, b in places])
+    return Section(
+        f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
+        svg=plan_picture(plan),
+        caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
+        table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
+        equations=[math(" ".join(terms[k : k + 3])) for k in range(0, len(terms), 3)],
+        download=Download(name, content, f"{name}, to take to the table"),
+    )
 
 
 MOST_DECIMALS = 4
@@ -252,17 +212,14 @@ def decimals_of(angles: Sequence[float]) -> int:
 def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
-    degrees = [(one.alpha_deg, one.beta_deg) for one in plan.positions]
-    places = decimals_of([angle for both in degrees for angle in both])
-    header = ["no.", "α [deg]", "β [deg]", *(["mounting"] if several else []), "dwell [s]", "remark", "done"]
+    places = decimals_of([angle for one in plan.positions for angle in (one.alpha_deg, one.beta_deg)])
+    header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "remark", "done"]
     rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
-        one = plan.positions[at - 1]
-        first = plan.programme.index(at) + 1
-        remark = f"again no. {first}" if first < number else ""
-        mounting = [one.mounting] if several else []
+        one, first = plan.positions[at - 1], plan.programme.index(at) + 1
         angles = [Written(minus(f"{angle:z.{places}f}")) for angle in (one.alpha_deg, one.beta_deg)]
-        rows.append([number, *angles, *mounting, Written(f"{dwell_s:g}"), remark, "☐"])
+        remark = f"again no. {first}" if first < number else ""
+        rows.append([number, *angles, one.mounting if several else None, Written(f"{dwell_s:g}"), remark, "☐"])
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
     reserve = plan.reserve_deg
     sections = [
@@ -275,11 +232,11 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
                 if reserve
                 else "Write the encoder readings down as they are: what counts is where the table stands.",
             ],
-            table=Table(header, rows),
+            table=Table(header, rows).told(),
         ),
         Section(
             "Positions",
-            svg=positions_picture([a for a, _ in degrees], [b for _, b in degrees], [at - 1 for at in plan.programme]),
+            svg=positions_picture(plan),
             caption="Left: the angles, joined in the order of measurement. Right: the vertical in the inner frame.",
         ),
         Section(
@@ -352,11 +309,7 @@ def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) ->
     files["angles.csv"] = _csv(planned, [f"{row(one)},{row(one)}" for one in rows])
     files["plan.json"] = plan.json_text()
     files["operator.html"] = html(operator_page(plan, dwell_s))
-    files["positions.svg"] = positions_picture(
-        [one.alpha_deg for one in plan.positions],
-        [one.beta_deg for one in plan.positions],
-        [at - 1 for at in plan.programme],
-    )
+    files["positions.svg"] = positions_picture(plan)
     return _written(files, folder)
 
 
@@ -370,9 +323,8 @@ def write_curve(curve: Curve, folder: Path) -> list[Path]:
     """
     points = curve.points
     rows = [f"{p.positions},{p.readings},{p.worst!r},{p.mean!r},{p.bound!r},{p.pool}" for p in points]
-    columns = ([getattr(p, name) for p in points] for name in ("positions", "worst", "mean", "bound"))
     table = _csv("positions,readings,worst_ratio,mean_ratio,lower_bound,pool", rows)
-    return _written({"curve.csv": table, "curve.svg": curve_picture(*columns)}, folder)
+    return _written({"curve.csv": table, "curve.svg": curve_picture(curve)}, folder)
 
 
 def _csv(header: str, rows: list[str]) -> str:

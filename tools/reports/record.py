@@ -75,7 +75,7 @@ def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Secti
             "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
             f"{float(table['time_s'][-1]):.0f} s, the block reads, the attitude computer follows the increments."
         ],
-        bench_tour(table["time_s"], table["alpha_deg"], table["beta_deg"], readings),
+        bench_tour(table["time_s"], (table["alpha_deg"], table["beta_deg"]), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,
     )

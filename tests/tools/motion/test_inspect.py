@@ -231,7 +231,7 @@ def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
 
 def test_the_picture_of_a_record_without_rests_says_so():
     record = chosen(strapdown_record(), np.arange(40))
-    assert "no rests" in allan_picture(record, inspected(record).rests, PERIOD)
+    assert "no rests" in allan_picture(inspected(record))
 
 
 @pytest.mark.parametrize("limit", [0.6, 0.9, 0.999])

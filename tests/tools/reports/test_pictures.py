@@ -13,9 +13,10 @@ from scipy import stats
 
 from explanation_pictures import interval_picture, strips_picture
 from trihedron.tools.document.theme import COLOURS
+from trihedron.tools.motion.attitude import AttitudeRun
 from trihedron.tools.reports.pictures.records import (
     MOST_POINTS,
-    attitude_error,
+    attitude_picture,
     bench_tour,
     next_directions,
     thinned,
@@ -42,7 +43,13 @@ HOSTILE = "<script>alert('x')</script> & \"$\\frac{1}{$ ]]> \x00\x1b \ud800 æ¼¢å
 def tour(count: int = 500) -> str:
     time = np.linspace(0.0, 60.0, count)
     readings = np.column_stack([np.sin(time / 9), np.cos(time / 9), 0.2 * np.ones(count)])
-    return bench_tour(time, 6.0 * time, 360.0 - 6.0 * time, readings)
+    return bench_tour(time, (6.0 * time, 360.0 - 6.0 * time), readings)
+
+
+def run(count: int, error: float) -> AttitudeRun:
+    """A run with such an error at every moment."""
+    arrays = {"time_s": np.arange(count), "error_rad": np.full((count, 3), error), "error_angle": np.full(count, error)}
+    return AttitudeRun.model_construct(**arrays)
 
 
 def residual_picture() -> str:
@@ -60,7 +67,7 @@ PICTURES: dict[str, Callable[[], str]] = {
     "strips": strips_picture,
     "what intervals are": interval_picture,
     "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)),
-    "attitude_error": lambda: attitude_error(np.arange(90.0), np.ones((90, 3)), np.arange(90.0)),
+    "attitude_error": lambda: attitude_picture(run(90, 1.0)),
     "over inputs": lambda: residuals_over_inputs(np.eye(3), np.eye(3), 0.1 * np.eye(3), np.eye(3) > 0.5),
     "next directions": lambda: next_directions([0.1, 0.2], [1.0, 2.0], [0.5], [3.0], ["1"]),
     "confusion": lambda: confusion_picture({"cubic": {"cubic": 3, "odd-quadratic": 1}, "sag": {"sag": 2}}),
@@ -72,16 +79,16 @@ PICTURES: dict[str, Callable[[], str]] = {
 }
 
 NOTHING: dict[str, Callable[[], str]] = {
-    "tour of no rows": lambda: bench_tour([], [], [], np.zeros((0, 3))),
-    "tour of NaN": lambda: bench_tour([0, 1], [np.nan] * 2, [np.inf] * 2, np.full((2, 3), np.nan)),
-    "tour of one row": lambda: bench_tour([0.0], [1.0], [2.0], [[0.0, 0.0, 1.0]]),
+    "tour of no rows": lambda: bench_tour([], ([], []), np.zeros((0, 3))),
+    "tour of NaN": lambda: bench_tour([0, 1], ([np.nan] * 2, [np.inf] * 2), np.full((2, 3), np.nan)),
+    "tour of one row": lambda: bench_tour([0.0], ([1.0], [2.0]), [[0.0, 0.0, 1.0]]),
     "no residuals": lambda: residuals([], [], np.zeros((0, 3))),
     "residuals of NaN": lambda: residuals([1, 2], [3, 4], np.full((2, 3), np.nan), np.full((2, 3), np.nan)),
     "one accelerometer missing": lambda: residuals([1.0], [2.0], [[0.1, np.nan, 3.0]], None, [[False, True, True]]),
     "nothing held out": lambda: held_out([], [], []),
-    "held-out NaN": lambda: held_out([np.nan], [np.inf], ["7"]),
-    "no attitude error": lambda: attitude_error([], np.zeros((0, 3)), []),
-    "unknown attitude error": lambda: attitude_error([1, 2], np.full((2, 3), np.nan), [np.nan] * 2),
+    "held-out NaN": lambda: held_out([[np.nan] * 3], [[np.inf] * 3], ["7"]),
+    "no attitude error": lambda: attitude_picture(run(0, 0.0)),
+    "unknown attitude error": lambda: attitude_picture(run(2, np.nan)),
     "no inputs": lambda: residuals_over_inputs(np.zeros((0, 3)), np.zeros((0, 3))),
     "no directions": lambda: next_directions([], [], [], []),
     "nothing hidden": lambda: confusion_picture({}),
@@ -140,7 +147,7 @@ def test_every_colour_has_its_counterpart_on_a_dark_page(name: str) -> None:
 def test_hostile_labels_are_shown_and_nothing_else() -> None:
     for svg in (
         candidates([HOSTILE, "none"], [0.5, 2.0]),
-        held_out([1.0], [0.5], [HOSTILE]),
+        held_out([[1.0] * 3], [[0.5] * 3], [HOSTILE]),
     ):
         root = ElementTree.fromstring(svg)
         assert not list(root.iter(f"{SVG}script"))
@@ -150,7 +157,7 @@ def test_hostile_labels_are_shown_and_nothing_else() -> None:
 def test_very_long_names_leave_room_for_the_picture() -> None:
     svg = candidates(["effect " * 200] * 40, np.linspace(0.1, 5.0, 40))
     assert max(len(text) for text in texts(svg)) < 60
-    ElementTree.fromstring(held_out(np.ones(70), np.ones(70), ["position " * 50] * 70))
+    ElementTree.fromstring(held_out(np.ones((70, 3)), np.ones((70, 3)), ["position " * 50] * 70))
 
 
 @given(st.text(), st.floats())

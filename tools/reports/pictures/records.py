@@ -27,9 +27,12 @@ from ...document.theme import (
     say_empty,
     three_columns,
 )
-from ...motion.rests import Rests
+from ...motion.attitude import AttitudeRun
+from ...motion.inspect import Inspection
 from ...motion.sampling import rates_of
-from ...records import RawRecord, StrapdownRecord
+from ...planning.forms import clearance, sheets
+from ...planning.plan import Curve, Plan, PositionPlan
+from ...records import RawRecord
 from ...records.noise import allan_deviation
 from ...records.rests import Rest, without_turns
 from . import Drawn, drawn, legend, legend_beside, one_turn, sheet
@@ -73,15 +76,15 @@ def _three_lines(axes: "Axes", time: np.ndarray, values: np.ndarray, label: str)
 
 
 @drawn
-def bench_tour(time_s: ArrayLike, alpha_deg: ArrayLike, beta_deg: ArrayLike, readings_g: ArrayLike) -> Drawn:
+def bench_tour(time_s: ArrayLike, angles_deg: Sequence[ArrayLike], readings_g: ArrayLike) -> Drawn:
     """The table's programme over time, and what the three accelerometers read.
 
     Parameters
     ----------
     time_s : array, shape (N,)
         [s]
-    alpha_deg, beta_deg : array, shape (N,)
-        angles of the outer and the inner axis [deg]
+    angles_deg : two arrays, shape (N,)
+        of the outer and the inner axis [deg]
     readings_g : array, shape (N, 3)
         [g]
 
@@ -90,7 +93,7 @@ def bench_tour(time_s: ArrayLike, alpha_deg: ArrayLike, beta_deg: ArrayLike, rea
     str
         SVG, as of every function here
     """
-    time, alpha, beta = column(time_s), column(alpha_deg), column(beta_deg)
+    time, alpha, beta = column(time_s), *map(column, angles_deg)
     figure, ((angles,), (forces,)) = sheet(4.1, 2, sharex=True, height_ratios=[1.0, 1.15])
     _line(angles, time, alpha, color=FIRST.light, label="α, outer axis")
     _line(angles, time, beta, color=SECOND.light, linestyle=DASHES[1], label="β, inner axis")
@@ -107,23 +110,13 @@ def bench_tour(time_s: ArrayLike, alpha_deg: ArrayLike, beta_deg: ArrayLike, rea
 
 
 @drawn
-def attitude_error(time_s: ArrayLike, error_deg: ArrayLike, angle_deg: ArrayLike) -> Drawn:
-    """The attitude's error over time.
-
-    Parameters
-    ----------
-    time_s : array, shape (N,)
-        [s]
-    error_deg : array, shape (N, 3)
-        components of the error's rotation vector in the reference frame [deg]; NaN where it is not known
-    angle_deg : array, shape (N,)
-        its length [deg]
-    """
-    time = column(time_s)
+def attitude_picture(run: AttitudeRun) -> Drawn:
+    """The attitude's error over time, its angle and about each axis [deg]."""
+    time = column(run.time_s)
     figure, ((axes,),) = sheet(3.1)
     axes.axhline(0.0, color=INK.light, linewidth=0.7)
-    _line(axes, time, column(angle_deg), color=INK.light, linewidth=2.0, label="angle")
-    _three_lines(axes, time, three_columns(error_deg), "about axis")
+    _line(axes, time, column(np.degrees(run.error_angle)), color=INK.light, linewidth=2.0, label="angle")
+    _three_lines(axes, time, three_columns(np.degrees(run.error_rad)), "about axis")
     axes.set_ylabel("attitude error [deg]")
     legend_beside(axes, 4)
     return figure, "Error of the computed attitude against the true one, over time"
@@ -152,17 +145,9 @@ def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[
 
 
 @drawn
-def allan_picture(record: StrapdownRecord, rests: Rests, period: float) -> Drawn:
-    """Allan deviation over the averaging time, gyros above and accelerometers below; the rests' length is marked.
-
-    Parameters
-    ----------
-    record : StrapdownRecord
-    rests : Rests
-        of that record
-    period : float
-        time between rows [s]
-    """
+def allan_picture(found: Inspection) -> Drawn:
+    """Allan deviation over the averaging time, gyros above and accelerometers below; the rests' length is marked."""
+    record, rests, period = found.record, found.rests, found.sampling.period
     figure, panels = sheet(5.2, 2, sharex=True)
     shown = ((rates_of(record), "gyros, rad/s"), (record.specific_force, "accelerometers, m/s²"))
     for axes, (values, title) in zip(panels.flat, shown, strict=True):
@@ -284,29 +269,20 @@ STEP_DEG = 2.0
 
 
 @drawn
-def admissible_positions(
-    clearance: Sequence[tuple[int, NDArray]],
-    accelerometer: ArrayLike,
-    alpha_deg: ArrayLike,
-    beta_deg: ArrayLike,
-    weight: ArrayLike,
-    title: str,
-) -> Drawn:
-    """Admissible sets and optimal positions over the two angles, a panel for each accelerometer that is used.
+def plan_picture(plan: Plan) -> Drawn:
+    """The paper's figure for any target and mounting: where signs are certain, and the plan's readings with weights.
 
-    Parameters
-    ----------
-    clearance : sequence of (int, (n, n) array)
-        accelerometer (from 1) and how far (1.9) is fulfilled on a regular grid over [0°, 360°]², α down the rows:
-        positive where the position is admissible
-    accelerometer, alpha_deg, beta_deg, weight : (N,) array
-        of the readings
-    title : str
-        what is estimated
+    A panel for each accelerometer that is used, over the two angles.
     """
-    which = np.array(accelerometer, dtype=int).reshape(-1)
-    alpha, beta, weights = column(alpha_deg), column(beta_deg), column(weight)
-    shown = [(number, field) for number, field in clearance if (which == number).any()] or list(clearance)[:1]
+    best = plan.optimum
+    which, alpha, beta, weights = best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights
+    grid = np.radians(np.arange(0.0, 360.0 + STEP_DEG / 2, STEP_DEG))
+    fields: dict[int, NDArray] = {}
+    for own in sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible):
+        here = clearance(own, grid[:, None], grid[None, :])
+        # Certain is certain, whichever sign the input has.
+        fields[own.accelerometer + 1] = np.maximum(fields.get(own.accelerometer + 1, -np.inf), here)
+    shown = [(number, field) for number, field in sorted(fields.items()) if (which == number).any()]
     figure, ((*panels,),) = sheet(7.4 if len(shown) == 1 else 0.9 + WIDTH / len(shown), 1, len(shown), sharey=True)
     largest = max(float(np.abs(weights).max(initial=0.0)), 1e-300)
     for axes, (number, field) in zip(panels, shown, strict=True):
@@ -331,28 +307,21 @@ def admissible_positions(
             one_turn(axes, np.zeros(0), of, 6.0)
     panels[0].set_ylabel("β, inner axis [deg]")
     legend(figure, 3)
-    return figure, f"Admissible positions and optimal plan for {plain(title)}"
+    return figure, f"Admissible positions and optimal plan for {plain(plan.target)}"
 
 
 @drawn
-def positions_picture(alpha_deg: ArrayLike, beta_deg: ArrayLike, programme: Sequence[int]) -> Drawn:
-    """The positions in the plane of the two angles, and where they put the vertical in the inner frame.
-
-    Parameters
-    ----------
-    alpha_deg, beta_deg : (N,) array
-        commands [deg]
-    programme : sequence of int
-        the positions in the order of measurement
-    """
-    alpha, beta = np.asarray(alpha_deg, dtype=float), np.asarray(beta_deg, dtype=float)
+def positions_picture(plan: PositionPlan) -> Drawn:
+    """The positions in the plane of the two angles, and where they put the vertical in the inner frame."""
+    alpha, beta = (np.array([getattr(one, name) for one in plan.positions]) for name in ("alpha_deg", "beta_deg"))
+    programme = [at - 1 for at in plan.programme]
     number = {row: place for place, row in enumerate(dict.fromkeys(programme), start=1)}
     from matplotlib.patches import Circle
 
     figure, _ = sheet(4.9, 0, 0)
     grid = figure.add_gridspec(2, 2, width_ratios=(2.0, 1.0))
     plane = figure.add_subplot(grid[:, 0])
-    plane.plot(alpha[list(programme)], beta[list(programme)], color=QUIET.light, linewidth=0.8, zorder=1)
+    plane.plot(alpha[programme], beta[programme], color=QUIET.light, linewidth=0.8, zorder=1)
     plane.scatter(alpha, beta, s=22, color=FIRST.light, linewidth=0, zorder=3)
     for row, place in number.items():
         words = {"fontsize": 8, "color": INK.light}
@@ -370,17 +339,18 @@ def positions_picture(alpha_deg: ArrayLike, beta_deg: ArrayLike, programme: Sequ
 
 
 @drawn
-def curve_picture(count: ArrayLike, worst: ArrayLike, mean: ArrayLike, bound: ArrayLike) -> Drawn:
-    """Cost above the optimum against the number of positions, with the proven bound; ratios, each (N,)."""
+def curve_picture(curve: Curve) -> Drawn:
+    """Cost above the optimum against the number of positions, with the proven bound."""
     figure, ((axes,),) = sheet(3.6)
+    count = [point.positions for point in curve.points]
     for ratio, label, colour, marker in (
-        (worst, "worst target", FIRST, "o"),
-        (mean, "mean of the targets", SECOND, "s"),
-        (bound, "proven on the pool", MUTED, "_"),
+        ("worst", "worst target", FIRST, "o"),
+        ("mean", "mean of the targets", SECOND, "s"),
+        ("bound", "proven on the pool", MUTED, "_"),
     ):
-        above = 100.0 * (np.asarray(ratio, dtype=float) - 1.0)
+        above = np.array([100.0 * (getattr(point, ratio) - 1.0) for point in curve.points])
         shown = np.where(above > 0.0, above, np.nan)
-        axes.semilogy(np.asarray(count), shown, color=colour.light, marker=marker, markersize=4, label=label)
+        axes.semilogy(count, shown, color=colour.light, marker=marker, markersize=4, label=label)
     axes.set(xlabel="positions", ylabel="cost above the optimum [%]")
     axes.legend()
     return figure, "Cost above the optimum against the number of positions"

@@ -120,19 +120,13 @@ MOST_LABELS = 32
 
 @drawn
 def held_out(before: ArrayLike, after: ArrayLike, labels: Sequence[object]) -> Drawn:
-    """Errors of prediction at positions that were not used, before and after the model was extended.
+    """Errors (N, 3) in units of σ of prediction at N positions that were not used, without the effects and with them.
 
-    Parameters
-    ----------
-    before, after : array, shape (N,) or (N, 3)
-        errors in units of σ, for one or for each of the three accelerometers
-    labels : sequence, length N
-        names of the positions
+    `labels` are the names of the positions.
     """
     names = [short(label, 24) for label in labels]
-    first, second = (_by_position(values, len(names)) for values in (before, after))
-    spread = np.linspace(-0.24, 0.24, first.shape[1]) if first.shape[1] > 1 else np.zeros(1)
-    place = (np.arange(len(names))[:, None] + spread).ravel()
+    first, second = three_columns(before), three_columns(after)
+    place = (np.arange(len(names))[:, None] + np.array([-0.24, 0.0, 0.24])).ravel()
     figure, ((axes,),) = sheet(3.0)
     zero_line(axes, (-1.0, 1.0), "within ±σ")
     axes.vlines(place, first.ravel(), second.ravel(), color=MUTED.light, linewidth=0.7)
@@ -146,17 +140,11 @@ def held_out(before: ArrayLike, after: ArrayLike, labels: Sequence[object]) -> D
     axes.grid(visible=False, axis="x")
     reach = 1.12 * max(1.25, farthest(first, second))
     axes.set(xlim=(-0.6, max(len(names), 1) - 0.4), ylim=(-reach, reach), ylabel="error of prediction [σ]")
-    beside = "" if first.shape[1] == 1 else "; accelerometers 1, 2, 3 side by side"
-    axes.set_xlabel(f"position that was held out{beside}")
+    axes.set_xlabel("position that was held out; accelerometers 1, 2, 3 side by side")
     legend(figure)
     if not np.isfinite([*first, *second]).any():
         say_empty(axes)
     return figure, "Errors of prediction at held-out positions, before and after the model was extended"
-
-
-def _by_position(values: ArrayLike, count: int) -> NDArray:
-    array = np.asarray(values, dtype=np.float64)
-    return column(array).reshape(count, -1) if count and array.size else np.full((count, 1), np.nan)
 
 
 @drawn
