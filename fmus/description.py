@@ -6,7 +6,7 @@ In FMI 3.0 arrays are variables with a dimension, and value references count var
 import hashlib
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from xml.etree import ElementTree
@@ -175,99 +175,73 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
     return root
 
 
-def scalar_element(variable: Variable, name: str, reference: int, start: float) -> Element:
-    """A ScalarVariable."""
-    scalar = Element("ScalarVariable", variable_attributes(variable, name, reference))
-    typed = SubElement(scalar, TYPE_NAMES[2][variable.type], type_attributes(variable))
-    if variable.causality != "output":
-        typed.set("start", start_text(variable, start))
-    return scalar
-
-
-def description_2(component: Component, sources: Sequence[str]) -> Element:
-    """The model description of FMI 2.0, without identity and date; `sources` are files under sources/."""
-    root = _described_head(component, 2, sources)
+def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+    """The model description of a version of FMI, without identity and date; `sources` are files under sources/."""
+    root = _described_head(component, fmi, sources)
     variables = SubElement(root, "ModelVariables")
-    time = SubElement(
-        variables,
-        "ScalarVariable",
-        name="time",
-        valueReference="0",
-        description="simulation time",
-        causality="independent",
-        variability="continuous",
-    )
-    SubElement(time, "Real", unit="s")
-    index: dict[str, list[int]] = {}
+    time = {"name": "time", "valueReference": "0", "description": "simulation time", "causality": "independent"}
+    time["variability"] = "continuous"
+    if fmi == 2:
+        SubElement(SubElement(variables, "ScalarVariable", time), "Real", unit="s")
+    else:
+        SubElement(variables, "Float64", time, unit="s")
+    references: dict[str, list[int]] = {}
     for variable in component.interface:
-        for name, start in zip(variable.elements, variable.starts, strict=True):
-            reference = len(variables)
-            index.setdefault(variable.name, []).append(reference + 1)
-            variables.append(scalar_element(variable, name, reference, start))
-    structure = SubElement(root, "ModelStructure")
-    outputs = SubElement(structure, "Outputs")
-    unknowns = SubElement(structure, "InitialUnknowns")
-    initial = initially_known(component)
-    at_start = " ".join(str(i) for v in component.interface if v.name in initial for i in index[v.name])
-    for variable in component.interface:
-        if variable.causality != "output":
-            continue
-        known = [str(i) for name in variable.follows for i in index[name]]
-        for place in index[variable.name]:
-            unknown = SubElement(outputs, "Unknown", index=str(place), dependencies=" ".join(known))
-            if known:
-                unknown.set("dependenciesKind", " ".join(["dependent"] * len(known)))
-            SubElement(unknowns, "Unknown", index=str(place), dependencies=at_start)
+        known = references[variable.name] = []
+        for name, starts in _values(variable, fmi):
+            known.append(len(variables))
+            variables.append(variable_element(variable, fmi, name, known[-1], starts))
+    _add_structure(root, component, fmi, references)
     return root
 
 
-def variable_element(variable: Variable, reference: int) -> Element:
-    """A variable, with its dimension where it is an array."""
-    attributes = variable_attributes(variable, variable.name, reference) | type_attributes(variable)
-    element = Element(TYPE_NAMES[3][variable.type], attributes)
+def _values(variable: Variable, fmi: int) -> list[tuple[str, tuple[float, ...]]]:
+    """What has a value reference, a variable or in FMI 2.0 each of its elements, with its start values."""
+    if fmi == 3:
+        return [(variable.name, variable.starts)]
+    return [(name, (start,)) for name, start in zip(variable.elements, variable.starts, strict=True)]
+
+
+def variable_element(variable: Variable, fmi: int, name: str, reference: int, starts: tuple[float, ...]) -> Element:
+    """A variable: of FMI 2.0 a scalar, of FMI 3.0 with its dimension where it is an array."""
+    attributes, typed = variable_attributes(variable, name, reference), type_attributes(variable)
+    if fmi == 2:
+        element = Element("ScalarVariable", attributes)
+        valued = SubElement(element, TYPE_NAMES[2][variable.type], typed)
+    else:
+        element = valued = Element(TYPE_NAMES[3][variable.type], attributes | typed)
     if variable.causality != "output":
-        element.set("start", " ".join(start_text(variable, value) for value in variable.starts))
-    if variable.size:
+        valued.set("start", " ".join(start_text(variable, start) for start in starts))
+    if variable.size and fmi == 3:
         SubElement(element, "Dimension", start=str(variable.size))
     return element
 
 
-def description_3(component: Component) -> Element:
-    """The model description of FMI 3.0, without token and date."""
-    root = _described_head(component, 3, ())
-    variables = SubElement(root, "ModelVariables")
-    SubElement(
-        variables,
-        "Float64",
-        name="time",
-        valueReference="0",
-        description="simulation time",
-        causality="independent",
-        variability="continuous",
-        unit="s",
-    )
-    references = {v.name: i for i, v in enumerate(component.interface, start=1)}
-    for variable in component.interface:
-        variables.append(variable_element(variable, references[variable.name]))
+def _add_structure(root: Element, component: Component, fmi: int, references: Mapping[str, list[int]]) -> None:
+    """ModelStructure: what the outputs depend on in a step, and when the initialisation ends."""
     structure = SubElement(root, "ModelStructure")
-    outputs = [v for v in component.interface if v.causality == "output"]
-    for variable in outputs:
-        known = [str(references[name]) for name in variable.follows]
-        output = SubElement(
-            structure, "Output", valueReference=str(references[variable.name]), dependencies=" ".join(known)
-        )
-        if known:
-            output.set("dependenciesKind", " ".join(["dependent"] * len(known)))
+    if fmi == 2:
+        # The standard counts variables from 1 here, the time too.
+        outputs, unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
+        key, shift, tags = "index", 1, ("Unknown", "Unknown")
+    else:
+        outputs = unknowns = structure
+        key, shift, tags = "valueReference", 0, ("Output", "InitialUnknown")
+
+    def numbers(names: Iterable[str]) -> list[str]:
+        return [str(i + shift) for name in names for i in references[name]]
+
     initial = initially_known(component)
-    at_start = " ".join(str(references[v.name]) for v in component.interface if v.name in initial)
-    for variable in outputs:
-        SubElement(structure, "InitialUnknown", valueReference=str(references[variable.name]), dependencies=at_start)
-    return root
-
-
-def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
-    """The model description of a version of FMI, without identity and date."""
-    return description_3(component) if fmi == 3 else description_2(component, sources)
+    at_start = " ".join(numbers(v.name for v in component.interface if v.name in initial))
+    shown = [v for v in component.interface if v.causality == "output"]
+    for variable in shown:
+        known = numbers(variable.follows)
+        for place in numbers([variable.name]):
+            output = SubElement(outputs, tags[0], {key: place}, dependencies=" ".join(known))
+            if known:
+                output.set("dependenciesKind", " ".join(["dependent"] * len(known)))
+    for place in numbers(v.name for v in shown):
+        SubElement(unknowns, tags[1], {key: place}, dependencies=at_start)
 
 
 def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> str:

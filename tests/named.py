@@ -32,8 +32,8 @@ class Named:
         self,
         component: Component | str,
         effects: Effects | None = None,
-        *,
         model: Instance | None = None,
+        /,
         **values: ArrayLike,
     ) -> None:
         base = components()[component] if isinstance(component, str) else component

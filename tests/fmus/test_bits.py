@@ -64,7 +64,7 @@ def plan(component: Component, steps: int) -> tuple[dict[str, float], list[dict[
 
 
 def run_instance(model: Instance, component: Component, steps: int) -> list[list[float]]:
-    named = Named(component, model=model)
+    named = Named(component, None, model)
     parameters, inputs, lengths = plan(component, steps)
     named.put(**parameters).begin()
     seen = [named.outputs()]
