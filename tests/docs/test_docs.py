@@ -12,6 +12,7 @@ import pytest
 
 from browser import browser, browser_program
 from doc_blocks import ROOT, Reader, blocks_of, matches
+from reference import reference_page
 
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
 RUNNABLE = [page for page in PAGES if any(block.language != "text" for block in blocks_of(page))]
@@ -137,6 +138,10 @@ def test_commands_and_library_are_described_from_the_code(site):
     assert "--noise-bound" in commands
     library = (site / "api.html").read_text(encoding="utf-8")
     assert [name for name in __all__ if not name.startswith("__") and f">th.{name}<" not in library] == []
+
+
+def test_the_reference_page_is_what_the_source_says():
+    assert (ROOT / "docs" / "reference.md").read_text(encoding="utf-8") == reference_page(), "run `make docs`"
 
 
 def test_links_in_the_readme_and_the_changelog_lead_somewhere():

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from component_kinds import draw_inputs, draw_parameters
+from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import Component
 from trihedron.fmus.native.c_source import native_sources
 from trihedron.fmus.native.compile import FLAGS, zig_version
-from trihedron.fmus.source import instantiate, references
 
 STEPS = 1000
 RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}
@@ -26,26 +26,24 @@ BOUND = 1e-12
 def script_and_result(component: Component) -> tuple[str, list[float]]:
     """Lines for the host, and the real outputs that plain Python has after each step."""
     rng = random.Random(5)
-    numbers = references(component)
     kinds = {e: v.type for v in component.interface for e in v.elements}
     shown = [e for v in component.interface if v.causality == "output" and v.type == "real" for e in v.elements]
-    model, lines, seen = instantiate(component), ["enter - -"], []
+    model, lines, seen = Named(component), ["enter - -"], []
 
     def set_all(values: dict[str, float]) -> None:
-        for name, value in values.items():
-            lines.append(f"{kinds[name]} {numbers[name]} {float(value).hex()}")
-            model.set(numbers[name], value)
+        model.put(**values)
+        lines.extend(f"{kinds[name]} {model.at[name]} {float(value).hex()}" for name, value in values.items())
 
     set_all(draw_parameters(component, rng))
-    assert model.initialise(0.0) == 0
+    model.begin()
     lines.append("leave - -")
     for k in range(STEPS):
         if k % 20 == 0 or component.name == "AttitudeComputer":
             set_all(draw_inputs(component, rng))
-        assert model.do_step(k * 0.02, 0.02) == 0
+        model.step(k * 0.02, 0.02)
         lines.append(f"step {(k * 0.02).hex()} {(0.02).hex()}")
-        lines += [f"show {numbers[e]} 0" for e in shown]
-        seen += [float(model.get(numbers[e])) for e in shown]
+        lines += [f"show {model.at[e]} 0" for e in shown]
+        seen += [float(model[e]) for e in shown]
     return "\n".join(lines) + "\n", seen
 
 

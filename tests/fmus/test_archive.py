@@ -1,5 +1,6 @@
-"""What a native FMU ships, that it is the same on every build, and that the usual tools take it."""
+"""What an FMU ships, that it is the same on every build, and that the usual tools take it."""
 
+import random
 import shutil
 import subprocess
 import sys
@@ -14,11 +15,11 @@ from fmpy.util import read_csv, read_ref_opt_file
 from fmpy.validation import validate_fmu
 
 from component_kinds import all_kinds, draw_parameters, outputs_of, setter_of, title
+from named import Named
 from native_model import Model, open_fmu
 from trihedron.fmus import build, components
 from trihedron.fmus.native import compile as compiler
 from trihedron.fmus.native.compile import PLATFORMS, BuildError, host_compiler, zig_version
-from trihedron.fmus.source import instantiate, references
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components, write_reference
@@ -28,17 +29,19 @@ from trihedron.tools.orchestrator.scenario import Scenario
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 
 
-@needs_compiler
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(
+    ("flavour", "fmi"),
+    [("python", 2), pytest.param("native", 2, marks=needs_compiler), pytest.param("native", 3, marks=needs_compiler)],
+)
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
-def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, fmi, tmp_path, monkeypatch):
-    first = build(component.name, tmp_path / "a", component.effects, flavour="native", fmi=fmi)
+def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, flavour, fmi, tmp_path, monkeypatch):
+    first = build(component.name, tmp_path / "a", component.effects, flavour=flavour, fmi=fmi)
     assert validate_fmu(str(first)) == []
-    if component.name == "AccelerometerBlock":
+    if flavour == "python" or component.name == "AccelerometerBlock":
         monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "empty"))
-        second = build(component.name, tmp_path / "b", component.effects, flavour="native", fmi=fmi)
+        second = build(component.name, tmp_path / "b", component.effects, flavour=flavour, fmi=fmi)
         assert first.read_bytes() == second.read_bytes()
-        assert list((tmp_path / "empty" / "binaries").iterdir())
+        assert flavour == "python" or list((tmp_path / "empty" / "binaries").iterdir())
 
 
 @needs_compiler
@@ -127,18 +130,11 @@ def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
 @pytest.mark.parametrize("name", sorted(components()))
 def test_outputs_during_the_initialisation_are_those_after_it(name, tmp_path, slaves):
     """In every flavour: a master may read them before it ends the initialisation."""
-    import random
-
     component = components()[name]
     parameters = draw_parameters(component, random.Random(3))
-    numbers = references(component)
-    plain = instantiate(component)
-    for element, value in parameters.items():
-        plain.set(numbers[element], value)
-    shown = [numbers[e] for v in component.interface if v.causality == "output" for e in v.elements]
-    before = [plain.get(i) for i in shown]
-    assert plain.initialise(0.0) == 0
-    assert [plain.get(i) for i in shown] == before
+    plain = Named(component, **parameters)
+    before = plain.outputs()
+    assert plain.begin().outputs() == before
     slave = slaves(build(name, tmp_path / "python"))
     slave.setupExperiment(startTime=0.0)
     slave.enterInitializationMode()
