@@ -1,7 +1,6 @@
 """The commands that plan measurements, hide effects and carry out campaigns: each has several uses."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -161,45 +160,18 @@ def _check(file: Path | None, request: "planning.Request", noise_bound: float | 
     return answer(found, json, found.json_text())
 
 
-@dataclass(frozen=True)
-class HiddenOptions:
-    """What is hidden, in one record or in many."""
-
-    seed: Annotated[int | None, Parameter(help="Decides truth, effect, size and noise; 0 by default.")] = None
-    secret: Annotated[
-        File,
-        Parameter(name="--answer", help="Of one record: where the secret goes; without it nobody will know."),
-    ] = None
-    effect: Annotated[
-        tuple[str, ...],
-        Parameter(name=("--effect", "--effects"), help="Draw from these effects only; may be repeated."),
-    ] = ()
-    clean: Annotated[bool, Parameter(help="Hide nothing.")] = False
-    cases: Annotated[
-        Optional,
-        Parameter(help="So many records are drawn, measured and diagnosed; more leave these as they are."),
-    ] = None
-    size: Annotated[
-        tuple[float, float] | None,
-        Parameter(
-            allow_leading_hyphen=True,
-            help="Of a suite: least and greatest size over that of sure detection, in place of those of the mode.",
-        ),
-    ] = None
-    out: Annotated[Folder, Parameter(help="Of a suite: folder for the results (JSON, CSV, page) and the records.")] = (
-        None
-    )
-    jobs: Annotated[int, Parameter(help="Of a suite: number of processes.")] = 1
-
-
-NOTHING_SAID = HiddenOptions()
-
-
 def hidden(
     record: File = None,
     /,
     *,
-    what: Annotated[HiddenOptions, Parameter(name="*")] = NOTHING_SAID,
+    seed: Optional = None,
+    secret: Annotated[File, Parameter(name="--answer")] = None,
+    effect: Annotated[tuple[str, ...], Parameter(name=("--effect", "--effects"))] = (),
+    clean: bool = False,
+    cases: Optional = None,
+    size: Annotated[tuple[float, float] | None, Parameter(allow_leading_hyphen=True)] = None,
+    out: Folder = None,
+    jobs: int = 1,
     strapdown: bool = False,
     baseline: Literal["asymmetric", "symmetric"] | None = None,
     suite: str | None = None,
@@ -222,6 +194,22 @@ def hidden(
     ----------
     record
         Where one position record is written (CSV).
+    seed
+        Decides truth, effect, size and noise; 0 by default.
+    secret
+        Of one record: where the secret goes; without it nobody will know.
+    effect
+        Draw from these effects only; may be repeated.
+    clean
+        Hide nothing.
+    cases
+        So many records are drawn, measured and diagnosed; more leave these as they are.
+    size
+        Of a suite: least and greatest size over that of sure detection, in place of those of the mode.
+    out
+        Of a suite: folder for the results (JSON, CSV, page) and the records.
+    jobs
+        Of a suite: number of processes.
     strapdown
         A record of gyros and accelerometers that are moved by hand, in place of one of a table's positions.
     baseline
@@ -237,73 +225,43 @@ def hidden(
     noise
         Of a suite: uniform within σ, at ±σ everywhere, wandering within σ, or one after the other (the default).
     """
-    if what.clean and (what.effect or mode not in (None, "clean")):
-        raise InputError(f"--clean and --{'effect' if what.effect else 'mode'}: give one of the two")
+    if clean and (effect or mode not in (None, "clean")):
+        raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
+    drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}
     if strapdown:
-        only = {"--baseline": baseline, "--suite": suite, "--mode": mode, "--positions": positions, "--noise": noise}
-        _refuse(only, "is of records of a table's positions; leave it out with --strapdown")
-        return _strapdown_suite(record, what, json) if what.cases is not None else _one_strapdown(record, what, json)
-    drawn = {"--mode": mode, "--positions": positions, "--size": what.size, "--noise": noise}
-    if what.cases is None and suite is None:
-        _refuse({**drawn, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
-        return _one_record(record, what, json, baseline or "asymmetric")
-    only = {"the record": record, "--answer": what.secret, "--baseline": baseline}
-    _refuse(only, "is of one record, --cases and --suite of many; give one of the two (many have --out)")
+        of_a_table = {"--baseline": baseline, "--suite": suite, **drawn, "--size": None}
+        _refuse(of_a_table, "is of records of a table's positions; leave it out with --strapdown")
+    if cases is None and suite is None:
+        _refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
+        if record is None:
+            example = "moved.csv" if strapdown else "measured.csv"
+            raise InputError(f"hidden: give the file of one record, as {example}, or --cases for a suite")
+        distinct_files({"the record": record, "--answer": secret, "--json": json})
+        seed = seed or 0
+        trials.check_seed(seed)
+        if strapdown:
+            options = trials.Options("clean" if clean else "single", effect, strapdown=True)
+            case = trials.draw_case(options, seed, seed)
+        else:
+            chosen = () if clean else effect or None
+            case = trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
+        trials.write_hidden_record(case, record, secret, progress=True)
+        return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
+    many = "--cases of many; give one of the two" if strapdown else "--cases and --suite of many; give one of the two"
+    only = {"the record": record, "--answer": secret, "--baseline": baseline}
+    _refuse(only, f"is of one record, {many}{'' if strapdown else ' (many have --out)'}")
     if suite is not None:
-        _refuse({**drawn, "--effect": what.effect or None, "--clean": what.clean or None}, "is what --suite decides")
+        _refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
         named = trials.named_suite(suite)
     else:
-        chosen = "clean" if what.clean else mode or "single"
-        named = trials.NamedSuite(
-            trials.Options(chosen, what.effect, positions or (12, 100), noise or "all", what.size), 100, 0
+        chosen_mode = "clean" if clean else mode or "single"
+        options = trials.Options(
+            chosen_mode, effect, positions or (12, 100), noise or "all", size=size, strapdown=strapdown
         )
-    cases, seed = named.cases if what.cases is None else what.cases, named.seed if what.seed is None else what.seed
-    return _suite(named.options, cases, seed, what, json)
-
-
-def _one_record(record: Path | None, what: HiddenOptions, json: Path | None, baseline: str) -> Answer:
-    if record is None:
-        raise InputError("hidden: give the file of one record, as measured.csv, or --cases for a suite")
-    chosen = () if what.clean else what.effect or None
-    return _written(
-        record, what, json, lambda seed: trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
-    )
-
-
-def _one_strapdown(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
-    _refuse({"--size": what.size, "--out": what.out}, "is of a suite; give --cases too, as --cases 100")
-    if record is None:
-        raise InputError("hidden: give the file of one record, as moved.csv, or --cases for a suite")
-    options = trials.Options("clean" if what.clean else "single", what.effect, strapdown=True)
-    return _written(record, what, json, lambda seed: trials.draw_case(options, seed, seed))
-
-
-def _written(record: Path, what: HiddenOptions, json: Path | None, draw: "Callable[[int], trials.Case]") -> Answer:
-    """Write one record with a secret."""
-    distinct_files({"the record": record, "--answer": what.secret, "--json": json})
-    seed = what.seed or 0
-    trials.check_seed(seed)
-    trials.write_hidden_record(draw(seed), record, what.secret, progress=True)
-    return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
-
-
-def _strapdown_suite(record: Path | None, what: HiddenOptions, json: Path | None) -> Answer:
-    _refuse({"the record": record, "--answer": what.secret}, "is of one record, --cases of many; give one of the two")
-    assert what.cases is not None
-    return _suite(
-        trials.Options("clean" if what.clean else "single", what.effect, size=what.size, strapdown=True),
-        what.cases,
-        what.seed or 0,
-        what,
-        json,
-    )
-
-
-def _suite(options: "trials.Options", cases: int, seed: int, what: HiddenOptions, json: Path | None) -> Answer:
-    """Draw, measure, diagnose and count the cases of a suite."""
-    done = trials.run_suite(options, cases, seed, records=_records_folder(what.out), jobs=what.jobs, progress=True)
-    files = reports.write_suite(done, what.out) if what.out is not None else ()
-    return answer(done, json, done.to_json(), files=files)
+        named = trials.NamedSuite(options, 100, 0)
+    number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
+    done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)
+    return answer(done, json, done.to_json(), files=() if out is None else reports.write_suite(done, out))
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:
