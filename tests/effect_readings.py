@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from named import Effects, Named
 from trihedron.fmus.parameters import component_parameters
 from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE, Rows
+from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits
 
@@ -23,6 +23,16 @@ APPROACH = 1e-3
 """From so far [rad] the table comes to each position."""
 TRUTH = RNG.uniform(-0.005, 0.005, len(TARGETS))
 PARAMETERS = component_parameters(dict(zip(TARGETS, TRUTH, strict=True)), G, np.eye(3))
+
+WOBBLES = {
+    EffectPlace("axis-wobble", "outer-axis", 2): (3e-3, 0.4),
+    EffectPlace("axis-wobble", "inner-axis", 3): (2e-3, -1.0, 4e-3, 2.0),
+    EffectPlace("axis-wobble", "inner-axis", 1): (3e-3, 0.9),
+    EffectPlace("sag", "outer-axis"): (2e-3, 0.3),
+    EffectPlace("sag", "inner-axis"): (3e-3, -0.5),
+    EffectPlace("base-drift", "base"): (2.0, -3.0),
+}
+"""Geometry effects; the base drifts fast enough to show within seconds."""
 
 
 def extended_instance(name: str, effects: Effects, **settings: ArrayLike) -> Named:

@@ -4,25 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from effect_readings import ALPHA, BETA, ROWS, G, extended_instance, readings, true_bench
+from effect_readings import ALPHA, BETA, ROWS, WOBBLES, G, extended_instance, readings, true_bench
 from named import Named
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import Positions, parametrise, predicted_reading
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits, circumstances_of
 from trihedron.tools.records import PositionRecord
-
-WOBBLES = {
-    EffectPlace("axis-wobble", "outer-axis", 2): (3e-3, 0.4),
-    EffectPlace("axis-wobble", "inner-axis", 3): (2e-3, -1.0, 4e-3, 2.0),
-    EffectPlace("axis-wobble", "inner-axis", 1): (3e-3, 0.9),
-    EffectPlace("sag", "outer-axis"): (2e-3, 0.3),
-    EffectPlace("sag", "inner-axis"): (3e-3, -0.5),
-    EffectPlace("base-drift", "base"): (2.0, -3.0),
-}
-"""Geometry effects; the base drifts fast enough to show within seconds."""
 
 
 def block(effects: dict[EffectPlace, tuple[float, ...]], **settings):
@@ -144,45 +133,6 @@ def test_a_move_that_is_turned_round_within_a_step_ends_in_its_last_sense():
     model.put(**{"command[1]": 0.1})
     model.step(1.0, 60.0)
     assert model["angle_reading[1]"] == pytest.approx(0.1 + 1e-3, abs=1e-12)
-
-
-@pytest.mark.parametrize("place", [None, *WOBBLES], ids=lambda p: p.title if p else "all")
-def test_increments_with_small_turns_that_vary_integrate_to_the_attitude(place):
-    """An independent integrator, fed with the increments, must arrive at the table's own attitude."""
-    effects = WOBBLES if place is None else {place: WOBBLES[place]}
-    settings = {"max_rate": [1.0, 1.3], "max_acceleration": [2.0, 1.5], "azimuth": 0.6, "initial_angle": [0.4, -0.3]}
-    errors = []
-    for step in (0.02, 0.01):
-        model = table(effects, **settings)
-        begin = Rotation.from_quat(model["attitude_inertial"], scalar_first=True)
-        attitude, first, worst = begin, None, 0.0
-        for k in range(round(4.0 / step)):
-            if k == 0:
-                model.put(command=[2.0, -2.5])
-            model.step(k * step, step)
-            increment = model["increment"]
-            if first is None:
-                first = increment
-            else:
-                # Two-sample rotation vector: error of order h^4 over the run, h^3 at the kinks of the rates.
-                attitude = attitude * Rotation.from_rotvec(first + increment + (2.0 / 3.0) * np.cross(first, increment))
-                first = None
-                truth = Rotation.from_quat(model["attitude_inertial"], scalar_first=True)
-                worst = max(worst, (attitude.inv() * truth).magnitude())
-        errors.append(worst)
-    assert errors[0] < 0.06 * 0.02**3
-    assert errors[1] < errors[0] / 6.0
-
-
-def test_increments_with_small_turns_do_not_depend_on_the_step():
-    coarse, fine = (table(WOBBLES).put(command=[1.7, -2.9]) for _ in range(2))
-    for k in range(4):
-        coarse.step(k * 1.0, 1.0)
-        total = np.zeros(3)
-        for j in range(40):
-            fine.step(k * 1.0 + j * 0.025, 0.025)
-            total += fine["increment"]
-        assert coarse["increment"] == pytest.approx(total, abs=3e-13)
 
 
 def test_a_record_without_approach_columns_gives_senses_from_the_row_before():

@@ -9,15 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from gyro_readings import gyro_readings, lively_motion
 from named import Named
-from trihedron.fmus import components
-from trihedron.fmus.component import extend
-from trihedron.fmus.units import UNITS
 from trihedron.models.effects import (
     POSITION_EFFECTS,
     STRAPDOWN_EFFECTS,
     EffectPlace,
-    parameter_name,
-    place_from_mapping,
 )
 
 CONTRACT = {
@@ -63,25 +58,6 @@ def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
             change = change * rows.period / rows.step[:, None]
         assert np.abs(change - columns[:, :, k]).max() < 1e-11 * max(1.0, np.abs(columns).max())
         assert np.abs(columns[:, :, k]).max() > 0.0
-
-
-@pytest.mark.parametrize("place", IN_GYROS, ids=lambda p: p.title)
-def test_parameters_have_names_units_sizes_and_a_sentence(place):
-    effect = STRAPDOWN_EFFECTS[place.effect]
-    coefficients = np.linspace(3e-3, -4e-3, len(effect.parameters))
-    values = dict(zip([p.name for p in effect.parameters], coefficients.tolist(), strict=True))
-    if effect.variants is None:
-        assert effect.from_coefficients(coefficients) == tuple(coefficients)
-    else:
-        with pytest.raises(TypeError, match="not linear"):
-            effect.signature(place, lively_motion())
-    assert place_from_mapping({"effect": place.effect, "where": place.where, **values}) == (place, values)
-    variables = extend(components()["GyroBlock"], [place]).variables
-    assert [v.name for v in variables[-len(values) :]] == [parameter_name(place, name) for name in values]
-    assert all(
-        p.unit in UNITS and p.possible(p.largest) and not p.possible(1.01 * p.largest) for p in effect.parameters
-    )
-    assert effect.sentence(place, values).startswith("the ")
 
 
 def test_the_block_reads_what_the_contract_defines():
