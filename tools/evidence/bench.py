@@ -51,6 +51,9 @@ MOST_ANCHORS = 3
 STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
 
+Split = tuple[NDArray, NDArray, tuple[NDArray, NDArray] | None]
+"""Readings that are left out, those that are kept, and the errors of the former by the nominal model, if any."""
+
 
 @dataclass(frozen=True, eq=False)
 class Bench(Evidence):
@@ -423,34 +426,38 @@ class Bench(Evidence):
         # With the effects taken out at their sizes, a shuffle begins where the nominal model does.
         whole = fit.residual + own @ fit.coefficients[lasting[bench:]]
 
+        turned, in_time = self._split(turns, used), self._split(blocks, used)
+
         def shuffles() -> Iterator[NDArray[np.float64]]:
             rng = np.random.default_rng(count)
             for _ in range(SHUFFLES):
                 order = rng.permutation(count)
                 moved = own.reshape(count, 3, -1)[order].reshape(3 * count, -1)
-                tried = self._left_out(np.hstack((jacobian[:, :bench], moved)), whole, turns, used)
+                tried = self._left_out(np.hstack((jacobian[:, :bench], moved)), whole, turned)
                 if tried is not None:
                     yield tried[1]
 
-        folds = self._left_out(jacobian, fit.residual, turns, used)
-        yield Trial(
-            fit.places,
-            folds,
-            self._left_out(jacobian, fit.residual, blocks, used),
-            shuffles() if folds is not None and fit.linear else (),
-        )
+        folds = self._left_out(jacobian, fit.residual, turned)
+        tried = shuffles() if folds is not None and fit.linear else ()
+        yield Trial(fit.places, folds, self._left_out(jacobian, fit.residual, in_time), tried)
 
-    def _left_out(self, jacobian: NDArray, residual: NDArray, parts: Sequence[NDArray], used: NDArray) -> Errors | None:
-        """Errors of each part (rows) left out in turn, by the nominal model and with effects.
+    def _split(self, parts: Sequence[NDArray], used: NDArray) -> list[Split]:
+        """Readings of each part (rows) that are left out, those that are kept, and what the nominal model predicts."""
+        split = []
+        for out in parts:
+            held = np.intersect1d(readings_at(out), used)
+            kept = np.setdiff1d(used, held)
+            split.append((held, kept, predicted_errors(self.nominal, self.residual, self.bound, kept, held)))
+        return split
+
+    def _left_out(self, jacobian: NDArray, residual: NDArray, split: Sequence[Split]) -> Errors | None:
+        """Errors of each part left out in turn, by the nominal model and with effects.
 
         None where the others would not do, or tell too few of them.
         """
         errors: list[tuple[NDArray, NDArray]] = []
-        for out in parts:
-            held = np.intersect1d(readings_at(out), used)
-            kept = np.setdiff1d(used, held)
-            without = predicted_errors(self.nominal, self.residual, self.bound, kept, held)
-            with_effects = predicted_errors(jacobian, residual, self.bound, kept, held)
+        for held, kept, without in split:
+            with_effects = predicted_errors(jacobian, residual, self.bound, kept, held) if without else None
             if without is None or with_effects is None:
                 return None
             wanted = without[1] & with_effects[1]

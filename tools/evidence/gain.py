@@ -124,11 +124,15 @@ def _leverages(jacobian: NDArray, kept: NDArray, held: NDArray) -> NDArray | Non
     """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
     scale = np.abs(jacobian).max(axis=0, initial=0.0)
     unit = jacobian / np.where(scale > 0.0, scale, 1.0)
-    rank = np.linalg.matrix_rank(unit, tol=1e-8 * np.linalg.norm(unit, 2))
-    part = unit[kept]
-    if len(kept) <= rank or np.linalg.matrix_rank(part, tol=1e-8 * np.linalg.norm(part, 2)) < rank:
+    rank = _rank(unit)
+    if len(kept) <= rank or _rank(unit[kept]) < rank:
         return None
-    return np.linalg.norm(unit[held] @ np.linalg.pinv(part, rcond=1e-8), axis=1)
+    return np.linalg.norm(unit[held] @ np.linalg.pinv(unit[kept], rcond=1e-8), axis=1)
+
+
+def _rank(matrix: NDArray) -> int:
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int(np.count_nonzero(values > 1e-8 * values.max(initial=0.0)))
 
 
 def predicted_errors(
