@@ -20,9 +20,12 @@ ROUNDS = 30
 
 
 @compiled_and_kept
-def _append(gram, product, first, size, chosen, triangle, solved, count):
-    """Extend a Cholesky factor by the columns of one candidate; dependent ones are passed over."""
-    for column in range(first, first + size):
+def _append(projection, candidate, factor, count):
+    """Extend a Cholesky factor of so many columns by those of a candidate; dependent ones are passed over."""
+    _, _, _, _, gram, product, starts, sizes = projection
+    chosen, triangle, solved = factor
+    first = starts[candidate]
+    for column in range(first, first + sizes[candidate]):
         for m in range(count):
             value = gram[column, chosen[m]]
             for q in range(m):
@@ -61,8 +64,9 @@ def _without_one(square, residual, leverage, weight):
 
 
 @compiled_and_kept
-def _without_two(square, ra, rb, ha, hb, cross, weight):
-    left_a, left_b = 1.0 - ha, 1.0 - hb
+def _without_two(square, residuals, leverages, cross, weight):
+    ra, rb = residuals
+    left_a, left_b = 1.0 - leverages[0], 1.0 - leverages[1]
     determinant = left_a * left_b - cross * cross
     if determinant <= 1e-9 or weight >= 1.0 - 1e-9:
         return 0.0
@@ -71,23 +75,31 @@ def _without_two(square, ra, rb, ha, hb, cross, weight):
 
 
 @compiled_and_kept
-def bounds_of(sets, weights, basis, residual, columns, gram, product, starts, sizes):
-    """Squared bounds (n,) of sets (n, 5) under one projection."""
+def _no_factor():
+    """A Cholesky factor of no columns: their numbers, the factor, the solution."""
+    return np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
+
+
+@compiled_and_kept
+def bounds_of(sets, projection):
+    """Squared bounds (n,) of sets (n, 5) under one projection.
+
+    A projection is weights, basis, residual, columns, gram, product as `sets.Projection` has them, then the first
+    column and the number of columns of each candidate.
+    """
+    weights, basis, residual, columns, _, _, _, _ = projection
     total = 0.0
     for m in range(len(residual)):
         total += residual[m] * residual[m]
     leverage = np.sum(basis * basis, axis=1)
     found = np.empty(len(sets))
-    triangle = np.zeros((MOST_COLUMNS, MOST_COLUMNS))
-    solved = np.zeros(MOST_COLUMNS)
-    chosen = np.zeros(MOST_COLUMNS, dtype=np.int64)
+    chosen, triangle, solved = factor = _no_factor()
     first, second = np.zeros(MOST_COLUMNS), np.zeros(MOST_COLUMNS)
     for n in range(len(sets)):
         count = 0
         for k in range(3):
             if sets[n, k] >= 0:
-                i = sets[n, k]
-                count = _append(gram, product, starts[i], sizes[i], chosen, triangle, solved, count)
+                count = _append(projection, sets[n, k], factor, count)
         square = total
         for q in range(count):
             square -= solved[q] * solved[q]
@@ -110,22 +122,23 @@ def bounds_of(sets, weights, basis, residual, columns, gram, product, starts, si
                     cross += first[q] * second[q]
                 for q in range(basis.shape[1]):
                     cross += basis[a, q] * basis[b, q]
-                square = _without_two(square, ra, rb, ha, hb, cross, weights[a] + weights[b])
+                square = _without_two(square, (ra, rb), (ha, hb), cross, weights[a] + weights[b])
         found[n] = square
     return found
 
 
 @compiled_and_kept
-def _kept(survivors, count, i, j, k, a, b):
+def _kept(survivors, count, numbers, a, b):
     if count == len(survivors):
         survivors = np.concatenate((survivors, np.empty_like(survivors)))
-    survivors[count] = (i, j, k, a, b)
+    survivors[count] = (numbers[0], numbers[1], numbers[2], a, b)
     return survivors
 
 
 @compiled_and_kept
-def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, gram, product, starts, sizes):
-    """All sets (n, 5) of so many effects and outliers whose squared bound is not above the limit."""
+def surviving_sets(effects, outliers, limit, projection):
+    """All sets (n, 5) of so many effects and outliers whose squared bound under a projection is not above the limit."""
+    weights, basis, residual, columns, _, _, starts, _ = projection
     rows, candidates = len(residual), len(starts)
     total = 0.0
     for m in range(rows):
@@ -133,9 +146,7 @@ def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, 
     leverage = np.sum(basis * basis, axis=1)
     survivors = np.empty((1024, WIDTH), dtype=np.int64)
     found = 0
-    triangle = np.zeros((MOST_COLUMNS, MOST_COLUMNS))
-    solved = np.zeros(MOST_COLUMNS)
-    chosen = np.zeros(MOST_COLUMNS, dtype=np.int64)
+    chosen, triangle, solved = factor = _no_factor()
     ends = np.zeros(4, dtype=np.int64)
     numbers = np.full(3, -1, dtype=np.int64)
     r, h = np.empty(rows), np.empty(rows)
@@ -152,7 +163,7 @@ def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, 
             square = max(0.0, square)
             if outliers == 0:
                 if square <= limit:
-                    survivors = _kept(survivors, found, numbers[0], numbers[1], numbers[2], -1, -1)
+                    survivors = _kept(survivors, found, numbers, -1, -1)
                     found += 1
             else:
                 for m in range(rows):
@@ -164,7 +175,7 @@ def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, 
                 for a in range(rows):
                     if outliers == 1:
                         if _without_one(square, r[a], h[a], weights[a]) <= limit:
-                            survivors = _kept(survivors, found, numbers[0], numbers[1], numbers[2], a, -1)
+                            survivors = _kept(survivors, found, numbers, a, -1)
                             found += 1
                         continue
                     for b in range(a + 1, rows):
@@ -178,8 +189,8 @@ def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, 
                             cross += own[a, q] * own[b, q]
                         for q in range(basis.shape[1]):
                             cross += basis[a, q] * basis[b, q]
-                        if _without_two(square, r[a], r[b], h[a], h[b], cross, weight) <= limit:
-                            survivors = _kept(survivors, found, numbers[0], numbers[1], numbers[2], a, b)
+                        if _without_two(square, (r[a], r[b]), (h[a], h[b]), cross, weight) <= limit:
+                            survivors = _kept(survivors, found, numbers, a, b)
                             found += 1
             depth -= 1
             if depth < 0:
@@ -190,20 +201,22 @@ def surviving_sets(effects, outliers, limit, weights, basis, residual, columns, 
             numbers[depth] = -1
             depth -= 1
             continue
-        i = numbers[depth]
-        ends[depth + 1] = _append(gram, product, starts[i], sizes[i], chosen, triangle, solved, ends[depth])
+        candidate = numbers[depth]
+        ends[depth + 1] = _append(projection, candidate, factor, ends[depth])
         depth += 1
         if depth < effects:
-            numbers[depth] = i
+            numbers[depth] = candidate
     return survivors[:found]
 
 
 @compiled_and_kept
-def settle(matrix, residual, always, starts, sizes, chosen_set, weights, limit):
+def settle(problem, chosen_set, weights, limit):
     """One set's (REFUSED, ACCEPTED or UNDECIDED, weights (M,) with which it ended).
 
-    `matrix` has the `always` nominal columns first, `starts` counts from there; the chosen set is a row of five.
+    A problem is a matrix, the residual, the number of nominal columns, which come first, and the first column after
+    these and the number of columns of each candidate; the chosen set is a row of five.
     """
+    matrix, residual, always, starts, sizes = problem
     rows = len(residual)
     used = np.empty(matrix.shape[1], dtype=np.int64)
     count = always

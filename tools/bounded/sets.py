@@ -72,9 +72,10 @@ class Problem:
         return np.array([block.stop - block.start for block in self.blocks], dtype=np.int64)
 
     @cached_property
-    def matrix(self) -> NDArray:
-        """All columns (M, P + C): the nominal ones first."""
-        return np.ascontiguousarray(np.hstack((self.nominal, self.columns)))
+    def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
+        """The problem as compiled code takes it: all columns (M, P + C), the nominal ones first, where the others are."""
+        matrix = np.ascontiguousarray(np.hstack((self.nominal, self.columns)))
+        return matrix, self.residual, self.nominal.shape[1], self.starts, self.sizes
 
 
 @dataclass(frozen=True)
@@ -190,39 +191,49 @@ def sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int =
     for rounds in ROUNDS_AT_FIRST:
         weights = sharp_weights(problem, weights, rounds)
         projections.append(project(problem, weights))
-    starts, sizes = problem.starts, problem.sizes
     for outliers in range(min(size, most_outliers) + 1):
         if size - outliers > len(problem.blocks):
             continue
-        sets = surviving_sets(size - outliers, outliers, limit, *parts(projections[0]), starts, sizes)
-        bound, source = np.zeros(len(sets)), np.zeros(len(sets), dtype=int)
+        sets = surviving_sets(size - outliers, outliers, limit, parts(problem, projections[0]))
+        open_sets = OpenSets(sets, np.zeros(len(sets)), np.zeros(len(sets), dtype=int))
         for number, projection in enumerate(projections):
-            sets, bound, source = tried(problem, projection, number, sets, bound, source, limit)
-        yield from settled(problem, projections, sets, bound, source, slack)
+            open_sets = open_sets.tried(problem, projection, number, limit)
+        yield from settled(problem, projections, open_sets, slack)
 
 
-def settled(
-    problem: Problem, projections: list[Projection], sets: NDArray, bound: NDArray, source: NDArray, slack: float
-) -> Iterator[EffectSet]:
-    """Decide the sets (n, 5) that no projection has refused; `source` is the projection of each one's best bound."""
+@dataclass(frozen=True)
+class OpenSets:
+    """Sets (n, 5) that no projection has refused, their best squared bounds (n,), and the projections of these (n,)."""
+
+    sets: NDArray
+    bound: NDArray
+    source: NDArray
+
+    def __len__(self) -> int:
+        return len(self.sets)
+
+    def without(self, pick: int) -> "OpenSets":
+        """All but one."""
+        return OpenSets(np.delete(self.sets, pick, 0), np.delete(self.bound, pick), np.delete(self.source, pick))
+
+    def tried(self, problem: Problem, projection: Projection, number: int, limit: float) -> "OpenSets":
+        """Those that one more projection does not refuse, either."""
+        found = bounds_of(self.sets, parts(problem, projection))
+        source, bound = np.where(found > self.bound, number, self.source), np.maximum(found, self.bound)
+        kept = bound <= limit
+        return OpenSets(self.sets[kept], bound[kept], source[kept])
+
+
+def settled(problem: Problem, projections: Sequence[Projection], left: OpenSets, slack: float) -> Iterator[EffectSet]:
+    """Decide the sets that no projection has refused."""
     limit = (1.0 + slack) ** 2
-    starts, sizes = problem.starts, problem.sizes
     weights = [projection.weights for projection in projections]
     wait, pause = 0, 0
-    while len(sets):
-        pick = int(np.argmin(bound))
-        chosen = sets[pick]
-        verdict, sharp = settle(
-            problem.matrix,
-            problem.residual,
-            problem.nominal.shape[1],
-            starts,
-            sizes,
-            chosen,
-            weights[source[pick]],
-            limit,
-        )
-        sets, bound, source = np.delete(sets, pick, 0), np.delete(bound, pick), np.delete(source, pick)
+    while len(left):
+        pick = int(np.argmin(left.bound))
+        chosen = left.sets[pick]
+        verdict, sharp = settle(problem.system, chosen, weights[left.source[pick]], limit)
+        left = left.without(pick)
         if verdict != REFUSED:
             candidate = EffectSet(
                 tuple(int(i) for i in chosen[:3] if i >= 0), tuple(int(i) for i in chosen[3:] if i >= 0)
@@ -231,42 +242,19 @@ def settled(
                 yield candidate
         elif wait > 0:
             wait -= 1
-        elif len(sets) > FEW:
-            before = len(sets)
+        elif len(left) > FEW:
+            before = len(left)
             weights.append(sharp)
-            sets, bound, source = tried(problem, project(problem, sharp), len(weights) - 1, sets, bound, source, limit)
+            left = left.tried(problem, project(problem, sharp), len(weights) - 1, limit)
             # Weights that refuse few others cost more than they save: leave more sets to themselves.
-            pause = 0 if before - len(sets) >= FEW else min(2 * pause + FEW, 1024)
+            pause = 0 if before - len(left) >= FEW else min(2 * pause + FEW, 1024)
             wait = pause
 
 
-def tried(
-    problem: Problem,
-    projection: Projection,
-    number: int,
-    sets: NDArray,
-    bound: NDArray,
-    source: NDArray,
-    limit: float,
-) -> tuple[NDArray, NDArray, NDArray]:
-    """The sets that one more projection does not refuse, with their best bounds and where these are from."""
-    found = bounds_of(sets, *parts(projection), problem.starts, problem.sizes)
-    source = np.where(found > bound, number, source)
-    bound = np.maximum(found, bound)
-    kept = bound <= limit
-    return sets[kept], bound[kept], source[kept]
-
-
-def parts(projection: Projection) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]:
-    """A projection as compiled code takes it."""
-    return (
-        projection.weights,
-        projection.basis,
-        projection.residual,
-        projection.columns,
-        projection.gram,
-        projection.product,
-    )
+def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
+    """A projection of a problem as compiled code takes it."""
+    p = projection
+    return (p.weights, p.basis, p.residual, p.columns, p.gram, p.product, problem.starts, problem.sizes)
 
 
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:

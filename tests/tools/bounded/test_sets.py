@@ -43,7 +43,7 @@ def test_bounds_never_exceed_the_radius(seed, rounds, size):
     sets = every_set(size, 7, 40)
     some = [sets[int(i)] for i in rng.choice(len(sets), size=min(12, len(sets)), replace=False)]
     rows = np.array([as_row(candidate) for candidate in some])
-    bounds = bounds_of(rows, *parts(projection), problem.starts, problem.sizes)
+    bounds = bounds_of(rows, parts(problem, projection))
     for candidate, bound in zip(some, bounds, strict=True):
         assert bound <= linear_radius(problem, candidate) ** 2 * (1 + 1e-9)
 
@@ -53,13 +53,10 @@ def test_the_scan_keeps_exactly_the_sets_within_the_limit(size):
     problem = random_problem(7, rows=20, effects=5)
     projection = project(problem, sharp_weights(problem, np.full(20, 1 / 20), 2))
     sets = every_set(size, 5, 20)
-    bounds = bounds_of(np.array([as_row(s) for s in sets]), *parts(projection), problem.starts, problem.sizes)
+    bounds = bounds_of(np.array([as_row(s) for s in sets]), parts(problem, projection))
     limit = float(np.median(bounds)) * (1 + 1e-12)
     kept = {tuple(as_row(s)) for s, bound in zip(sets, bounds, strict=True) if bound <= limit}
-    found = [
-        surviving_sets(size - out, out, limit, *parts(projection), problem.starts, problem.sizes)
-        for out in range(min(size, 2) + 1)
-    ]
+    found = [surviving_sets(size - out, out, limit, parts(problem, projection)) for out in range(min(size, 2) + 1)]
     assert {tuple(int(i) for i in row) for part in found for row in part} == kept
 
 
@@ -72,7 +69,7 @@ def test_columns_that_depend_on_others_change_nothing():
     problem = Problem(plain.residual, plain.nominal, twice, (*plain.blocks, *more))
     projection = project(problem, np.full(40, 1 / 40))
     rows = np.array([as_row(EffectSet(e)) for e in ((0, 1), (0, 1, 3), (0, 1, 4), (0, 1, 5))])
-    bounds = bounds_of(rows, *parts(projection), problem.starts, problem.sizes)
+    bounds = bounds_of(rows, parts(problem, projection))
     if plain.blocks[0].stop - plain.blocks[0].start == 1:
         assert bounds[1] == pytest.approx(bounds[0], rel=1e-9)
     assert bounds[2:] == pytest.approx(np.full(2, bounds[0]), rel=1e-9)
@@ -84,13 +81,12 @@ def test_lawsons_algorithm_makes_the_bound_sharp():
     exact = linear_radius(problem, EffectSet((1,)))
     start = np.full(40, 1 / 40)
     one = np.array(as_row(EffectSet((1,))))
-    arguments = (problem.matrix, problem.residual, 5, problem.starts, problem.sizes, one, start)
-    verdict, weights = settle(*arguments, (0.97 * exact) ** 2)
+    verdict, weights = settle(problem.system, one, start, (0.97 * exact) ** 2)
     assert verdict == REFUSED
     assert weights.sum() == pytest.approx(1.0)
-    assert settle(*arguments, (1.001 * exact) ** 2)[0] != REFUSED
+    assert settle(problem.system, one, start, (1.001 * exact) ** 2)[0] != REFUSED
     scaled = Problem(problem.residual / (1.3 * exact), problem.nominal, problem.columns, problem.blocks)
-    assert settle(scaled.matrix, scaled.residual, *arguments[2:], 1.0)[0] == ACCEPTED
+    assert settle(scaled.system, one, start, 1.0)[0] == ACCEPTED
 
 
 @pytest.mark.parametrize("seed", range(12))
