@@ -91,3 +91,12 @@ class Result(BaseModel):
 
     def _repr_html_(self) -> str | None:
         return None if showing.shown is None else showing.shown(self, "notebook")
+
+
+class Told(Result):
+    """A part of which only what was told is written: keys that hold nothing and were not given are left out."""
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        names = {field.alias or name: name for name, field in type(self).model_fields.items()}
+        return {k: v for k, v in handler(self).items() if v is not None or names[k] in self.model_fields_set}

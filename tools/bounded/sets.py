@@ -73,7 +73,7 @@ class Problem:
 
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
-        """The problem as compiled code takes it: all columns (M, P + C), the nominal ones first, where the others are."""
+        """The problem as compiled code takes it: all columns (M, P + C), nominal ones first, where others are."""
         matrix = np.ascontiguousarray(np.hstack((self.nominal, self.columns)))
         return matrix, self.residual, self.nominal.shape[1], self.starts, self.sizes
 

@@ -1,19 +1,19 @@
 """The result of a diagnosis, whatever the record: what is published, and what the program keeps beside it."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ..calibration.result import OpenTarget, Reading
 from ..evidence.evidence import Fit, Gain, Trial
-from ..result import Result
+from ..result import Result, Told
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -22,15 +22,6 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 
 CHANCE = 0.05
 """More than this part of the shuffles being as good as an effect speaks against it."""
-
-
-class Told(Result):
-    """A part of which only what was told is written: keys that hold nothing and were not given are left out."""
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        names = {field.alias or name: name for name, field in type(self).model_fields.items()}
-        return {k: v for k, v in handler(self).items() if v is not None or names[k] in self.model_fields_set}
 
 
 class NamedEffect(Told):

@@ -22,7 +22,6 @@ from ..calibration.result import Calibration
 from ..records import PositionRecord
 from .bench_effects import (
     Circumstances,
-    Visits,
     added_bound,
     circumstances_of,
     is_linear,
@@ -122,13 +121,12 @@ class Bench(Evidence):
     @cached_property
     def readings(self) -> Readings:
         """The readings with where and in which circumstances they were taken."""
-        visits = Visits.of(self.here, self.circumstances, self.resolution)
-        return Readings(visits, self.here.reading, self.here.bound, self.here.sign)
+        return Readings.of(self.here, self.circumstances, self.resolution)
 
     @cached_property
     def rows(self) -> Rows:
         """What signatures see at the nominal fit."""
-        return self.readings.visits.rows(self.here.point)
+        return self.readings.rows(self.here.point)
 
     @property
     def linear_places(self) -> list[EffectPlace]:
@@ -160,7 +158,7 @@ class Bench(Evidence):
     @cached_property
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
         """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
-        rows = self.readings.visits.rows(self.centre.point)
+        rows = self.readings.rows(self.centre.point)
         untold = [place for place in self.classes.places if added_bound([place], rows).any()]
         bent = [place for place in self.places if not is_linear(place)]
         return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
@@ -211,7 +209,7 @@ class Bench(Evidence):
 
     def problem(self, centre: Fit, places: Sequence[EffectPlace]) -> Problem:
         """The search for effects beside those of a centre, in units of the bounds."""
-        rows, bound = self.readings.visits.rows_with(centre), self.bound[:, None]
+        rows, bound = self.readings.rows_with(centre), self.bound[:, None]
         blocks = [signature_columns([place], rows) / bound for place in places]
         return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks)
 
@@ -290,7 +288,7 @@ class Bench(Evidence):
         for place, block, _ in fit.ways:
             slack = CATALOGUE[place.effect].at(place).open_argument
             if slack is not None:
-                rows = self.readings.visits.rows(fit.point)
+                rows = self.readings.rows(fit.point)
                 found += float(np.linalg.norm(fit.central[len(fit.point) :][block])) * slack(place, rows)
         return found
 
@@ -321,7 +319,7 @@ class Bench(Evidence):
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Linear effects that a fit has not and whose circumstances are told, with their columns (M, k) there."""
-        rows = self.readings.visits.rows_with(fit)
+        rows = self.readings.rows_with(fit)
         for place in self.classes.places if fit.places else self.linear_places:
             if place not in fit.places and not added_bound([place], rows).any():
                 yield place, signature_columns([place], rows)
@@ -532,7 +530,7 @@ def with_usual_signs(
         u^max and v^0max of (1.7)
     """
     p, at = here.parametrisation, here.positions
-    readings = Readings(Visits.of(here, circumstances), here.reading, here.bound, here.sign)
+    readings = Readings.of(here, circumstances)
     point = centre_of(readings, (), here.point).point
     sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
     if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):

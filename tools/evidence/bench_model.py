@@ -11,8 +11,15 @@ from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.rows import Variant
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.spaces import least_squares
-from ..calibration.model import Positions, direction_jacobian, predicted_input, predicted_reading, reading_jacobian
-from .bench_effects import Visits, acts_on_table, added_bound, is_linear, readings_at, signature_columns
+from ..calibration.model import (
+    Linearisation,
+    Positions,
+    direction_jacobian,
+    predicted_input,
+    predicted_reading,
+    reading_jacobian,
+)
+from .bench_effects import Circumstances, Visits, acts_on_table, added_bound, is_linear, readings_at, signature_columns
 from .evidence import Fit, coefficient_count
 
 MAX_ITERATIONS, MAX_MOVES = 12, 8
@@ -75,13 +82,12 @@ class Model:
     rows: Rows
 
 
-@dataclass(frozen=True)
-class Readings:
-    """Readings at some visits, and how a bench with effects predicts them.
+@dataclass(frozen=True, kw_only=True)
+class Readings(Visits):
+    """Readings at positions of the table, and how a bench with effects predicts them.
 
     Attributes
     ----------
-    visits : Visits
     reading : (N, 3) array
         over g
     bound : (3 N,) array
@@ -90,18 +96,20 @@ class Readings:
         of the inputs, by which scale factors are chosen
     """
 
-    visits: Visits
     reading: NDArray
     bound: NDArray
     sign: NDArray
 
-    def __len__(self) -> int:
-        return len(self.reading)
+    @staticmethod
+    def of(here: Linearisation, circumstances: Circumstances, resolution: float = 0.0) -> "Readings":
+        """The readings of a linearised record."""
+        at = (here.parametrisation, here.positions, circumstances, resolution)
+        return Readings(*at, reading=here.reading, bound=here.bound, sign=here.sign)
 
     def selected(self, rows: NDArray) -> "Readings":
-        """Those at some of the visits (n,) of int."""
-        bound = self.bound[readings_at(rows)]
-        return Readings(self.visits.selected(rows), self.reading[rows], bound, self.sign[rows])
+        """Those at some of the positions (n,) of int."""
+        measured = {"reading": self.reading[rows], "bound": self.bound[readings_at(rows)], "sign": self.sign[rows]}
+        return replace(super().selected(rows), **measured)
 
     def variants(self, place: EffectPlace, rows: Rows) -> list[Variant]:
         """The ways in which an effect can act on the readings."""
@@ -169,11 +177,10 @@ class Cast:
         self, readings: Readings, point: NDArray, coefficients: NDArray, blocks: Sequence[slice] | None = None
     ) -> Model | None:
         """The bench with these effects at a point and coefficients; None where one of the ways is none there."""
-        visits = readings.visits
-        p, own = visits.parametrisation, dict(zip(self.places, blocks or self.blocks(), strict=True))
+        p, own = readings.parametrisation, dict(zip(self.places, blocks or self.blocks(), strict=True))
         linear = [(place, coefficients[block]) for place, block in own.items() if place not in self.ways]
-        at = visits.disturbed(point, linear)
-        rows = visits.rows(point, at)
+        at = readings.disturbed(point, linear)
+        rows = readings.rows(point, at)
         columns = {place: signature_columns([place], rows) for place, _ in linear}
         reading = predicted_reading(p, point, at, readings.sign).ravel()
         for place, part in linear:
@@ -207,7 +214,7 @@ def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Va
     """Derivatives (N, 3, P) of the readings by the bench's parameters, less what a variant does not let through."""
     if not variant.lost.any():
         return slopes
-    p, left = readings.visits.parametrisation, slopes.copy()
+    p, left = readings.parametrisation, slopes.copy()
     targets = (p.selection @ point)[at.mounting]
     inputs, n = direction_jacobian(p, point, at), predicted_input(p, point, at)
     for k, pair in enumerate(SYMMETRIC_PAIRS):
@@ -236,7 +243,7 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
         None where the fit leaves the way in which an effect acts, or runs away
     """
     reading, count = readings.reading.ravel(), len(start)
-    begun = cast.variants(readings, readings.visits.rows(start))
+    begun = cast.variants(readings, readings.rows(start))
     if begun is None:
         return None
     blocks = cast.blocks(begun)

@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from ...models.bench import admissible
 from ...models.effects import EffectPlace
+from ..bounded.possible import Possible
 from ..bounded.programmes import least_largest
 from ..bounded.spaces import column_space, cosine, spaces_beyond
 from ..calibration.model import PRESETS, Parametrisation, Positions, parametrise, predicted_input, reading_jacobian
@@ -43,27 +44,23 @@ class Rival:
 
     Attributes
     ----------
-    title : str
+    fit : Fit
+        the candidate
+    possible : Possible
+        parameters
     centre : (N, 3) array
         readings over g at the centre of what is possible
     slopes : (N, 3, rank) array
         derivatives in the coordinates of the set of possible parameters
-    matrix, lower, upper : arrays
-        that set: lower ≤ matrix x ≤ upper
     known : (N, 3) array of bool
         readings whose prediction is bounded
-    linear : bool
-        whether prediction and slopes say it all
     """
 
-    title: str
+    fit: Fit
+    possible: Possible
     centre: NDArray
     slopes: NDArray
-    matrix: NDArray
-    lower: NDArray
-    upper: NDArray
     known: NDArray
-    linear: bool
 
 
 def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
@@ -72,7 +69,8 @@ def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
     places, own = lasting_part(fit)
     central = fit.central
     sign = np.where(predicted_input(visits.parametrisation, central[:bench], visits.at) >= 0.0, 1, -1)
-    there = Readings(visits, np.zeros((count, 3)), np.full(3 * count, np.inf), sign)
+    at = (visits.parametrisation, visits.at, visits.circumstances)
+    there = Readings(*at, reading=np.zeros((count, 3)), bound=np.full(3 * count, np.inf), sign=sign)
     model = Cast(places).model(there, central[:bench], central[bench:][own])
     assert model is not None
     slopes = np.zeros((count, 3, len(central)))
@@ -85,7 +83,7 @@ def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
     bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p)]
     seen = model.reading.reshape(count, 3)
     seen = acted_on(bent, visits.rows(fit.point), seen) if bent else seen
-    return Rival(fit.title, seen, inside, possible.matrix, possible.lower, possible.upper, ~outside, fit.linear)
+    return Rival(fit, possible, seen, inside, ~outside)
 
 
 def separating_positions(
@@ -119,7 +117,7 @@ def separating_positions(
     """
     chosen = list(fits[:MOST_CANDIDATES])
     lasting = sorted({p for fit in chosen for p in lasting_part(fit)[0]}, key=lambda place: place.title)
-    visits, sided = _possible_visits(readings.visits, point, chosen, lasting)
+    visits, sided = _possible_visits(readings, point, chosen, lasting)
     at, p = visits.at, visits.parametrisation
     told = added_bound(lasting, visits.rows(point)).reshape(-1, 3) == 0.0
     usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & told
@@ -131,7 +129,7 @@ def separating_positions(
         distance, own = decide(first, second, usable, list(apart), sure)
         for row in own:
             apart[row] = min(apart.get(row, np.inf), distance)
-            names[row] = list(dict.fromkeys((*names.get(row, ()), first.title, second.title)))
+            names[row] = list(dict.fromkeys((*names.get(row, ()), first.fit.title, second.fit.title)))
     positions = []
     for row, distance in apart.items():
         position: dict[str, Any] = {
@@ -160,7 +158,7 @@ def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], su
     usable = usable & first.known & second.known
     difference = np.where(usable, first.centre - second.centre, 0.0)
     own = [row for row in rows if np.abs(difference[row]).max() > sure]
-    if not first.linear or not second.linear:
+    if not (first.fit.linear and second.fit.linear):
         # What is not linear has its sizes, not a set of them: the fitted predictions speak.
         best = int(np.argmax(np.round(np.abs(difference).max(axis=1), 12)))
         own = own or [best]
@@ -188,14 +186,10 @@ def nearest(
     slopes = np.hstack((first.slopes[list(own)][axes], -second.slopes[list(own)][axes]))
     if not len(offset):
         return 0.0, difference
-    distance, x = least_largest(
-        np.asarray(block_diag(first.matrix, second.matrix)),
-        np.concatenate((first.lower, second.lower)),
-        np.concatenate((first.upper, second.upper)),
-        offset,
-        slopes,
-    )
-    mine, other = x[: first.matrix.shape[1]], x[first.matrix.shape[1] :]
+    one, two = first.possible, second.possible
+    ends = np.concatenate((one.lower, two.lower)), np.concatenate((one.upper, two.upper))
+    distance, x = least_largest(np.asarray(block_diag(one.matrix, two.matrix)), *ends, offset, slopes)
+    mine, other = np.split(x, [one.matrix.shape[1]])
     return distance, np.where(usable, difference + first.slopes @ mine - second.slopes @ other, 0.0)
 
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_serializer
+from pydantic import Field
 
 from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.rows import Variant
@@ -20,7 +20,7 @@ from ..bounded.possible import Interval, Possible, Reach, polar_intervals
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import Problem, sets_of_size
 from ..bounded.spaces import column_space, same_space, spaces_beyond
-from ..result import Result
+from ..result import Told
 
 FOLDS = 8
 """Blocks in time that are left out in turn."""
@@ -368,7 +368,7 @@ class Trial:
     shuffled: Iterable[NDArray[np.float64]] = ()
 
 
-class Gain(Result):
+class Gain(Told):
     """Errors of what was not used to estimate anything, without and with the effects.
 
     Attributes
@@ -397,10 +397,6 @@ class Gain(Result):
     before: Any = Field(default=None, exclude=True)
     after: Any = Field(default=None, exclude=True)
     rows: Any = Field(default=None, exclude=True)
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_not_said(self, handler: Any) -> dict[str, Any]:
-        return {key: value for key, value in handler(self).items() if value is not None}
 
     @property
     def improves(self) -> bool:
@@ -463,8 +459,7 @@ class Evidence:
     @cached_property
     def blocks(self) -> tuple[slice, ...]:
         """The columns of each effect."""
-        ends = np.cumsum([0, *(coefficient_count(place) for place in self.places)]).tolist()
-        return tuple(slice(start, stop) for start, stop in pairwise(ends))
+        return blocks_of(self.places)
 
     @property
     def scored(self) -> tuple[int, ...]:
@@ -492,20 +487,13 @@ class Evidence:
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
         """Values of the parameters of some effects by a solution (P + k,)."""
-        found, at = {}, len(self.names)
-        for place in places:
-            count = coefficient_count(place)
-            found[place] = CATALOGUE[place.effect].at(place).from_coefficients(solution[at : at + count])
-            at += count
-        return found
-
-    def of_parts(self, wanted: Sequence[int]) -> Self:
-        """The evidence of some parts."""
-        return replace(self, parts=tuple(self.parts[k] for k in wanted))
+        own = zip(places, blocks_of(places), strict=True)
+        coefficients = solution[len(self.names) :]
+        return {place: CATALOGUE[place.effect].at(place).from_coefficients(coefficients[block]) for place, block in own}
 
     def of_length(self, k: int) -> Self:
         """The evidence of one scored part, with what is known beside it."""
-        return self.of_parts([i for i, other in enumerate(self.parts) if i == k or not other.scored])
+        return replace(self, parts=tuple(part for i, part in enumerate(self.parts) if i == k or not part.scored))
 
     def with_errors(self, errors: Sequence[NDArray]) -> Self:
         """The evidence with other errors (S, d) of each part."""

@@ -184,7 +184,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
     Gain or None
         None where too few positions remain to judge
     """
-    chosen, circumstances = held_out_rows(fit), readings.visits.circumstances
+    chosen, circumstances = held_out_rows(fit), readings.circumstances
     if chosen is None or 3600.0 * circumstances.hours[-1] * STEPS_PER_GAP > MAX_STEPS * smallest_gap(circumstances):
         return None
     out, scored = chosen
@@ -208,7 +208,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
 
 def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArray, like: Fit) -> Fit | None:
     """Fit effects to other readings; what is not linear acts in the way whose parameters are nearest to `like`'s."""
-    rows, ways = readings.visits.rows(like.point), {}
+    rows, ways = readings.rows(like.point), {}
     wanted = dict(zip(like.places, like.values(), strict=True))
     for place in places:
         if is_linear(place):
@@ -223,7 +223,7 @@ def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArra
 
 def undecided(readings: Readings, fit: Fit) -> NDArray:
     """Readings (N, 3) of bool of which a fit leaves open what its effects do to them: no simulation can tell."""
-    rows = readings.visits.rows_with(fit)
+    rows = readings.rows_with(fit)
     found = added_bound(fit.places, rows).reshape(-1, 3) > 0.0
     for _, _, variant in fit.ways:
         if variant is not None:
@@ -233,18 +233,18 @@ def undecided(readings: Readings, fit: Fit) -> NDArray:
 
 def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
-    simulated, visits = np.zeros((len(readings), 3)), readings.visits
+    simulated = np.zeros((len(readings), 3))
     bench, coefficients = np.split(fit.estimate, [len(fit.point)])
-    at = visits.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])
+    at = readings.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])
     commands = np.stack((at.alpha, at.beta), axis=1)
-    moved = np.stack(visits.moved_axes(), axis=1)
-    p = visits.parametrisation
+    moved = np.stack(readings.moved_axes(), axis=1)
+    p = readings.parametrisation
     for index in range(len(p.mountings)):
         mine = np.flatnonzero(at.mounting == index)
         if np.isin(mine, rows).any():
             values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
             parameters = component_parameters(values, gravity, p.matrices[index])
-            circumstances = visits.circumstances.selected(mine)
+            circumstances = readings.circumstances.selected(mine)
             scenario = extended_scenario(parameters, effect_entries(fit), commands[mine], moved[mine], circumstances)
             run = simulate(scenario).table
             time, seconds = run["time_s"].to_numpy(), 3600.0 * circumstances.hours

@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..diagnosis.result import Told
 from ..errors import InputError, nearest
 from ..files import write_text
 from ..progress import tracked
 from ..records import PositionRecord, write_record
-from ..result import ABSENT, Result
+from ..result import ABSENT, Result, Told
 from ..workers import completed, started
 from .bench import RECORD_DECIMALS
 from .draw import Case, Options, draw_alone, draw_case
