@@ -40,15 +40,7 @@ NEAREST = 0.1
 
 @dataclass(frozen=True)
 class Symmetry:
-    """θ → sense θ + shift, for both angles.
-
-    Attributes
-    ----------
-    sense : (2,) array
-        ±1
-    shift : (2,) array
-        0 or π [rad]
-    """
+    """θ → sense θ + shift, for both angles: senses (2,) ±1 and shifts (2,) 0 or π [rad]."""
 
     sense: NDArray
     shift: NDArray
@@ -114,17 +106,7 @@ def _permutation(here: NDArray, there: NDArray) -> NDArray | None:
 
 @dataclass(frozen=True)
 class Pool:
-    """Positions on which bounds are proven, grouped with their images.
-
-    Attributes
-    ----------
-    places : Places
-        n of them
-    orbit : (n,) array of int
-        which group each belongs to
-    readings : Readings
-        of all positions, in their order
-    """
+    """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
 
     places: Places
     orbit: NDArray
@@ -140,12 +122,6 @@ def pool_of(task: Task, extra: Places | None = None) -> Pool:
     """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
 
     Positions in a keep-out, and those where no reading counts, are left out.
-
-    Parameters
-    ----------
-    task : Task
-    extra : Places or None
-        positions that are to be in the pool too
     """
     offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
     lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
@@ -171,17 +147,9 @@ def pool_of(task: Task, extra: Places | None = None) -> Pool:
 
 @dataclass(frozen=True)
 class Bound:
-    """What is proven.
+    """What is proven: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
 
-    Attributes
-    ----------
-    ratio : float
-        no set of `count` positions of the pool has a worst ratio below it
-    count : int
-    on : str
-        the pool in words
-    cuts : int
-        how many cuts prove it, images not counted
+    `cuts` is how many prove it, images not counted.
     """
 
     ratio: float
@@ -191,13 +159,7 @@ class Bound:
 
 
 class HittingSet:
-    """The cuts found so far on a pool, for any ratio and any number of positions.
-
-    Parameters
-    ----------
-    task : Task
-    pool : Pool
-    """
+    """The cuts found so far on a pool, for any ratio and any number of positions."""
 
     def __init__(self, task: Task, pool: Pool):
         self._task, self._pool = task, pool
@@ -216,11 +178,8 @@ class HittingSet:
             return np.inf, np.zeros(len(self._pool.places))
         if not len(self):
             return 0.0, np.full(len(self._pool.places), 1.0 / len(self._pool.places))
-        inside = self._height >= 1.0 / ratio - SAFE
-        share = np.stack(
-            [np.bincount(self._pool.orbit, weights=column, minlength=len(self._size)) for column in inside.T]
-        )
-        share /= self._size
+        inside, orbit = self._height >= 1.0 / ratio - SAFE, self._pool.orbit
+        share = np.stack([np.bincount(orbit, column, len(self._size)) for column in inside.T]) / self._size
         solved = linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-np.ones(len(share)), method="highs")
         if solved.x is None:
             return 0.0, np.zeros(len(self._pool.places))
@@ -336,14 +295,7 @@ class _Gathering:
 def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
     """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
 
-    Parameters
-    ----------
-    task : Task
-    pool : Pool
-    count : int
-        N
-    reached : float
-        worst ratio of the best set known
+    That is the worst ratio of the best set known.
     """
     hitting, share = HittingSet(task, pool), 0.5
     known = hitting.bound(count, reached).ratio

@@ -84,11 +84,7 @@ class Optimum:
 
     def times(self, factor: float) -> "Optimum":
         """The optimum of the target times a positive factor."""
-        return replace(
-            self,
-            weights=factor * self.weights,
-            lower_bound=factor * self.lower_bound * (1.0 - 1e-15),
-        )
+        return replace(self, weights=factor * self.weights, lower_bound=factor * self.lower_bound * (1.0 - 1e-15))
 
 
 def settled(
@@ -98,16 +94,12 @@ def settled(
 
     Parameters
     ----------
-    target : (P,) array
-        a
-    dual : (P,) array
-        y
+    target, dual : (P,) array
+        a, y
     ceiling : float
         what |F'y| is proven not to exceed
-    regressors : (n, P) array
-        F of the readings, independent
-    near : (n,) array
-        weights, nearly right
+    regressors, near : (n, P), (n,) array
+        F of the readings, independent, and their weights, nearly right
     places : accelerometer, alpha, beta, alpha_deg, beta_deg
         of the readings, (n,) each
     """
@@ -117,18 +109,11 @@ def settled(
     weights, columns = near[used], regressors[used]
     for _ in range(2):
         weights = weights + np.linalg.lstsq(columns.T, target - columns.T @ weights, rcond=1e-12)[0]
-    accelerometer, alpha, beta, alpha_deg, beta_deg = (x[used] for x in places)
-    order = np.lexsort((beta_deg, alpha_deg, accelerometer))
-    return Optimum(
-        accelerometer[order],
-        alpha[order],
-        beta[order],
-        weights[order],
-        dual,
-        lower_bound(target, dual, ceiling),
-        alpha_deg[order],
-        beta_deg[order],
-    )
+    chosen = [values[used] for values in places]
+    order = np.lexsort((chosen[4], chosen[3], chosen[0]))
+    accelerometer, alpha, beta, *degrees = (values[order] for values in chosen)
+    bound = lower_bound(target, dual, ceiling)
+    return Optimum(accelerometer, alpha, beta, weights[order], dual, bound, *degrees)
 
 
 def lower_bound(target: NDArray, dual: NDArray, ceiling: float) -> float:
@@ -138,16 +123,10 @@ def lower_bound(target: NDArray, dual: NDArray, ceiling: float) -> float:
 
 
 def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, most: NDArray) -> NDArray | None:
-    """y (P,) of least |L'y| with rows·y = values and slopes·y ≤ most; None when there is none.
+    """y (P,) of least |L'y| with rows (K, P)·y = values and slopes (M, P)·y ≤ most; None when there is none.
 
-    Least distance programming in the null space of the equations (Lawson and Hanson 1974, chapter 23).
-
-    Parameters
-    ----------
-    metric : (P, P) array
-        lower triangular L
-    rows, values : (K, P), (K,) array
-    slopes, most : (M, P), (M,) array
+    Least distance programming in the null space of the equations (Lawson and Hanson 1974, chapter 23); the metric L
+    (P, P) is lower triangular.
     """
     inverse = np.linalg.inv(metric)
     base, free = np.zeros(len(metric)), np.eye(len(metric))
@@ -195,22 +174,10 @@ class Ceiling:
 
 
 def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: int = MAX_BOXES) -> Ceiling:
-    """Bound |F'y| on the admissible set, if possible by `limit`.
+    """Bound |F'y| on the admissible set for a dual y (P,), if possible by `limit`.
 
-    Parameters
-    ----------
-    sheets : sequence of Sheet
-        regressors and admissible set
-    dual : (P,) array
-        y
-    limit : float
-        what is to be proven; the search ends where it is, or where a position violates it
-    max_boxes : int
-        the search ends with the bound that it has when it has looked at so many boxes
-
-    Returns
-    -------
-    Ceiling
+    The search ends where that is proven, where a position violates it, or with the bound that it has when it has looked
+    at so many boxes.
     """
     forms, third, size = _forms(sheets, dual)
     width = float(np.pi) / FIRST_BOXES

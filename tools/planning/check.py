@@ -108,13 +108,7 @@ class SettingCheck(Result):
 
 
 def read_angles(path: Path) -> tuple[Places, Places]:
-    """Planned and actual positions of an `angles.csv`.
-
-    Raises
-    ------
-    InputError
-        for a file that cannot be read, lacks a column, holds no rows, or angles that no table has
-    """
+    """Planned and actual positions of an `angles.csv`; an InputError for another file, or angles that no table has."""
     names = ("planned_alpha_deg", "planned_beta_deg", "alpha_deg", "beta_deg")
     table, _ = read_table(path, str(path), names)
     low, high, needed = LIMITS["alpha_deg"]
@@ -128,21 +122,10 @@ def read_angles(path: Path) -> tuple[Places, Places]:
 
 
 def check_settings(task: Task, planned: Places, actual: Places, noise_bound: float) -> SettingCheck:
-    """Compare bias and noise of a plan's estimators at the angles where the table stood.
+    """Compare bias and noise σ of a plan's estimators at the angles where the table stood, position by position.
 
-    Parameters
-    ----------
-    task : Task
-        of one mounting, asymmetric
-    planned, actual : Places
-        position by position
-    noise_bound : float
-        σ
-
-    Raises
-    ------
-    InputError
-        when the planned positions do not determine every target, or for a symmetric baseline
+    An InputError when the planned positions do not determine every target, for a symmetric baseline or more than one
+    mounting.
     """
     p = task.parametrisation
     if p.symmetric or len(p.mountings) != 1:
@@ -217,10 +200,7 @@ class EffectDistance(Result):
 def named_effects(names: Sequence[str]) -> list[EffectPlace]:
     """The effects that a person names: "quadratic accelerometer-3", or "quadratic" for all its places.
 
-    Raises
-    ------
-    InputError
-        for a name that is not in the catalogue
+    An InputError for a name that is not in the catalogue.
     """
     places = {place.title: place for effect in POSITION_EFFECTS.values() for place in effect.places}
     found: list[EffectPlace] = []
@@ -239,26 +219,10 @@ def named_effects(names: Sequence[str]) -> list[EffectPlace]:
 
 
 def detecting(task: Task, places: Places, effects: Sequence[EffectPlace]) -> tuple[Places, tuple[EffectDistance, ...]]:
-    """Add positions, one by one, that raise the least distance relative to what a whole lattice would give.
+    """The plan with extra positions at its end: they raise the least distance relative to what a whole lattice gives.
 
-    Parameters
-    ----------
-    task : Task
-        its request says how many positions are added, at most: none that help nothing
-    places : Places
-        the plan
-    effects : sequence of EffectPlace
-
-    Returns
-    -------
-    Places
-        the plan with the extra positions at its end
-    tuple of EffectDistance
-
-    Raises
-    ------
-    InputError
-        for an effect that does not depend on the positions
+    The request says how many are added, at most: none that help nothing. An InputError for an effect that does not
+    depend on the positions.
     """
     degrees = np.arange(0.0, 360.0, LATTICE_DEG)
     angle = np.radians(np.stack(np.meshgrid(degrees, degrees, indexing="ij"), axis=-1).reshape(-1, 2))

@@ -49,12 +49,7 @@ NO_WEIGHT = 1e-8
 
 
 class Continuum:
-    """The continuous admissible set and the columns found on it so far, shared by all targets.
-
-    Parameters
-    ----------
-    sheets : sequence of Sheet
-    """
+    """The continuous admissible set and the columns found on it so far, shared by all targets."""
 
     def __init__(self, sheets: Sequence[Sheet]):
         self._sheets = sheets
@@ -81,10 +76,7 @@ class Continuum:
     def optimum(self, target: NDArray) -> Optimum:
         """The plan of least cost for a target a (P,), with the dual that proves it.
 
-        Raises
-        ------
-        UndeterminedError
-            when no positions can determine the target
+        An UndeterminedError when no positions can determine the target.
         """
         self._columns.aim(target)
         weights, cost = self._start()
@@ -351,15 +343,8 @@ def _kind_of_place(sheet: Sheet, alpha: float, beta: float) -> int:
 def polish(start: Support, target: NDArray, metric: NDArray) -> Support | None:
     """The optimum near a support that is nearly right; None when Newton's method does not lead to one.
 
-    Positions whose weight turns out to have the wrong sign, or none, are dropped.
-
-    Parameters
-    ----------
-    start : Support
-    target : (P,) array
-        a
-    metric : (P, P) array
-        lower triangular L: the size of a dual is |L'y|
+    Positions whose weight turns out to have the wrong sign, or none, are dropped. The size of a dual is |L'y| with the
+    metric L (P, P).
     """
     before = start
     for _ in range(2 * len(start.sheet) + 2):

@@ -67,18 +67,8 @@ class Sheet:
 def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper") -> list[Sheet]:
     """The sheets of a block, one mounting after the other: six for each, or three of a symmetric block.
 
-    Parameters
-    ----------
-    p : Parametrisation
-    bounds : (float, float)
-        u^max [rad] and v^0max of (1.7)
-    rule : {"paper", "tables"}
-        as `models.bench.sign_margin`
-
-    Raises
-    ------
-    InputError
-        for another rule, or bounds that are negative, not finite, or leave no position
+    The bounds are u^max [rad] and v^0max of (1.7), the rule "paper" or "tables" as of `models.bench.sign_margin`.
+    An InputError for another rule, or bounds that are negative, not finite, or leave no position.
     """
     if rule not in RULES:
         raise InputError(f"--admissible {rule}: must be one of {', '.join(RULES)}")
@@ -182,15 +172,9 @@ def clearance(sheet: Sheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
 
 @dataclass(frozen=True)
 class Arcs:
-    """Given α and the ends of the arcs there: all that pricing needs and that does not depend on y.
+    """Sheets and α (N,) [rad] and the ends β (N, K) of the arcs there, NaN beyond the last.
 
-    Attributes
-    ----------
-    sheet : (N,) array of int
-    alpha : (N,) array
-        [rad]
-    ends : (N, K) array
-        β [rad] of the arcs' ends, NaN beyond the last
+    That is all that pricing needs and that does not depend on y.
     """
 
     sheet: NDArray
@@ -199,14 +183,7 @@ class Arcs:
 
 
 class Ridges:
-    """The greatest ±F'y over the admissible β, as functions of α.
-
-    Parameters
-    ----------
-    found : sequence of Sheet
-    margin : float
-        β counts where c ≥ margin [g]
-    """
+    """The greatest ±F'y over the admissible β, as functions of α; a β counts where c ≥ margin [g]."""
 
     def __init__(self, found: Sequence[Sheet], margin: float):
         self._margin, self._free = margin, found[0].sign == 0
@@ -247,13 +224,7 @@ class Ridges:
     def heights(self, arcs: Arcs, forms: NDArray, sense: NDArray) -> tuple[NDArray, NDArray]:
         """The greatest sense·F'y over the admissible β of each row, and that β; -inf where no β is admissible.
 
-        Parameters
-        ----------
-        arcs : Arcs
-        forms : (S, 3, 3) array
-            F'y of each sheet
-        sense : (N,) array
-            ±1
+        The forms (S, 3, 3) are F'y of each sheet, the senses (N,) ±1.
         """
         f = sense[:, None] * (basis(arcs.alpha)[:, None, :] @ forms[arcs.sheet])[:, 0]
         own = np.arctan2(f[:, 1], f[:, 0])

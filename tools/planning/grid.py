@@ -27,17 +27,8 @@ FINEST_DEG = 0.01
 class Columns:
     """The restricted programme of column generation: min Σ|Φ| with Σ Φ F = a, over the columns found so far.
 
-    One warm HiGHS model to which columns are added; a new target only changes the right-hand side.
-
-    Parameters
-    ----------
-    size : int
-        P, the number of parameters
-
-    Attributes
-    ----------
-    regressors : (K, P) array
-        F of the columns, in the order in which they were added
+    One warm HiGHS model to which columns are added; a new target only changes the right-hand side. `regressors` (K, P)
+    are F of the columns in the order in which they were added, for P parameters.
     """
 
     def __init__(self, size: int):
@@ -82,16 +73,9 @@ class Columns:
         self._highs.changeRowsBounds(self._size, rows, target, target)  # pyright: ignore
 
     def solve(self) -> tuple[NDArray, NDArray, bool]:
-        """Solve, warm.
+        """Φ (K,) of each column, at most P of them not zero; y (P,) with |F'y| ≤ 1 on the columns and a'y the cost.
 
-        Returns
-        -------
-        weights : (K,) array
-            Φ of each column, at most P of them other than zero
-        dual : (P,) array
-            y with |F'y| ≤ 1 on the columns and a'y the cost
-        possible : bool
-            False when the columns cannot determine the target
+        Last, whether the columns can determine the target.
         """
         self._highs.run()
         if self._highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
@@ -114,18 +98,7 @@ class Grid:
 
     Positions that coincide (0° and 360°) count once. A coarse grid is priced whole. Of a fine one no list of positions
     is ever made: its every n-th line gives the first columns, and then a row of it is looked at only where the greatest
-    |F'y| over its β, known exactly, exceeds one.
-
-    Parameters
-    ----------
-    sheets : sequence of Sheet
-    step_deg : float
-        step in both angles [deg]
-
-    Raises
-    ------
-    InputError
-        for a step that is not between 0.01 and 180
+    |F'y| over its β, known exactly, exceeds one. An InputError for a step that is not between 0.01 and 180 degrees.
     """
 
     def __init__(self, sheets: Sequence[Sheet], step_deg: float):
@@ -172,10 +145,7 @@ class Grid:
     def optimum(self, target: NDArray) -> Optimum:
         """The plan of least cost for a target a (P,), with the dual that proves it.
 
-        Raises
-        ------
-        UndeterminedError
-            when the grid's positions cannot determine the target
+        An UndeterminedError when the grid's positions cannot determine the target.
         """
         self._columns.aim(target)
         while True:
@@ -194,16 +164,7 @@ class Grid:
 
 
 class Lines:
-    """A grid that is priced whole: every admissible position of the given lines of both angles.
-
-    Parameters
-    ----------
-    sheets : sequence of Sheet
-    angle : (n,) array
-        [rad]
-    lines : (k,) array of int
-        which of them
-    """
+    """A grid that is priced whole: every admissible position of the given lines of both angles (n,) [rad]."""
 
     def __init__(self, sheets: Sequence[Sheet], angle: NDArray, lines: NDArray):
         self._lines, self._basis = lines, basis(angle[lines])
@@ -225,14 +186,7 @@ class Lines:
 
 
 class Rows:
-    """A grid that is priced row by row, and only where a row may hold a position above one.
-
-    Parameters
-    ----------
-    sheets : sequence of Sheet
-    angle : (n,) array
-        [rad]
-    """
+    """A grid of angles (n,) [rad] that is priced row by row, and only where a row may hold a position above one."""
 
     def __init__(self, sheets: Sequence[Sheet], angle: NDArray):
         self._sheets, self._angle, self._basis = sheets, angle, basis(angle)

@@ -20,8 +20,7 @@ from .check import EffectDistance, detecting, named_effects
 from .continuum import Continuum, scaled_optimum
 from .forms import sheets
 from .grid import Grid
-from .order import measuring_order, unwound
-from .positions import Places, Request, Task, allowed, costs, stored_positions, task_of
+from .positions import Places, Request, Task, allowed, costs, measuring_order, stored_positions, task_of, unwound
 from .search import drawn, rounded, search
 
 if TYPE_CHECKING:

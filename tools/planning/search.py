@@ -53,18 +53,14 @@ SWEEPS = 6
 def search(
     task: Task, count: int, *, given: Sequence[Places] = (), progress: bool = False
 ) -> tuple[Costs | None, int, bool]:
-    """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far.
+    """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far, if there is any.
 
     Parameters
     ----------
     task : Task
         its request says which criterion, how many starts, and the seed of the random numbers
-    count : int
-        N
     given : sequence of Places
         sets to begin with, beside the random ones
-    progress : bool
-        show a bar on a terminal
 
     Returns
     -------
@@ -74,11 +70,6 @@ def search(
         local improvements that were made
     interrupted : bool
         whether Ctrl-C ended the search before its budget was spent
-
-    Raises
-    ------
-    KeyboardInterrupt
-        when Ctrl-C came before there was any set to keep
     """
     rng, starts = np.random.default_rng(task.request.seed), task.request.starts
     elite: list[tuple[float, Costs]] = []
@@ -173,23 +164,9 @@ def improve(
     steps: int = 40,
     hopeless: Callable[[int, float], bool] = lambda step, value: False,
 ) -> Costs:
-    """Improve a set of positions until no small move helps.
+    """Improve a set of positions until no small move helps; what comes is never worse than the start.
 
-    Parameters
-    ----------
-    task : Task
-    start : Costs
-    radius : float
-        how far an angle may move in the first step [rad]
-    steps : int
-        at most
-    hopeless : callable
-        step, value of the merit -> whether to give up
-
-    Returns
-    -------
-    Costs
-        never worse than the start
+    An angle may move by the radius [rad] in the first step; `hopeless` says of step and merit whether to give up.
     """
     best, value, slow = start, merit(task, start), 0
     for number in range(steps):

@@ -9,8 +9,8 @@ from ..document.numbers import Cell, Written, minus, symbol_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning.check import SettingCheck
-from ..planning.order import DWELL_S, checked_dwell
 from ..planning.plan import Curve, Plan, PlannedPosition, Plans, PositionPlan
+from ..planning.positions import DWELL_S, checked_dwell
 from .model import physical_words
 from .pictures.records import curve_picture, plan_picture, positions_picture
 from .record import cited, matrix_text, next_positions_csv, versions

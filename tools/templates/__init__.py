@@ -10,8 +10,7 @@ from numpy import arange
 
 from ..errors import InputError, nearest
 from ..files import write_text
-from ..planning.order import apart
-from ..planning.positions import stored_counts, stored_positions
+from ..planning.positions import apart, stored_counts, stored_positions
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]

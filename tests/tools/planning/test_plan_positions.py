@@ -13,25 +13,23 @@ from planning_tasks import OPTIMA, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.planning.bounds import Pool, bound_positions, pool_of, symmetries
 from trihedron.tools.planning.forms import x_from_targets
-from trihedron.tools.planning.order import (
-    SAME_PLACE,
-    apart,
-    move_times,
-    repeated,
-    shortest_tour,
-    tour_duration,
-    unwound,
-)
 from trihedron.tools.planning.positions import (
+    SAME_PLACE,
     Places,
     Task,
     allowed,
+    apart,
     clearances,
     costs,
     freedom,
+    move_times,
     parsed_keep_out,
     readings,
+    repeated,
+    shortest_tour,
     stored_counts,
+    tour_duration,
+    unwound,
 )
 from trihedron.tools.planning.search import drawn, improve, rounded, search
 
