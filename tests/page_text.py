@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from bench_cases import draw_case, measure
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
@@ -18,8 +17,7 @@ from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports import document_of
 from trihedron.tools.result import Result
 from trihedron.tools.trials.bench import NOISE_BOUND
-from trihedron.tools.trials.draw import Options
-from trihedron.tools.trials.draw import draw_case as draw_trial
+from trihedron.tools.trials.draw import Options, draw_alone, draw_case
 
 MATRIX = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
 
@@ -27,7 +25,7 @@ MATRIX = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
 @cache
 def clean() -> PositionRecord:
     """A bench without effects."""
-    return measure(draw_case(5, effects=[]), 5)
+    return draw_alone(5, effects=[]).measured()
 
 
 def few(count: int) -> PositionRecord:
@@ -38,7 +36,7 @@ def few(count: int) -> PositionRecord:
 @cache
 def bent() -> PositionRecord:
     """A bench with a quadratic term."""
-    return measure(draw_case(501, effects=["quadratic"]), 501)
+    return draw_alone(501, effects=["quadratic"]).measured()
 
 
 def with_power(p: int, coefficient: float, power: int) -> PositionRecord:
@@ -71,7 +69,7 @@ MAKERS: dict[str, Callable[[], tuple[Result, Any]]] = {
         diagnose(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=MATRIX, seed=3)),
         None,
     ),
-    "block, ambiguous": lambda: (diagnose(draw_trial(Options(strapdown=True), 4, 4).measured()), None),
+    "block, ambiguous": lambda: (diagnose(draw_case(Options(strapdown=True), 4, 4).measured()), None),
     "block, insufficient": lambda: (diagnose(strapdown_record(true_motion(POSES[:1]))), None),
     "plan": lambda: (plan_targets(("X4",), grid=15.0), None),
     "plans": lambda: (plan_targets(("X4", "X6+X8"), grid=15.0), None),

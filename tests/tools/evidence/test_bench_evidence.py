@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench_cases import HiddenCase, draw_case, measure
+from bench_cases import bench_case
 from other_solver import farthest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import PRESETS, parametrise
@@ -15,7 +15,8 @@ from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_probe import second_mounting
 from trihedron.tools.evidence.gain import predicted_errors
-from trihedron.tools.trials.bench import NOISE_BOUND, bench_positions, draw_truth
+from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials.draw import draw_alone
 
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
 CUBIC = EffectPlace("cubic", "accelerometer-3")
@@ -27,12 +28,10 @@ IDENTITY = parametrise({"identity": np.eye(3)})
 
 def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None) -> Witness:
     """The witness on an effect that is there (by default), or on one that is not."""
-    case = draw_case(seed, effects=["quadratic", "encoder-harmonic", "cross-product"] if place is None else [])
-    record = measure(case, seed)
+    case = draw_alone(seed, effects=["quadratic", "encoder-harmonic", "cross-product"] if place is None else [])
+    record = case.measured()
     evidence = bench_evidence(record if rows is None else record.selected(np.arange(rows)), noise_bound=NOISE_BOUND)
-    named = case.place if place is None else place
-    assert named is not None
-    return Witness.of(next(evidence.trials(evidence.refit([named]))))
+    return Witness.of(next(evidence.trials(evidence.refit(case.places if place is None else [place]))))
 
 
 @pytest.mark.parametrize("seed", [501, 502, 503])
@@ -88,9 +87,7 @@ def test_no_mounting_tells_apart_what_belongs_to_one_accelerometer_or_one_axis()
 
 
 def test_a_mounting_is_proposed_for_sets_that_remain_or_not_at_all():
-    alpha, beta = bench_positions()
-    truth = draw_truth(np.random.default_rng(4), symmetric=False)
-    record = measure(HiddenCase(truth, ENCODER, (1.2e-4, 0.7), alpha, beta), 4).selected(np.arange(0, 40, 3))
+    record = bench_case(4, ENCODER, (1.2e-4, 0.7)).measured().selected(np.arange(0, 40, 3))
     result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
     if result.second_mounting is not None:
         assert result.verdict == "ambiguous"
@@ -100,7 +97,7 @@ def test_a_mounting_is_proposed_for_sets_that_remain_or_not_at_all():
 @pytest.fixture(scope="module")
 def coarse():
     """A clean bench whose readings are written to 3e-6 g."""
-    record = measure(draw_case(31, effects=[]), 31)
+    record = draw_alone(31, effects=[]).measured()
     force = 9.80665 * 3e-6 * np.round(record.specific_force / 9.80665 / 3e-6)
     rounded = replace(record, specific_force=force, resolution=0.5 * 9.80665 * 3e-6)
     return bench_evidence(rounded, noise_bound=NOISE_BOUND, bounds=(3e-3, 0.0))
@@ -131,7 +128,7 @@ def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
 
 def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more():
     """Inputs are told up to the factor 1 − Δg/g: at its largest the ends are the true coefficients."""
-    bench = bench_evidence(measure(draw_case(31, effects=[]), 31), noise_bound=NOISE_BOUND)
+    bench = bench_evidence(draw_alone(31, effects=[]).measured(), noise_bound=NOISE_BOUND)
     error = bench.bounds[1]
     low, high = bench.told(CUBIC, [(2e-4, 3e-4)])[0]
     assert low == pytest.approx(2e-4 / (1.0 + error) ** 3, rel=1e-12)
