@@ -18,7 +18,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from campaign_runs import CALIBRATION, content, workers_of, written
+from campaign_runs import CALIBRATION, content, dies_of_three, workers_of, written
 from trihedron.tools import cli
 from trihedron.tools.campaign import execute
 from trihedron.tools.campaign.execute import run_campaign
@@ -64,18 +64,9 @@ class ScriptedWorkers:
         return call()
 
 
-@pytest.fixture(scope="module")
-def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The files of the campaign, computed by one process."""
-    folder = tmp_path_factory.mktemp("unbroken")
-    run_campaign(written(folder, CALIBRATION), folder / "out", jobs=1)
-    return content(folder / "out")
-
-
-@pytest.fixture
-def workers(monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
-    """The workers that campaigns of the test get, whatever they ask for."""
-    scripted, order = ScriptedWorkers(), random.Random(0)
+def use(scripted: ScriptedWorkers, monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
+    """Have campaigns get these workers, whatever they ask for."""
+    order = random.Random(0)
 
     @contextmanager
     def given(*_: object) -> Iterator[ScriptedWorkers]:
@@ -90,7 +81,23 @@ def workers(monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
     return scripted
 
 
-@pytest.mark.parametrize(("engine", "jobs"), [("local", 2), ("dask", 3)])
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files of the campaign, computed by this process alone."""
+    folder = tmp_path_factory.mktemp("unbroken")
+    with pytest.MonkeyPatch.context() as patched:
+        use(ScriptedWorkers(), patched)
+        run_campaign(written(folder, CALIBRATION), folder / "out")
+    return content(folder / "out")
+
+
+@pytest.fixture
+def workers(monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
+    """The workers that campaigns of the test get."""
+    return use(ScriptedWorkers(), monkeypatch)
+
+
+@pytest.mark.parametrize(("engine", "jobs"), [("local", 2), ("dask", 2)])
 def test_several_processes_give_the_bytes_of_one(tmp_path, unbroken, engine, jobs):
     if engine == "dask":
         pytest.importorskip("distributed")
@@ -280,28 +287,26 @@ def test_workers_that_there_cannot_be_are_refused(engine, jobs, scheduler, messa
     assert message in str(caught.value)
 
 
-def dies_of_three(number: int) -> int:
-    """A square; no process survives that of three."""
-    if number == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number * number
-
-
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("engine", ["local", "dask"])
 def test_a_deadly_call_is_named_and_the_others_are_made(engine):
     if engine == "dask":
         pytest.importorskip("distributed")
     with started(engine, 2) as workers:
-        found = dict(completed(workers, dies_of_three, range(8), instead=lambda number: -number))
-        assert found == {number: -3 if number == 3 else number * number for number in range(8)}
+        found = dict(completed(workers, dies_of_three, range(5), instead=lambda number: -number))
+        assert found == {0: 0, 1: 1, 2: 4, 3: -3, 4: 16}
         assert workers.kills > 0
-        with pytest.raises(Killed, match="given 3"):
-            dict(completed(workers, dies_of_three, [3]))
+
+
+def test_a_call_that_no_process_survives_is_said_where_nothing_stands_for_it(workers):
+    workers.fate = lambda name, what: what == 3
+    with pytest.raises(Killed, match="given 3"):
+        dict(completed(workers, abs, range(5)))
+    assert workers.calls.count(("abs", 3)) == 4
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path, unbroken):
+def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path, unbroken, workers):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(path), "--out", str(out), "--jobs", "2"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as main:
@@ -310,12 +315,12 @@ def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path,
             assert main.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.02)
-        workers = workers_of(main.pid)
+        below = workers_of(main.pid)
         main.send_signal(signal.SIGKILL)
-    assert workers
-    while any(Path(f"/proc/{pid}").exists() for pid in workers):
+    assert below
+    while any(Path(f"/proc/{pid}").exists() for pid in below):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     assert all(unbroken[name] == value for name, value in content(out).items() if name.rpartition("/")[2][0] != ".")
-    run_campaign(path, out, jobs=1, resume=True)
+    run_campaign(path, out, resume=True)
     assert content(out) == unbroken
