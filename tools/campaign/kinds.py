@@ -31,16 +31,9 @@ Better = Literal["lower", "higher"]
 
 @dataclass(frozen=True)
 class Output:
-    """A scalar that a run gives.
+    """A scalar that a run gives, a Float64, Int64, String or Boolean.
 
-    Attributes
-    ----------
-    dtype : polars data type
-        Float64, Int64, String or Boolean
-    better : "lower", "higher" or None
-        which way is better, where one is: of numbers and of flags
-    good : tuple of str
-        of a text: the values that are as they should be
+    Of a number or a flag one way may be better; a text has values that are as they should be.
     """
 
     dtype: type[pl.DataType]
@@ -50,17 +43,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Given:
-    """What a run gave.
-
-    Attributes
-    ----------
-    scalars : mapping
-        name -> value, for every output of the kind
-    record : DataFrame or None
-        where one was asked for
-    diagnosis : str or None
-        JSON, where one was asked for
-    """
+    """What a run gave: every output of the kind by its name; its record and a diagnosis (JSON) where one was wanted."""
 
     scalars: Mapping[str, Value | int | None]
     record: pl.DataFrame | None = None

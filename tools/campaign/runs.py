@@ -51,14 +51,8 @@ KILLED = "the run ended its worker process each time it was tried"
 class Order:
     """Everything that a worker needs to know of a campaign, wherever it is.
 
-    Attributes
-    ----------
-    campaign_file : str
-        path of the campaign file below the folder that all the files share
-    files : tuple of (str, bytes)
-        path below that folder and content, of the campaign file and of all that it reads
-    code : str
-        `code_hash` of whoever gives the order
+    The campaign file and all that it reads, by their paths below the folder that they share, and the `code_hash` of
+    whoever gives the order.
     """
 
     campaign_file: str
@@ -146,12 +140,7 @@ def versions() -> dict[str, str]:
 
 
 class Design:
-    """The runs of a campaign.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    """
+    """Which run of a campaign is which."""
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
@@ -222,15 +211,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a campaign's data set.
-
-    Attributes
-    ----------
-    parameters, outputs : dict
-        name -> polars data type; name -> Output, those that are kept
-    diagnosis, record : bool
-        whether they are kept
-    """
+    """Columns of a campaign's data set: parameters, the outputs that are kept, and whether diagnosis and record are."""
 
     parameters: dict[str, type[pl.DataType]]
     outputs: dict[str, Output]
@@ -247,20 +228,9 @@ class Columns:
 
 @dataclass(frozen=True)
 class Computed:
-    """A file of the data set that was computed.
+    """A file of the data set that was computed, by its number: its content, and that of the file of records beside it.
 
-    Attributes
-    ----------
-    partition : int
-        its number
-    scalars : bytes
-        its content
-    records : bytes or None
-        the file of records beside it, where they are kept
-    runs, failures : int
-        how many runs it has, how many of them failed
-    seconds, cpu_seconds : float
-        that it took, by the clock and of the processor
+    It has so many runs, of which some failed, and took so long, by the clock and of the processor [s].
     """
 
     partition: int
@@ -351,10 +321,7 @@ def _prepared(sha256: str, order: Order) -> Prepared:
 def prepared(order: Order) -> Prepared:
     """The campaign of an order, made ready once in each process.
 
-    Raises
-    ------
-    InputError
-        this process has other code than the one that gave the order: its results would be mixed with other ones
+    An InputError where this process has other code than who gave the order: results would be mixed with other ones.
     """
     if order.code != code_hash():
         raise InputError("a worker has another version of Trihedron, or of what it uses, than this process")
@@ -362,16 +329,7 @@ def prepared(order: Order) -> Prepared:
 
 
 def compute(order: Order, deadly: frozenset[int], partition: int) -> Computed:
-    """Make the runs of a file of the data set.
-
-    Parameters
-    ----------
-    order : Order
-    deadly : frozenset of int
-        runs that no process survives: recorded as failed, not made
-    partition : int
-        number of the file
-    """
+    """Make the runs of a file of the data set; the deadly ones, which no process survives, are recorded as failed."""
     here = prepared(order)
     began, cpu_began = clocks.perf_counter(), clocks.process_time()
     rows: list[dict[str, Any]] = []

@@ -23,13 +23,7 @@ RUNS, RECORDS = "runs", "records"
 
 @dataclass(frozen=True)
 class Store:
-    """The folder of a campaign.
-
-    Attributes
-    ----------
-    folder : Path
-    campaign : Campaign
-    """
+    """The folder of a campaign."""
 
     folder: Path
     campaign: Campaign
@@ -132,16 +126,7 @@ def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
 def opened(
     folder: Path, order: Order, campaign: Campaign, columns: Columns, content: bytes, *, resume: bool
 ) -> Iterator[Store]:
-    """A campaign's folder, for nobody else while the block lasts.
-
-    Parameters
-    ----------
-    folder : Path
-        made where it is not there
-    order, campaign, columns, content
-        what is to be computed; its columns; the bytes of the campaign file
-    resume : bool
-        go on with what the folder holds
+    """A campaign's folder, for nobody else while the block lasts; `content` is the bytes of the campaign file.
 
     Raises
     ------

@@ -27,12 +27,7 @@ MOST_MESSAGES = 20
 
 
 class Results:
-    """The columns of a campaign's data set.
-
-    Parameters
-    ----------
-    store : Store
-    """
+    """The columns of a campaign's data set."""
 
     def __init__(self, store: Store) -> None:
         self.store = store
@@ -64,18 +59,9 @@ class Failure(Result):
 
 @dataclass(frozen=True)
 class Cost:
-    """What carrying out a campaign took.
+    """What carrying out a campaign took: the runs that were made, and seconds from beginning to end.
 
-    Attributes
-    ----------
-    runs : int
-        that were made; the others were there
-    seconds : float
-        from beginning to end
-    worked_seconds, cpu_seconds : float
-        that all workers together worked, by the clock and of their processors
-    kills : int
-        how often workers ended while they had work
+    All workers together worked so long, by the clock and of their processors [s]; some ended while they had work.
     """
 
     runs: int

@@ -116,12 +116,22 @@ def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[Nu
         frame = pl.read_parquet(io.BytesIO(content))
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{label}: is not a readable Parquet file ({str(error).splitlines()[0]})") from error
-    return table_from(frame, label, wanted), content
+    return _table_from(frame, label, wanted), content
 
 
-def table_from(frame: pl.DataFrame, label: str, wanted: Sequence[str] | None) -> NumberTable:
+def _table_from(frame: pl.DataFrame, label: str, wanted: Sequence[str] | None) -> NumberTable:
     """Columns of numbers from a table in memory; rows count from 1."""
     return _numbers(label, frame.select(_chosen(label, frame.columns, wanted)), np.arange(1, frame.height + 1))
+
+
+def table_of(
+    stimulus: Stimulus, name: str, folder: Path, wanted: Sequence[str] | None = None
+) -> tuple[NumberTable, bytes | None]:
+    """Columns of a stimulus' table, and the bytes of its file; none where it is in memory."""
+    label = stimulus.csv or stimulus.programme
+    if label is None:
+        return _table_from(stimulus.table, f"{name}.table", wanted), None
+    return read_table(folder / label, label, wanted)
 
 
 def _chosen(label: str, header: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
@@ -396,11 +406,9 @@ def resolve_stimuli(
     """The run's grid, and the drives by their names in messages; programmes first, for they may end the run."""
 
     def table(stimulus: Stimulus, name: str, wanted: list[str] | None) -> NumberTable:
-        label = stimulus.csv or stimulus.programme
-        if label is None:
-            return table_from(stimulus.table, f"{name}.table", wanted)
-        found, content = read_table(scenario.base_folder / label, label, wanted)
-        sources.note(label, content)
+        found, content = table_of(stimulus, name, scenario.base_folder, wanted)
+        if content is not None:
+            sources.note(found.label, content)
         return found
 
     interfaces = interfaces_of(loaded)

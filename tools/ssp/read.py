@@ -44,20 +44,9 @@ Node = tuple[Path_, str]
 
 @dataclass
 class Part:
-    """An FMU or a system.
+    """An FMU, whose `source` is its file in the archive, or a system with its elements by name and its connections.
 
-    Attributes
-    ----------
-    path : tuple of str
-    source : str or None
-        the FMU's file in the archive; None for a system
-    connectors : dict
-        name to kind
-    bindings : list of Given
-    parts : dict
-        a system's elements by name
-    edges : list
-        a system's connections, (from, to)
+    Connectors are name to kind; an edge is (from, to).
     """
 
     path: Path_
@@ -80,20 +69,9 @@ def opened(
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """The scenario of a file (TOML or .ssp), or of what would stand in it, as long as its files are there.
 
-    Parameters
-    ----------
-    scenario : path, mapping or Scenario
-    step : float, optional
-        length of a step of an .ssp [s]; without it that of OMSimulator's annotation, or the smallest that an FMU asks
-        for
-    coupling : str, optional
-        how cycles of an .ssp are taken, "jacobi" or "iterate"; without it as the exported scenario says
-
-    Yields
-    ------
-    scenario : Scenario
-    ignored : tuple of str
-        names of an .ssp's parameters that no variable of its system has; SSP has them ignored
+    With it come the names of an .ssp's parameters that no variable of its system has: SSP has them ignored. A `step` of
+    an .ssp [s] that is not given is that of OMSimulator's annotation, or the smallest that an FMU asks for; `coupling`
+    is as the exported scenario says.
 
     Raises
     ------
@@ -119,10 +97,7 @@ def scenario_of_ssp(
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """Unpack an .ssp and read it as a scenario; `opened` says more.
 
-    Raises
-    ------
-    InputError
-        an archive that is damaged or unsafe, or what is not supported, by its name
+    An InputError for an archive that is damaged or unsafe, or what is not supported, by its name.
     """
     with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as name:
         folder = Path(name) / "unpacked"

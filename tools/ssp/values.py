@@ -60,13 +60,7 @@ def declared(*prefixes: str) -> dict[str, str]:
 
 
 def parsed(xml: bytes, label: str, root: str) -> Element:
-    """The root element of an XML document.
-
-    Raises
-    ------
-    InputError
-        not well-formed, a DOCTYPE or an entity, nested too deeply, or another root
-    """
+    """The root element of an XML document; an InputError for a DOCTYPE, nesting too deep, or another root."""
     if len(xml) > MOST_BYTES:
         raise InputError(f"{label}: is larger than {MOST_BYTES >> 20} MiB; not read")
     xml_root(xml, f"{label}:", "an .ssp", DEEPEST)
@@ -141,25 +135,10 @@ def units_of(root: Element, path: str, label: str) -> dict[str, Unit]:
 
 @dataclass(frozen=True)
 class Given:
-    """A value that a binding gives.
+    """A value that a binding gives, as it is written, under a name seen from the element that has the binding.
 
-    Attributes
-    ----------
-    name : str
-        of the parameter, seen from the element that has the binding
-    kind, text : str
-        type and value as they are written
-    unit : str or None
-    scale : Unit or None
-        of the unit, where the documents define it
-    where : str
-        for messages
-    factor, offset : float
-        of the mapping's linear transformation
-    table : mapping or None
-        of a mapping's transformation value by value
-    convert : bool
-        False where the mapping suppresses the conversion of units
+    `scale` is what the documents define of the unit; the mapping has a linear transformation, or one value by value in
+    a table, and may suppress the conversion of units.
     """
 
     name: str
@@ -177,10 +156,7 @@ class Given:
 def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[Given]:
     """The values of an element's bindings in their order: a later one wins over an earlier one.
 
-    Raises
-    ------
-    InputError
-        a source that is not a file of the archive, or what is not a parameter set of SSP
+    An InputError for a source that is not a file of the archive, or what is not a parameter set of SSP.
     """
     values: list[Given] = []
     for binding in children(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
@@ -248,17 +224,7 @@ def _transformed(given: Given, entry: Element, label: str) -> Given:
 def value_for(given: Given, variable: Variable, scales: Mapping[str, Unit]) -> Value:
     """A binding's value as the variable takes it, in the variable's unit.
 
-    Parameters
-    ----------
-    given : Given
-    variable : Variable
-    scales : mapping
-        the units that the variable's FMU defines
-
-    Raises
-    ------
-    InputError
-        a text that is no such value, another type, another dimension, or a value outside the variable's limits
+    An InputError for a text that is no such value, another type or dimension, or a value outside the variable's limits.
     """
     text = given.text if given.table is None else given.table.get(given.text, given.text)
     with said_of(f"{given.where}: parameter '{given.name}'"):

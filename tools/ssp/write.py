@@ -31,10 +31,9 @@ from ..orchestrator.stimuli import (
     Grid,
     NumberTable,
     make_grid,
-    read_table,
     resolve_constant,
     resolve_programme,
-    table_from,
+    table_of,
 )
 from ..orchestrator.wiring import Wire, check_single_sources, resolve_connections
 from .values import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared
@@ -112,10 +111,7 @@ def _compiles() -> bool:
 def self_contained(scenario: Scenario) -> Scenario:
     """The scenario with FMUs and parameters in place of its stimuli; it gives the same run.
 
-    Raises
-    ------
-    InputError
-        timed rows, which no component carries, or a programme of too many positions
+    An InputError for timed rows, which no component carries, or a programme of too many positions.
     """
     with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as folder:
         loaded = load(scenario, Sources(scenario.base_folder), Path(folder))
@@ -132,7 +128,7 @@ def self_contained(scenario: Scenario) -> Scenario:
                 given = dict(zip((v.name for v in drive.variables), drive.values[0], strict=True))
                 _set(fmus, interfaces[drive.fmu], given)
                 continue
-            positions = _positions(scenario, stimulus, count)
+            positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
             drive, end = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
             ends.append(end)
             name = _free("programme", [*fmus, *first])
@@ -162,12 +158,6 @@ def _set(fmus: dict[str, Any], interface: Interface, values: Mapping[str, Value]
     for name, value in setting.get("parameters", {}).items():
         elements |= {variable.name: item for variable, item in spread(value, interface.find(name), name)}
     fmus[interface.name] = {**setting, "parameters": {**elements, **values}}
-
-
-def _positions(scenario: Scenario, stimulus: Stimulus, count: int) -> NumberTable:
-    if stimulus.programme is None:
-        return table_from(stimulus.table, f"stimuli[{count}].table", None)
-    return read_table(scenario.base_folder / stimulus.programme, stimulus.programme, None)[0]
 
 
 def _parameters(
@@ -232,17 +222,9 @@ def _json_bytes(value: object) -> bytes:
 
 @dataclass
 class WrittenSet:
-    """A parameter set to be written.
+    """A parameter set to be written: by the name in the set, each value's type and attributes, and the units of all.
 
-    Attributes
-    ----------
-    name, description : str
-    values : dict
-        name in the set -> type, attributes of the value
-    units : dict
-        the units that the values have
-    mapping : dict
-        name in the set -> names that it has in the system; empty where they are the same
+    The mapping has the names that each has in the system, and nothing where they are the same.
     """
 
     name: str
@@ -313,17 +295,8 @@ def _structure(
 ) -> bytes:
     """SystemStructure.ssd of SSP 1.0, its elements in the order that OMSimulator wants.
 
-    Parameters
-    ----------
-    about : mapping
-        name and title of the system; the title may be empty
-    fmus : mapping
-        FMU's name -> (file in the archive, interface)
-    wires : iterable of Wire
-    sets : sequence
-        files of each parameter set and of its mapping, the later over the earlier
-    grid : Grid
-        of the experiment
+    The system has a name and a title, which may be empty; an FMU its file in the archive and its interface; a set is
+    the files of the parameters and of their mapping, the later set over the earlier.
     """
     versions = {**declared("ssd", "ssc", "ssv", "ssm"), "xmlns:oms": OMS}
     root = Element("ssd:SystemStructureDescription", {**versions, "name": about["name"], "version": "1.0"})
