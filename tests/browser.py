@@ -1,6 +1,5 @@
 """A real browser without a window, driven over pipes: what a page looks like in it, and what it complains of."""
 
-import base64
 import json
 import os
 import shutil
@@ -131,15 +130,6 @@ class Browser:
         while "Page.loadEventFired" not in self._seen:
             self._next()
         return self.call("Runtime.evaluate", expression=MEASURE, returnByValue=True)["result"]["value"]
-
-    def picture(self, path: Path) -> None:
-        """The whole page as it is shown, as PNG."""
-        shot = self.call("Page.captureScreenshot", captureBeyondViewport=True)
-        path.write_bytes(base64.b64decode(shot["data"]))
-
-    def printed(self, path: Path) -> None:
-        """The page as PDF."""
-        path.write_bytes(base64.b64decode(self.call("Page.printToPDF", preferCSSPageSize=True)["data"]))
 
 
 @contextmanager

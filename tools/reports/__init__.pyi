@@ -1,6 +1,7 @@
 from .calibration import application_lines as application_lines
 from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
+from .campaign import write_suite as write_suite
 from .makers import document_of as document_of
 from .makers import write_report as write_report
 from .papers import write_reproduction as write_reproduction
@@ -10,4 +11,3 @@ from .plan import operator_page as operator_page
 from .plan import plan_page as plan_page
 from .plan import write_curve as write_curve
 from .plan import write_plan as write_plan
-from .trials import write_suite as write_suite

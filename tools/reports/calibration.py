@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..calibration.correction import ARCSEC, Application, Correction, correction_of, face_readings, levelling
+from ..calibration.correction import ARCSEC, Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.numbers import (
@@ -31,6 +31,7 @@ from .model import (
     bench_section,
     calibrated_values,
     correction_lines,
+    correction_terms,
     missing_lines,
     open_targets,
     physical_words,
@@ -146,9 +147,7 @@ def levelling_section(result: Calibration) -> Section | None:
     """The correction as equations, and the error of the vertical before and after it, attitude by attitude."""
     if not is_corrected(result):
         return None
-    correction = correction_of(result.to_json(), "calibration")
-    names, reading = face_readings(correction)
-    gained = levelling(correction, reading)
+    correction, names, gained = levelled(result)
     rows: list[list[Cell]] = [
         [name, significant(before / ARCSEC, 3), upwards(after / ARCSEC)]
         for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
@@ -288,12 +287,18 @@ def is_corrected(result: Calibration) -> bool:
     return result.verdict == "consistent" and all(e.low is not None for e in result.reading_errors)
 
 
+def levelled(result: Calibration) -> tuple[Correction, list[str], Levelling]:
+    """The correction, the six attitudes with an axis vertical, and what it is worth there."""
+    correction = correction_of(result.to_json(), "calibration")
+    names, reading = face_readings(correction)
+    return correction, names, levelling(correction, reading)
+
+
 def levelling_lines(result: Calibration) -> list[str]:
     """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
     if not is_corrected(result):
         return []
-    correction = correction_of(result.to_json(), "calibration")
-    before, after = levelling(correction, face_readings(correction)[1]).worst
+    before, after = levelled(result)[2].worst
     return [
         f"levelling with an axis vertical: as read wrong by up to {before / ARCSEC:.2f} arcsec, "
         f"corrected by at most {after / ARCSEC:.2f} (guaranteed; `trihedron apply` corrects)"
@@ -330,13 +335,6 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
 def correction_equation(correction: Correction) -> list[str]:
     """The correction as equations with their numbers, readings f to inputs n."""
     lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
-    for p in range(3):
-        terms = [f"f{p + 1}/g", _term(-correction.bias[p], "")]
-        terms += [_term(-correction.gamma[p, c], f" n{c + 1}") for c in range(p)]
-        plus, minus = (f"{scale[p]:.12g}" for scale in (correction.plus, correction.minus))
-        lines.append(f"n{p + 1} = ({' '.join(terms)}) / ({plus} where n{p + 1} > 0, {minus} elsewhere)")
+    for n, terms, plus, minus in correction_terms(correction, ".12g"):
+        lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")
     return lines
-
-
-def _term(value: float, of: str) -> str:
-    return f"{'-' if value < 0.0 else '+'} {abs(value):.12g}{of}"

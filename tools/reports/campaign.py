@@ -1,5 +1,7 @@
-"""What campaigns say: text and page."""
+"""What campaigns and suites of hidden effects say: text, pages and files."""
 
+import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,12 +11,21 @@ import numpy as np
 from ..campaign.compare import CHANCE, Comparison
 from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
-from ..campaign.summary import CampaignResult, Results, summarise
+from ..campaign.summary import CampaignResult, Results, rate, summarise
 from ..document.blocks import Page, Section, Table
 from ..document.numbers import Cell, minus, significant
 from ..document.page import write_page
-from ..trials.suite import named_suite
-from .pictures.suites import chance_of, confusion_picture, distributions_picture, rates_picture, sensitivity_picture
+from ..files import write_text
+from ..trials.outcome import KINDS, NOTHING
+from ..trials.suite import Detection, Suite, cases_csv, confusion, named_suite
+from .pictures.suites import (
+    chance_of,
+    confusion_picture,
+    distributions_picture,
+    rates_picture,
+    sensitivity_picture,
+    size_errors_picture,
+)
 from .record import versions
 
 MOST_ROWS = 24
@@ -114,7 +125,7 @@ def change_lines(comparison: Comparison) -> list[str]:
     return lines
 
 
-KINDS = {
+WHAT = {
     "calibration": "static calibrations",
     "attitude": "attitude runs",
     "simulation": "simulations of a scenario",
@@ -156,13 +167,13 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
         rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
         sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
     failed = summary.failed
-    verdict = " ".join([f"{campaign.runs} {KINDS[campaign.kind]}, {failed or 'none'} failed.", *counted(summary)])
+    verdict = " ".join([f"{campaign.runs} {WHAT[campaign.kind]}, {failed or 'none'} failed.", *counted(summary)])
     if comparison is not None:
         verdict += f" {_sentence(comparison)}"
     worse = comparison is not None and bool(comparison.of("worse"))
     sobol = campaign.sampling.method == "saltelli" and any(item.sensitivity for item in campaign.compute)
     return Page(
-        campaign.title or f"Campaign of {KINDS[campaign.kind]}",
+        campaign.title or f"Campaign of {WHAT[campaign.kind]}",
         verdict,
         sections,
         tone="attention" if failed or worse else "good" if comparison is not None else "neutral",
@@ -215,7 +226,7 @@ def _about(campaign: Campaign) -> Section:
         "sobol": "a Sobol sequence",
         "saltelli": "Saltelli's arrangement of a Sobol sequence",
     }[campaign.sampling.method]
-    said = [f"{campaign.runs} {KINDS[campaign.kind]}; the seed of the campaign is {campaign.seed}."]
+    said = [f"{campaign.runs} {WHAT[campaign.kind]}; the seed of the campaign is {campaign.seed}."]
     if campaign.hidden is not None and campaign.hidden.suite is not None:
         suite = campaign.hidden.suite
         said = [f"The first {campaign.runs} cases of the suite {suite}, seed {named_suite(suite).seed}."]
@@ -306,3 +317,169 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
     svg = distributions_picture(columns, marks)
     return Section(title, svg=svg, caption="Dashed lines are the quantiles.", table=Table(header, rows))
+
+
+# Suites
+
+MOST_LISTED = 20
+SHOWN = {
+    "clean": "clean records, nothing hidden",
+    "single": "one effect hidden, at 1.5 times the size from which every rival is surely excluded",
+    "between": "one effect hidden, larger than what is surely detected, smaller than what surely excludes every rival",
+    "pairs": "two effects hidden, each at 1.5 times the size at which nothing can stand for it",
+}
+"""What each mode hides, in words."""
+CAPTION = (
+    "Rows: what was hidden. Columns: what was made of it. Blue is right, grey left open with the truth among the "
+    "candidates."
+)
+
+
+def write_suite(suite: Suite, folder: Path) -> list[Path]:
+    """Write suite.json, cases.csv and the page index.html into a folder; returns the files."""
+    files = [folder / "suite.json", folder / "cases.csv", folder / "index.html"]
+    write_text(files[0], json.dumps(suite.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(files[1], cases_csv(suite))
+    write_page(files[2], suite_page(suite))
+    return files
+
+
+def suite_lines(suite: Suite) -> list[str]:
+    """What a person is told."""
+    bench = not suite.strapdown
+    what = f"{suite.cases} cases ({suite.mode})" if bench else f"{suite.cases} strapdown records"
+    lines = [f"{what}, seed {suite.seed}: " + ", ".join(f"{kind} {number}" for kind, number in suite.outcomes.items())]
+    if bench and suite.redrawn:
+        lines.append(f"{suite.redrawn} effects were put aside, as no possible size would do at their positions")
+    alarms = suite.false_alarms
+    if alarms["clean"]:
+        lines.append(f"false alarms on clean records: {alarms['alarms']} of {alarms['clean']}")
+    if alarms["clean"] < suite.cases:
+        width = 44 if bench else 28
+        lines += ["", f"{'hidden':<{width}} {'cases':>5}  what was made of it"]
+        for name, row in confusion(suite.results).items():
+            made = ", ".join(f"{'right' if k == name else k} {n}" for k, n in row.most_common())
+            lines.append(f"{name:<{width}} {sum(row.values()):>5}  {made}")
+    if bench and suite.detection:
+        lines += ["", "size / sure detection   cases  falsified  named"]
+        lines += [
+            f"{b.low:>6.2f} to {_top(b):>6.2f}        {b.cases:>6}  {b.detected / b.cases:>9.0%}  "
+            f"{b.named / b.cases:>5.0%}"
+            for b in suite.detection
+        ]
+    errors = suite.size_errors
+    if errors["estimates"]:
+        mean = f"mean error {errors['mean']:+.2%}, rms" if bench else "rms error"
+        lines += [
+            "",
+            f"estimated sizes: {mean} {errors['rms']:.2%}, largest {errors['largest']:.2%}; inside their intervals "
+            f"{errors['inside_intervals']} of {errors['cases_with_intervals']}",
+        ]
+    failures = KINDS[2:] if suite.strapdown else ("part", "wrong")
+    told = [outcome for outcome in suite.results if outcome.outcome in failures]
+    lines += [""] if told else []
+    for outcome in told[:MOST_LISTED]:
+        hidden = outcome.titles(named=False, between=" and ") or NOTHING
+        named = outcome.titles(named=True, between=" and ")
+        where = f" ({outcome.reference})" if suite.strapdown else ""
+        made = f"{outcome.verdict}: {named}" if bench or named else outcome.verdict
+        lines.append(f"case {outcome.case}: hidden {hidden}{where}; {made}")
+    return lines
+
+
+def _top(bin_: Detection) -> float:
+    return math.inf if bin_.high is None else bin_.high
+
+
+def suite_page(suite: Suite) -> Page:
+    """The page: what was hidden, the table of confusion, errors of the sizes, every case that was not named rightly."""
+    bench = not suite.strapdown
+    told = ", ".join(f"{number} {kind}" for kind, number in suite.outcomes.items())
+    hidden = any(outcome.places for outcome in suite.results)
+    picture = confusion_picture(confusion(suite.results)) if hidden else None
+    about = _about_bench(suite, told) if bench else _about_block(suite, hidden=hidden)
+    sections = [Section("What was made of the records", about, picture, CAPTION)]
+    if bench:
+        sections += _sizes(suite)
+    rows: list[list[Any]] = []
+    for outcome in suite.results:
+        if outcome.outcome != "right":
+            of = [None, outcome.reference] if suite.strapdown else [outcome.positions, None]
+            words = [outcome.titles(named=False) or NOTHING, outcome.verdict, outcome.outcome]
+            why = outcome.why if suite.strapdown else None
+            rows.append([outcome.case, *of, *words, outcome.titles(named=True), why])
+    if rows:
+        header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
+        sections.append(Section("Cases that were not named rightly", table=Table(header, rows).told()))
+    return Page(
+        f"Hidden effects: {suite.mode}" if bench else "Hidden effects in strapdown records",
+        f"Of {suite.cases} {'cases' if bench else 'records'} {told}.",
+        sections,
+        tone="attention" if "wrong" in suite.outcomes else "good",
+        provenance={"trihedron": versions()["trihedron"], "seed": suite.seed} | ({"mode": suite.mode} if bench else {}),
+    )
+
+
+def _about_bench(suite: Suite, told: str) -> list[str]:
+    what = SHOWN[suite.mode] if suite.size is None else "effects of drawn sizes"
+    fewest, most = suite.positions
+    return [
+        f"{suite.cases} cases: {what}; {fewest} to {most} positions in random order, noise {suite.noise}.",
+        "The bench runs in time, with its slews, dwells and temperature; the diagnosis gets the record, σ and the "
+        f"mountings, and nothing else. {told.capitalize()}.",
+        f"{suite.redrawn} drawn effects were put aside, as no possible size would do at their positions.",
+    ]
+
+
+def _about_block(suite: Suite, *, hidden: bool) -> list[str]:
+    sizes = "Nothing is hidden."
+    if hidden and suite.size is not None:
+        least, greatest = suite.size
+        sizes = f"Effects are {least:g} to {greatest:g} times the size from which a record surely disproves the model."
+    return [
+        "A block is moved by hand from rest to rest; gyro and accelerometer block read, with white and flicker noise. "
+        "Every second record has the true attitude, the others have gravity at their rests alone. The diagnosis gets "
+        "the record and nothing else.",
+        sizes,
+    ]
+
+
+def _sizes(suite: Suite) -> list[Section]:
+    """From which size effects are seen, and how right the estimated sizes are."""
+    sections = []
+    if suite.detection:
+        curves: dict[str, list[dict[str, Any]]] = {"falsified": [], "named rightly": []}
+        for b in suite.detection:
+            high = b.low * 1.19**2 if b.high is None else b.high
+            for label, count in zip(curves, (b.detected, b.named), strict=True):
+                counted = rate(np.arange(b.cases) < count)
+                curves[label].append({"low": max(b.low, 0.18), "high": high, **counted})
+        sections.append(
+            Section(
+                "From which size it is seen",
+                [],
+                rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
+                "Sizes are relative to that from which the effect is surely detected at its positions, whatever the "
+                "noise within σ.",
+            )
+        )
+    pairs = [
+        (secret.relative_size, error)
+        for outcome in suite.results
+        if len(outcome.errors) == len(outcome.secrets)
+        for secret, error in zip(outcome.secrets, outcome.errors, strict=True)
+    ]
+    if pairs:
+        errors = suite.size_errors
+        sections.append(
+            Section(
+                "How right the sizes are",
+                [
+                    f"In {errors['inside_intervals']} of {errors['cases_with_intervals']} cases named by their own "
+                    "name the true parameters are inside their intervals."
+                ],
+                size_errors_picture([size for size, _ in pairs], [error for _, error in pairs]),
+                "Relative error of each estimated size; the band is the mean with twice its standard error.",
+            )
+        )
+    return sections

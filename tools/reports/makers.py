@@ -33,7 +33,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Reproduction": ("papers", "reproduction_lines", None),
     "SettingCheck": ("plan", "setting_lines", None),
     "Simulation": ("makers", "simulation_lines", None),
-    "Suite": ("trials", "suite_lines", "suite_page"),
+    "Suite": ("campaign", "suite_lines", "suite_page"),
     "WordLength": ("papers", "word_length_lines", None),
 }
 """Kind of result -> module here, what makes its lines for a terminal, what makes its page."""

@@ -150,15 +150,23 @@ def cause_lines(causes: Sequence[Cause]) -> list[str]:
 
 
 def correction_lines(correction: Correction, digits: int) -> list[str]:
-    """The correction of readings, with so many decimals."""
-    lines = []
+    """The correction of readings as MathML, with so many decimals."""
+    terms = correction_terms(correction, f".{digits}f", "_")
+    return [
+        math(f"{n} = {t} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}") for n, t, plus, minus in terms
+    ]
+
+
+def correction_terms(correction: Correction, form: str, below: str = "") -> list[tuple[str, str, str, str]]:
+    """For each accelerometer its input, the reading less what is known of it, and the scales of either sign."""
+    found = []
     for p in range(3):
-        n = f"n_{p + 1}"
-        terms = [f"f_{p + 1}/g", signed(-correction.bias[p], f"{abs(correction.bias[p]):.{digits}f}")]
-        terms += [signed(-g, f"{abs(g):.{digits}f} n_{c + 1}") for c, g in enumerate(correction.gamma[p, :p].tolist())]
-        plus, minus = (f"{scale[p]:.{digits}f}" for scale in (correction.plus, correction.minus))
-        lines.append(math(f"{n} = ({' '.join(terms)}) / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}"))
-    return lines
+        terms = [f"f{below}{p + 1}/g", signed(-correction.bias[p], f"{abs(correction.bias[p]):{form}}")]
+        for c, g in enumerate(correction.gamma[p, :p].tolist(), start=1):
+            terms.append(signed(-g, f"{abs(g):{form}} n{below}{c}"))
+        plus, minus = (f"{scale[p]:{form}}" for scale in (correction.plus, correction.minus))
+        found.append((f"n{below}{p + 1}", f"({' '.join(terms)})", plus, minus))
+    return found
 
 
 def number(value: Value) -> str:

@@ -14,7 +14,6 @@ import pytest
 
 from page_text import MAKERS, bent, clean, few, html_of, page_of, shown, text_of
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.spaces import cosine, spaces_beyond
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
@@ -314,14 +313,6 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
 )
 def test_parameters_and_angles_are_in_words(words, given, said):
     assert words(given) == said
-
-
-def test_likeness_is_the_cosine_between_spaces_less_what_is_imitated():
-    e = np.eye(4)
-    first, second = e[:, [0]] + e[:, [3]], e[:, [0]] + e[:, [1]] + 7.0 * e[:, [3]]
-    spaces = spaces_beyond(e[:, [3]], [first, second, e[:, [3]]])
-    alike = np.array([[cosine(a, b) for b in spaces] for a in spaces])
-    assert alike == pytest.approx(np.array([[1.0, np.sqrt(0.5), 0.0], [np.sqrt(0.5), 1.0, 0.0], [0.0, 0.0, 0.0]]))
 
 
 def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers():

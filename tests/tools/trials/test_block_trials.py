@@ -13,7 +13,7 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.records.noise import allan_deviation
-from trihedron.tools.reports.trials import write_suite
+from trihedron.tools.reports.campaign import write_suite
 from trihedron.tools.trials.block import (
     BEFORE_A_CAMERA,
     BETWEEN_RESTS,
