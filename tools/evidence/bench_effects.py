@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,7 @@ class Visits:
     def __len__(self) -> int:
         return len(self.at.alpha)
 
-    def selected(self, rows: NDArray) -> "Visits":
+    def selected(self, rows: NDArray) -> Self:
         """Some of them (n,) of int."""
         at = Positions(self.at.alpha[rows], self.at.beta[rows], self.at.mounting[rows])
         return replace(self, at=at, circumstances=self.circumstances.selected(rows))

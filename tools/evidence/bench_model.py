@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ class Readings(Visits):
         at = (here.parametrisation, here.positions, circumstances, resolution)
         return Readings(*at, reading=here.reading, bound=here.bound, sign=here.sign)
 
-    def selected(self, rows: NDArray) -> "Readings":
+    def selected(self, rows: NDArray) -> Self:
         """Those at some of the positions (n,) of int."""
         measured = {"reading": self.reading[rows], "bound": self.bound[readings_at(rows)], "sign": self.sign[rows]}
         return replace(super().selected(rows), **measured)
