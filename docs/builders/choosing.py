@@ -19,8 +19,7 @@ from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from trihedron.models.rotation import multiply
 from trihedron.tools.files import write_text
-from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.attitude_error import angle_between, attitudes_of_angles
+from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
 from trihedron.tools.motion.compare import run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.progress import progress_bar

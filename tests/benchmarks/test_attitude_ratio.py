@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.attitude_error import angle_between, attitudes_of_angles
+from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
 from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 

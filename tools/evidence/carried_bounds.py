@@ -10,8 +10,7 @@ from scipy.stats import chi2, norm
 
 from ..motion.carry import matrices_of
 from ..motion.inspect import Inspection
-from ..motion.rests import Rests
-from ..motion.sampling import rates_of
+from ..motion.rests import Rests, rates_of
 from ..records.noise import SCATTER_FACTOR, allan_deviation
 
 FLICKER_TO_ALLAN = 2.0 * math.log(2.0)

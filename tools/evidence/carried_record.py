@@ -17,8 +17,7 @@ from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
 from ..motion.inspect import LEAST_TURN, Inspection, inspect_record, meaning
 from ..motion.norm import LARGEST, NAMES, inputs_of
-from ..motion.rests import rest_warnings
-from ..motion.sampling import rates_of
+from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
 from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .carried_bounds import force_deviation, gyro_noise, rest_lengths

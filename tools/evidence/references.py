@@ -17,8 +17,7 @@ from ...models.turntable import EARTH_RATE
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
-from ..motion.rests import Rests
-from ..motion.sampling import GAP, rates_of, saturated_mask
+from ..motion.rests import GAP, Rests, rates_of, saturated_mask
 from ..records import StrapdownRecord
 from .carried_bounds import RestNoise, factor_for, truth_scatter
 from .evidence import Part, Pieces, coefficient_count

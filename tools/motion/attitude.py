@@ -1,4 +1,8 @@
-"""The attitude of a measured record: its gyros through the attitude computer's FMU, against the true attitude."""
+"""The attitude of a measured record: its gyros through the attitude computer's FMU, against the true attitude.
+
+Errors between computed and true attitudes as one angle, as heading and tilt, and over time. Quaternions are scalar
+first, body to reference.
+"""
 
 import math
 from collections.abc import Sequence
@@ -9,6 +13,9 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 from pydantic import Field
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
 
 from ...models.attitude import ALGORITHMS, Algorithm
 from ..errors import InputError, nearest
@@ -17,8 +24,7 @@ from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scena
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
 from ..result import ABSENT, Array, Result
-from .attitude_error import attitude_error, heading_and_tilt, rotation_of
-from .sampling import GAP, check_meaning, check_turns, mean_rates
+from .rests import GAP, check_meaning, check_turns, mean_rates
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
@@ -31,6 +37,12 @@ REST_BLOCK = 1.0
 
 QUIET = 2.0
 """A block is at rest when its gyros scatter at most so many times as much as in the record's quietest block."""
+
+FEWEST_PERIODS = 4
+"""A period that is looked for is at most this part of the run."""
+
+STRONG = 0.1
+"""A line of the spectrum counts as a harmonic of the motion from this part of the strongest on."""
 
 
 class AttitudeRun(Result):
@@ -115,16 +127,9 @@ def judged_updates(error_angle: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Increments:
-    """Angle increments from a first row on.
+    """Angle increments from a first row on: integrals (N, 3) of the body's rate over the intervals between rows [rad].
 
-    Attributes
-    ----------
-    period : float
-        time between rows [s]
-    time_s : ndarray, shape (N + 1,)
-        uniform: the first row's time and the ends of the N intervals [s]
-    angle : ndarray, shape (N, 3)
-        integral of the body's rate over each interval [rad]
+    The times (N + 1,) are uniform, one period apart: the first row's and the ends of the intervals [s].
     """
 
     period: float
@@ -135,10 +140,7 @@ class Increments:
 def sampling_period(record: StrapdownRecord) -> float:
     """Time between the rows of a uniform record [s].
 
-    Raises
-    ------
-    InputError
-        fewer than two rows, a gap, or a time that is off the uniform grid by more than 1 % of the period
+    An InputError for fewer than two rows, a gap, or a time that is off the uniform grid by more than 1 % of the period.
     """
     time = record.time_s
     if len(time) < 2:
@@ -213,15 +215,8 @@ def increments_from(
 def coarser(increments: Increments, divisor: int) -> Increments:
     """Increments of a gyro that is sampled less often: every `divisor` of them added up.
 
-    Parameters
-    ----------
-    divisor : int
-        1 changes nothing; increments at the end that fill no sample are left out
-
-    Raises
-    ------
-    InputError
-        a divisor that is not positive, or more than there are increments
+    Those at the end that fill no sample are left out. An InputError for a divisor that is not positive, or more than
+    there are increments.
     """
     count = len(increments.angle)
     if not 1 <= divisor <= count:
@@ -235,22 +230,8 @@ def coarser(increments: Increments, divisor: int) -> Increments:
 def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
     """Mean rate over the rest with which a record begins: what a user takes for the gyros' bias.
 
-    It holds Earth's rotation too, in the components of that rest.
-
-    Parameters
-    ----------
-    record : StrapdownRecord
-        uniformly sampled
-
-    Returns
-    -------
-    ndarray, shape (3,), or None
-        [rad/s]; None where the record does not begin with a rest of at least one block (1 s)
-
-    Raises
-    ------
-    InputError
-        the record is not uniform
+    It holds Earth's rotation too, in the components of that rest. Shape (3,) [rad/s]; None where the record does not
+    begin with a rest of at least one block (1 s). An InputError for a record that is not uniform.
     """
     period = sampling_period(record)
     rate = record.rate if record.rate is not None else np.asarray(record.increment) / period
@@ -420,3 +401,132 @@ def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
         return False
     mean = rotation_of(record.attitude[known]).apply(record.specific_force[known]).mean(axis=0)
     return bool(math.atan2(math.hypot(mean[0], mean[1]), mean[2]) <= VERTICAL_WITHIN)
+
+
+def rotation_of(quaternion: np.ndarray) -> Rotation:
+    """Rotations of quaternions (N, 4), scalar first."""
+    return Rotation.from_quat(np.roll(quaternion, -1, axis=-1))
+
+
+def attitude_error(computed: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Rotation vectors (N, 3) [rad] that turn true attitudes (N, 4) into computed ones, in the reference frame."""
+    if len(computed) == 0:
+        return np.zeros((0, 3))
+    return (rotation_of(computed) * rotation_of(true).inv()).as_rotvec()
+
+
+def heading_and_tilt(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Split error rotations (N, 3) [rad] into the turn about the reference's third axis and the tilt of that axis.
+
+    The heading (N,) is within [-π, π], the tilt (N,) the angle between the third axis and where the error takes it;
+    rotation = tilt after heading, exactly.
+    """
+    if len(error) == 0:
+        return np.zeros(0), np.zeros(0)
+    x, y, z, w = Rotation.from_rotvec(error).as_quat().T
+    heading = 2.0 * np.arctan2(z, w)
+    tilt = 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z))
+    return np.arctan2(np.sin(heading), np.cos(heading)), tilt
+
+
+def attitudes_of_angles(angles: np.ndarray) -> np.ndarray:
+    """Quaternions (N, 4), scalar first, of the angles ψ, ϑ, γ (N, 3): about the second, then third, then first axis."""
+    return np.roll(Rotation.from_euler("YZX", angles).as_quat(), 1, axis=-1)
+
+
+def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Angles (N,) between the attitudes of quaternions (N, 4), whatever their norms [rad]; right for small angles."""
+    scalar = (p * q).sum(axis=1)
+    vector = p[:, :1] * q[:, 1:] - q[:, :1] * p[:, 1:] - np.cross(p[:, 1:], q[:, 1:])
+    return 2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSplit:
+    """The parts of an error, slow + periodic = error.
+
+    Attributes
+    ----------
+    period : float
+        over which the slow part is averaged [s]
+    slow, periodic : ndarray, shape (N, K)
+        in the unit of the error
+    rate : ndarray, shape (K,)
+        drift: slope of the best line through the slow part, per second
+    amplitude : ndarray, shape (K,)
+        largest size of the periodic part
+    """
+
+    period: float
+    slow: np.ndarray
+    periodic: np.ndarray
+    rate: np.ndarray
+    amplitude: np.ndarray
+
+
+def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = None) -> ErrorSplit:
+    """Split an error (N,) or (N, K) at growing times (N,) [s] as Chelnokov et al. 2016, section 3.1.1, describe theirs.
+
+    The slow part is the mean over one whole period around each moment, so that what repeats with the motion drops out
+    of it; half a period from the ends it goes on with the drift. Without a period [s] it is the longest strong one in
+    the error's spectrum. An InputError for fewer than eight errors, a number that is not finite, or a run of less than
+    two periods.
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    values = np.asarray(error, dtype=np.float64).reshape(len(time), -1)
+    if len(time) < 8 or not (np.isfinite(time).all() and np.isfinite(values).all() and (np.diff(time) > 0.0).all()):
+        raise InputError("an error is split from at least eight finite values at growing times")
+    span = float(time[-1] - time[0])
+    if period is None:
+        period = found_period(time, values)
+    if not (np.isfinite(period) and 0.0 < 2.0 * period <= span):
+        raise InputError(f"a run of {span:g} s is shorter than two periods of {period:g} s: its drift cannot be told")
+    total = CubicSpline(time, values).antiderivative()
+    half = 0.5 * period
+    inside = np.clip(time, time[0] + half, time[-1] - half)
+    slow = (total(inside + half) - total(inside - half)) / period
+    interior = (time >= time[0] + half) & (time <= time[-1] - half)
+    rate = _slope(time[interior], slow[interior])
+    slow = slow + np.outer(time - inside, rate)
+    periodic = values - slow
+    return ErrorSplit(period, slow, periodic, rate, np.abs(periodic).max(axis=0))
+
+
+def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
+    """Longest strong period in an error (N, K) whose best line is taken out [s].
+
+    At most a quarter of the run; the quarter itself where nothing is periodic.
+    """
+    span = float(time_s[-1] - time_s[0])
+    grid = np.linspace(time_s[0], time_s[-1], len(time_s))
+    even = CubicSpline(time_s, error)(grid)
+    rest = even - even.mean(axis=0) - np.outer(grid - grid.mean(), _slope(grid, even))
+    window = np.hanning(len(grid))[:, None]
+    power = np.sqrt((np.abs(np.fft.rfft(window * rest, axis=0)) ** 2).sum(axis=1))
+    power[:FEWEST_PERIODS] = 0.0
+    if not power.max() > 0.0:
+        return span / FEWEST_PERIODS
+    strong = np.flatnonzero(power >= STRONG * power.max())
+    # A line of the windowed spectrum is three bins wide: the strongest of the first group is the period's.
+    first = strong[0]
+    peak = first + int(np.argmax(power[first : first + 3]))
+    return _refined_period(grid, rest, span / peak, span)
+
+
+def _refined_period(time: np.ndarray, rest: np.ndarray, period: float, span: float) -> float:
+    """The period near a line of the spectrum whose sine and cosine take most out of the error."""
+    window = np.hanning(len(time))[:, None] * rest
+
+    def left(frequency: float) -> float:
+        wave = np.exp(-2j * np.pi * frequency * (time - time[0]))
+        return -float((np.abs(wave @ window) ** 2).sum())
+
+    near = (1.0 / period - 0.6 / span, 1.0 / period + 0.6 / span)
+    best = minimize_scalar(left, bounds=near, method="bounded", options={"xatol": 1e-6 / span})
+    return 1.0 / float(best.x)  # type: ignore[attr-defined]
+
+
+def _slope(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Slopes (K,) of the best lines through values (N, K)."""
+    moved = time - time.mean()
+    return moved @ values / (moved @ moved)

@@ -17,8 +17,8 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
-from .attitude_error import rotation_of
-from .sampling import GAP, Sampling, check_meaning, check_turns, mean_rates
+from .attitude import rotation_of
+from .rests import GAP, Sampling, check_meaning, check_turns, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
@@ -92,22 +92,9 @@ class Motion:
 
 
 def motion_of(record: StrapdownRecord, sampling: Sampling, gravity: float, rates: str = "instantaneous") -> Motion:
-    """The means of a record over its intervals.
+    """The means of a record over its intervals, gravity [m/s²] and rates as of `attitude_of_record`.
 
-    Parameters
-    ----------
-    record : StrapdownRecord
-    sampling : Sampling
-        of that record
-    gravity : float
-        model value [m/s²]
-    rates : "instantaneous" or "averaged"
-        samples of the rate (trapezoid rule), or means over the interval that ends at the row's time
-
-    Raises
-    ------
-    InputError
-        an unknown meaning of the rates, or a turn by more than half a turn between two rows
+    An InputError for an unknown meaning of the rates, or a turn by more than half a turn between two rows.
     """
     check_meaning(rates)
     step = np.concatenate([[sampling.period], np.diff(record.time_s)])
@@ -148,16 +135,9 @@ class GyroModel:
 def carried_attitude(
     motion: Motion, model: GyroModel, gravity: float, fmus: Mapping[str, Path] | None = None
 ) -> NDArray[np.float64]:
-    """Attitudes (N, 4), scalar first, at the rows of a record, from the identity at the first.
+    """Attitudes (N, 4), scalar first, at the rows of a record, from the identity at the first; gravity in [m/s²].
 
-    Parameters
-    ----------
-    motion : Motion
-    model : GyroModel
-    gravity : float
-        model value [m/s²]
-    fmus : mapping or None
-        component -> FMU file to take in place of the one that is built here
+    A component's FMU file may be given in place of the one that is built here.
     """
     table = simulate(carrying_scenario(motion, model, gravity, fmus or {})).table
     return table.select(QUATERNION).to_numpy()

@@ -23,8 +23,7 @@ from ..errors import InputError
 from ..progress import progress_bar
 from ..records import StrapdownRecord
 from ..result import Result
-from .attitude import AttitudeRun, attitude_of_record
-from .attitude_error import attitude_error
+from .attitude import AttitudeRun, attitude_error, attitude_of_record
 
 REFERENCE = "adaptive-degree"
 """The algorithm that the others are compared with, at the record's own rate."""
@@ -140,17 +139,7 @@ def _apart(run: AttitudeRun, reference: AttitudeRun) -> float | None:
 
 @dataclass(frozen=True)
 class Samples:
-    """What the gyros give over a motion, and the true angles.
-
-    Attributes
-    ----------
-    period : float
-        [s]
-    increments : ndarray, shape (N, 3)
-        over each sample period [rad]
-    angles : ndarray, shape (N, 3)
-        true ψ, ϑ, γ at the end of each [rad]
-    """
+    """Increments (N, 3) of the gyros over each sample period [s] of a motion; true ψ, ϑ, γ (N, 3) at its end [rad]."""
 
     period: float
     increments: np.ndarray
@@ -186,17 +175,9 @@ def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: i
 
 
 def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False) -> np.ndarray:
-    """Attitudes at the end of each step of an algorithm, from the attitude 1.
+    """Attitudes (N // samples, 4), scalar first, at the end of each step of an algorithm, from the attitude 1.
 
-    Parameters
-    ----------
-    increments : ndarray, shape (N, 3)
-        of the gyro samples [rad]; samples that do not fill a step are left out
-
-    Returns
-    -------
-    ndarray, shape (N // samples, 4)
-        quaternions, scalar first
+    The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out.
     """
     table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
     prepare_update(float(algorithm.number), table, half_table)

@@ -14,8 +14,7 @@ from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
 from .norm import NormCalibration, calibrate_by_norm, inputs_of
-from .rests import Rests, find_rests
-from .sampling import Sampling, rates_of, sampling_of
+from .rests import Rests, Sampling, find_rests, rates_of, sampling_of
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -254,18 +253,12 @@ def gyros_at_rest(
 
     Parameters
     ----------
-    time_s : (K,) array
-        middles of the rests [s]
+    time_s, temperature : (K,) array
+        middles of the rests [s]; [°C], None where it is not known
     rate, bound : (K, 3) array
         means and the bounds of their errors [rad/s]
     up : (K, 3) array
         inputs of the accelerometers [g]
-    temperature : (K,) array or None
-        [°C]
-
-    Returns
-    -------
-    GyrosAtRest
     """
     terms = {"drift": (time_s - time_s[:1]).reshape(-1, 1) / 3600.0, "gravity": up}
     not_tried = []
@@ -322,20 +315,9 @@ def _hindrance(design: NDArray) -> str | None:
 
 
 def check_turning(time_s: NDArray, rate: NDArray, force: NDArray, noise: NDArray) -> TurningCheck:
-    """Compare gyros with accelerometers over moves.
+    """Compare gyros with accelerometers (N, 3), as the record has them, over moves; times (N,) in [s].
 
-    Parameters
-    ----------
-    time_s : (N,) array
-        [s]
-    rate, force : (N, 3) array
-        as the record has them
-    noise : (3,) array
-        scatter of a sample of the gyros at rest, in the rates' unit
-
-    Returns
-    -------
-    TurningCheck
+    The noise (3,) is the scatter of a sample of the gyros at rest, in the rates' unit.
     """
     period = float(np.median(np.diff(time_s)))
     size = max(2, round(TURNING_WINDOW / period))

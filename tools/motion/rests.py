@@ -1,4 +1,8 @@
-"""Rests of a block that is moved by hand: where gyros and accelerometers show nothing but their noise."""
+"""How the record of a block that is moved by hand is sampled, and where it rests.
+
+Nothing is resampled: period, jitter, gaps and saturated samples are stated. At rest gyros and accelerometers show
+nothing but their noise.
+"""
 
 from itertools import pairwise
 
@@ -6,11 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...models.attitude import MAX_INCREMENT
+from ..errors import InputError, nearest
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..result import ABSENT, Array, Result
-from .sampling import GAP, Sampling, rates_of, runs_of
 
+GAP = 1.5
+"""A time between rows is a gap from so many periods on."""
+CLIPPED_ROWS = 3
+"""So many rows in a row at the extreme of a channel are saturated."""
+STUCK_ROWS, SELDOM = 5, 0.02
+"""So many rows in a row at one value, of a channel of which so few rows repeat the one before, are stuck."""
+DISTINCT = 20
+"""A channel with fewer different values shows steps, not a limit."""
+FEWEST_ROWS = 16
+"""Fewer rows tell nothing."""
+RATE_MEANINGS = ("instantaneous", "averaged")
+"""Samples of the rate (trapezoid rule), or means over the interval that ends at the row's time."""
 WINDOW = 0.5
 """Length of the windows in which rest is looked for [s]."""
 LAG = 0.05
@@ -46,6 +63,131 @@ SAME_STEP = 1e-3
 TOO_FINE = 1e-6
 """A step of so small a part of the range of the readings is a last digit: a record without noise has no other."""
 MOST_DIVISIONS = 60
+
+
+class Gap(Result):
+    """Where rows are missing: beginning and length [s]."""
+
+    time_s: float
+    length_s: float
+
+
+class Sampling(Result):
+    """How a record is sampled.
+
+    Attributes
+    ----------
+    period : float
+        mean time between rows, gaps left out [s]
+    jitter_rms, jitter_max : float
+        of the time between rows about the period, gaps left out [s]
+    gaps : tuple of Gap
+    missing : int
+        rows that the gaps leave out
+    saturated : dict
+        channel ("w1", "f3") to the rows at its extreme, where these are saturated
+    dead : tuple of str
+        channels that never change
+    """
+
+    period: float = Field(alias="period_s")
+    jitter_rms: float = Field(alias="jitter_rms_s")
+    jitter_max: float = Field(alias="jitter_max_s")
+    gaps: tuple[Gap, ...]
+    missing: int = Field(alias="missing_rows")
+    saturated: dict[str, int] = Field(alias="saturated_rows")
+    dead: tuple[str, ...] = Field(alias="dead_channels")
+
+
+def rates_of(record: StrapdownRecord) -> NDArray[np.float64]:
+    """Rates (N, 3) [rad/s]: as measured, or the mean over the interval before each row where it has increments.
+
+    The first increment has no interval of its own: the median one is taken for it.
+    """
+    if record.rate is not None:
+        return record.rate
+    assert record.increment is not None
+    between = np.diff(record.time_s)
+    return record.increment / np.concatenate([[np.median(between)], between])[:, None]
+
+
+def mean_rates(record: StrapdownRecord, rates: str) -> NDArray[np.float64]:
+    """Mean rates (N - 1, 3) over the intervals between the rows, from the samples of a record with rates [rad/s]."""
+    assert record.rate is not None
+    return record.rate[1:] if rates == "averaged" else 0.5 * (record.rate[1:] + record.rate[:-1])
+
+
+def check_meaning(rates: str) -> None:
+    """Refuse a meaning of the rates that is not one of `RATE_MEANINGS`."""
+    if rates not in RATE_MEANINGS:
+        raise InputError(f"rates '{rates}' are not known; {nearest(rates, RATE_MEANINGS)}")
+
+
+def check_turns(record: StrapdownRecord, turns: NDArray[np.float64]) -> None:
+    """Refuse turns between the record's last rows (n, 3) [rad] of which one is by more than half a turn, by its row."""
+    size = np.linalg.norm(turns, axis=1)
+    long = np.flatnonzero(~(size <= MAX_INCREMENT))
+    if long.size:
+        k = int(long[0])
+        raise InputError(
+            f"{record.path}, row {int(record.row[len(record) - len(turns) + k])}: a turn of {size[k]:.6g} rad since "
+            f"the row before; at most half a turn ({MAX_INCREMENT:.6g} rad) can be told: are the rates in rad/s?"
+        )
+
+
+def sampling_of(record: StrapdownRecord) -> Sampling:
+    """How a record is sampled; InputError where it has fewer than 16 rows."""
+    if len(record) < FEWEST_ROWS:
+        raise InputError(f"{record.path}: has {len(record)} rows; at least {FEWEST_ROWS} are needed")
+    between = np.diff(record.time_s)
+    is_gap = between > GAP * np.median(between)
+    # The median tells gaps; of stamps that jitter it is off by more than the mean, by which rates would be too.
+    period = float(np.mean(between[~is_gap]))
+    off = between[~is_gap] - period
+    channels = {f"w{i + 1}": v for i, v in enumerate(rates_of(record).T)}
+    channels |= {f"f{i + 1}": v for i, v in enumerate(record.specific_force.T)}
+    saturated = {name: int(np.count_nonzero(saturated_mask(values))) for name, values in channels.items()}
+    return Sampling(
+        period_s=period,
+        jitter_rms_s=float(np.sqrt(np.mean(off**2))),
+        jitter_max_s=float(np.abs(off).max()),
+        gaps=tuple(Gap(time_s=record.time_s[k], length_s=between[k]) for k in np.flatnonzero(is_gap)),
+        missing_rows=int(np.sum(np.round(between[is_gap] / period) - 1.0)),
+        saturated_rows={name: rows for name, rows in saturated.items() if rows},
+        dead_channels=tuple(name for name, values in channels.items() if np.ptp(values) == 0.0),
+    )
+
+
+def saturated_mask(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Rows of a channel (N,) at its largest or its least value, if that is a limit, and where it stays at another one.
+
+    A limit is held for three rows and more and is far from what the channel reads most of the time: the steps of a
+    quiet channel repeat too. A channel that hardly ever repeats a value and then stays at one, far out, is clipped too.
+    """
+    found = np.zeros(len(values), dtype=bool)
+    if len(np.unique(values)) < DISTINCT:
+        return found
+    middle = float(np.median(values))
+    spread = float(np.median(np.abs(values - middle)))
+    for extreme in (float(values.max()), float(values.min())):
+        at = values == extreme
+        begins, ends = runs_of(at)
+        if abs(extreme - middle) > 3.0 * spread and (ends - begins).max(initial=0) >= CLIPPED_ROWS:
+            found |= at
+    repeated = np.concatenate([[False], np.diff(values) == 0.0])
+    far = np.abs(values - middle) > 3.0 * spread
+    begins, ends = runs_of(repeated & far)
+    held = ends - begins >= STUCK_ROWS - 1
+    stuck = np.zeros(len(values), dtype=bool)
+    for begin, end in zip(begins[held], ends[held], strict=True):
+        stuck[begin - 1 : end] = True
+    return found | stuck if np.mean(repeated & ~stuck) < SELDOM else found
+
+
+def runs_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Beginnings and ends of the runs of a mask (N,)."""
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 class Rests(Result):
@@ -101,18 +243,8 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
 
     A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from
     differences over 0.05 s in the windows where they are least: a slow move has small differences and a large
-    scatter. Rests are quiet stretches of a second and more without a gap, whose readings do not walk.
-
-    Parameters
-    ----------
-    record : StrapdownRecord
-    sampling : Sampling
-        of that record
-
-    Returns
-    -------
-    Rests
-        none at all where nothing is quiet
+    scatter. Rests are quiet stretches of a second and more without a gap, whose readings do not walk; there are none at
+    all where nothing is quiet.
     """
     rate = rates_of(record)
     channels = [*rate.T, *record.specific_force.T]
@@ -249,15 +381,7 @@ def _averaged(
 
 
 def clipped_rests(force: NDArray[np.float64], rests: list[slice]) -> NDArray[np.bool_]:
-    """Rests (K,) in which an accelerometer often reads its largest or its least value of the record, and elsewhere not.
-
-    Parameters
-    ----------
-    force : (N, 3) array
-        readings, in any unit
-    rests : list of slice
-        rows of each rest
-    """
+    """Rests (K,) in which an accelerometer often reads its largest or least value of the record, and elsewhere not."""
     found = np.zeros(len(rests), dtype=bool)
     for values in force.T:
         extremes = (values.max(initial=-np.inf), values.min(initial=np.inf))
@@ -275,21 +399,9 @@ def _commonest(values: NDArray[np.float64]) -> float:
 
 
 def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:
-    """Steps of the readings of each channel, and by how much they may put a mean at rest off.
+    """Steps (3,) of the readings (N, 3) of each channel, and by how much (3,) they may put a mean at rest off.
 
-    Parameters
-    ----------
-    values : (N, 3) array
-        readings, in any unit
-    rests : tuple of slice
-        rows of each rest; at least one
-
-    Returns
-    -------
-    step : (3,) array
-        in that unit; 0 where the readings hide no step in their noise
-    off : (3,) array
-        largest error of a mean, in that unit
+    Both are in the readings' unit; the step is 0 where the readings hide none in their noise. At least one rest.
     """
     step, off = np.zeros(3), np.zeros(3)
     for p, channel in enumerate(values.T):

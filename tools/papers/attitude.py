@@ -1,4 +1,4 @@
-"""A paper on attitude algorithms: its published errors and motions, and what its simulation did otherwise than it says.
+"""A paper on attitude algorithms: its published errors again, and what its simulation did otherwise than it says.
 
 Source: Chelnokov, Perelyaev, Chelnokova 2016 (Izv. Saratov Univ., Ser. Math. Mech. Inform. 16(1)), Tables 1 to 3 and
 section 3.1.1. With every switch of `Conditions` on, the published errors come out; with every switch off, the true
@@ -7,15 +7,25 @@ errors of the methods do.
 
 import csv
 import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from ...models.attitude_algorithms import Algorithm
 from ...models.harmonic_motion import HARMONICS, store_harmonics
 from ..errors import InputError, nearest
 from ..motion.attitude import algorithm_named
+from ..motion.compare import run_algorithm, sample_motion
+from ..progress import progress_bar
+from ..result import ABSENT, Result
 
 ALGORITHM_OF_PRINT = {
     "(7.18)": "mean-rate",
@@ -133,28 +143,9 @@ def published_rows() -> tuple[PublishedRow, ...]:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Under which conditions a row is run; a switch that is off is what the text says, or exact.
+    """Under which conditions a row is run: what each switch is, on, stands in `CAUSES`; off, it is what the text says.
 
-    Attributes
-    ----------
-    short_pi : bool
-        π = 3.141592 in every 2π f t, not π
-    trapezoid : bool
-        increments by the trapezoid rule with M nodes, not exact
-    nodes_over_step : bool
-        the M nodes lie over the whole step of the algorithm, not over each gyro sample
-    not_normalised : bool
-        the angles are taken from the quaternion as it is, not from its normalised one
-    other_frequencies : bool
-        variants 3 and 4 of Table 1 run at 4π + 1 and 2π rad/s, not at 4π and 2π
-    smaller_theta : bool
-        second harmonic of ϑ in Tables 2 and 3: 1.5' and 15', not 2' and 20'
-    typed_amplitudes : bool
-        2' and 2.5'' typed as 0.0333 and 0.000694 degrees, 20' and 25'' as 0.333 and 0.00694
-    series_cut : bool
-        [1, p. 355] without φ⁴/384, remark 3 without φ³/48: one term less than the text says
-    nodes_as_run : bool
-        M of `NODES_AS_RUN` in place of the printed one
+    With `short_pi`, `trapezoid` and `not_normalised` off π, increments and the angles' quaternions are exact.
     """
 
     short_pi: bool = True
@@ -203,17 +194,7 @@ EXACT = PAPER.without("short_pi", "trapezoid", "not_normalised")
 
 @dataclass(frozen=True)
 class Cause:
-    """A switch of `Conditions`: what it does to the published numbers, and rows that show it.
-
-    Attributes
-    ----------
-    switch : str
-        name of the field of `Conditions`
-    sentence : str
-        what was done, and with what effect
-    shown_on : tuple of int
-        numbers of published rows
-    """
+    """A switch of `Conditions`: what was done, with what effect on the published numbers, and rows that show it."""
 
     switch: str
     sentence: str
@@ -244,24 +225,9 @@ CAUSES = (
 
 
 def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
-    """A motion of the paper as the harmonics that `trihedron.models.harmonic_motion` takes.
+    """A motion, one of `MOTIONS`, as the harmonics that `trihedron.models.harmonic_motion` takes, shape (36,).
 
-    Parameters
-    ----------
-    name : str
-        one of `MOTIONS`
-    conditions : Conditions
-        what π, frequencies and amplitudes are
-
-    Returns
-    -------
-    ndarray, shape (36,)
-        amplitude [rad], circular frequency [rad/s] and phase of each harmonic
-
-    Raises
-    ------
-    InputError
-        no motion has this name
+    Amplitude [rad], circular frequency [rad/s] and phase of each; an InputError where no motion has this name.
     """
     if name not in MOTIONS:
         raise InputError(f"motion {name}: is not known; {nearest(name, MOTIONS)}")
@@ -340,3 +306,243 @@ UNEXPLAINED: tuple[tuple[tuple[int, ...], str], ...] = (
     ((79, 84), f"ϑ comes out 6 % larger and 8 % smaller than in print, while ψ agrees; {TRIED}"),
 )
 """Rows that do not come out, and what is known of them."""
+
+DURATION = 600.0
+"""Length of every run [s]."""
+
+TOLERANCE = 0.05
+"""A number is reproduced when it comes out within this fraction of the printed one."""
+
+SCORED = (
+    (("1",), 0.002),
+    (("3.1.1",), TOLERANCE),
+    (("2", "3"), TOLERANCE),
+)
+"""Tables that are counted together, and the fraction of the printed number within which one counts."""
+
+Task: TypeAlias = tuple[PublishedRow, Conditions]
+Stream: TypeAlias = tuple[bytes, float, int]
+"""Harmonics, sample period and intervals of the trapezoid rule: what the increments depend on."""
+
+
+def _six_digits(values: Sequence[float] | NDArray) -> list[float]:
+    """More are rounding of a run of a million steps."""
+    return [float(f"{value:.6g}") for value in values]
+
+
+Angles: TypeAlias = Annotated[
+    NDArray[np.float64],
+    BeforeValidator(lambda value: np.asarray(value, dtype=np.float64)),
+    PlainSerializer(_six_digits),
+    WithJsonSchema({"type": "array", "items": {"type": "number"}}),
+]
+"""Something of ψ, ϑ, γ (3,); six digits in JSON."""
+
+
+class ReproducedRow(Result):
+    """A published row and what comes out: largest errors of ψ, ϑ, γ.
+
+    Attributes
+    ----------
+    row : int
+        its number, from 1
+    reproduced_deg : (3,) array
+        under the paper's conditions [deg]
+    ratio : (3,) array
+        reproduced over published
+    method_error_deg : (3,) array
+        with exact increments, exact π and normalised quaternions: the method's own error [deg]
+    not_reproduced : tuple of str
+        the angles that come out more than `TOLERANCE` away from print
+    remark : str
+        what is known of these; empty where all come out
+    printed : PublishedRow
+    """
+
+    row: int
+    table: str
+    algorithm: str
+    h_s: float
+    nodes: int = Field(alias="M")
+    motion: str
+    published_deg: tuple[float, float, float]
+    reproduced_deg: Angles
+    ratio: Angles
+    method_error_deg: Angles
+    not_reproduced: tuple[str, ...]
+    remark: str
+    printed: PublishedRow = Field(default=ABSENT, exclude=True)
+
+
+class Effect(Result):
+    """What a row becomes when one of the causes is left out.
+
+    Attributes
+    ----------
+    cause, sentence : str
+        switch of `Conditions`, and what was done
+    row : int
+    ratio, ratio_without : (3,) array
+        reproduced over published, under the paper's conditions and without this cause
+    title : str
+        of the row
+    """
+
+    cause: str
+    sentence: str
+    row: int
+    ratio: Angles
+    ratio_without: Angles
+    title: str = Field(default="", exclude=True)
+
+
+class Score(Result):
+    """How many numbers of some tables are reproduced within a fraction, and how many there are."""
+
+    tables: tuple[str, ...]
+    within: float
+    numbers: int
+    of: int
+
+
+class Reproduction(Result):
+    """All rows, the effects of the causes, and the scores; angles in degrees, as printed."""
+
+    schema_: Literal["trihedron.attitude-reproduction/1"] = Field(
+        default="trihedron.attitude-reproduction/1", alias="schema"
+    )
+    rows: tuple[ReproducedRow, ...]
+    effects: tuple[Effect, ...] = Field(alias="causes")
+    scores: tuple[Score, ...]
+
+    def to_polars(self) -> pl.DataFrame:
+        """One row for each published row; angles in degrees."""
+        columns = {
+            "row": [row.row for row in self.rows],
+            "table": [row.table for row in self.rows],
+            "algorithm": [row.algorithm for row in self.rows],
+            "h_s": [row.h_s for row in self.rows],
+            "M": [row.nodes for row in self.rows],
+            "motion": [row.motion for row in self.rows],
+        }
+        values = {
+            "published_{}_deg": [row.published_deg for row in self.rows],
+            "reproduced_{}_deg": [_six_digits(row.reproduced_deg) for row in self.rows],
+            "method_{}_deg": [_six_digits(row.method_error_deg) for row in self.rows],
+            "ratio_{}": [_six_digits(row.ratio) for row in self.rows],
+        }
+        for name, found in values.items():
+            for k, letter in enumerate(("psi", "theta", "gamma")):
+                columns[name.format(letter)] = [angles[k] for angles in found]
+        return pl.DataFrame(columns)
+
+
+def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool = False) -> Reproduction:
+    """Run published rows, all or by number: under the paper's conditions, exact ones, and without each cause shown."""
+    chosen = set(numbers) if numbers is not None else None
+    rows = [row for row in published_rows() if chosen is None or row.number in chosen]
+    left_out = [(cause, row) for row in rows for cause in CAUSES if row.number in cause.shown_on]
+    tasks = [(row, conditions) for row in rows for conditions in (PAPER, EXACT)]
+    tasks += [(row, PAPER.without(cause.switch)) for cause, row in left_out]
+    errors = run_tasks(tasks, progress=progress)
+    order = {cause.switch: k for k, cause in enumerate(CAUSES)}
+    left_out.sort(key=lambda pair: (order[pair[0].switch], pair[1].number))
+    found = tuple(_reproduced(row, errors[row, PAPER], errors[row, EXACT]) for row in rows)
+    return Reproduction(
+        rows=found,
+        causes=tuple(
+            Effect(
+                cause=cause.switch,
+                sentence=cause.sentence,
+                row=row.number,
+                ratio=errors[row, PAPER] / row.error,
+                ratio_without=errors[row, PAPER.without(cause.switch)] / row.error,
+                title=row.title,
+            )
+            for cause, row in left_out
+        ),
+        scores=tuple(_score(found, tables, within) for tables, within in SCORED),
+    )
+
+
+def _reproduced(row: PublishedRow, reproduced: NDArray, method: NDArray) -> ReproducedRow:
+    """A row with the largest errors (3,) under the paper's conditions and under exact ones [rad]."""
+    ratio = reproduced / row.error
+    off = tuple(name for name, r in zip(ANGLES, ratio, strict=True) if not abs(r - 1.0) <= TOLERANCE)
+    known = [sentence for numbers, sentence in UNEXPLAINED if row.number in numbers]
+    return ReproducedRow(
+        row=row.number,
+        table=row.table,
+        algorithm=row.print_name,
+        h_s=row.step,
+        M=row.nodes,
+        motion=row.motion,
+        published_deg=row.error_deg,
+        reproduced_deg=np.degrees(reproduced),
+        ratio=ratio,
+        method_error_deg=np.degrees(method),
+        not_reproduced=off,
+        remark=(known[0] if known else "unknown") if off else "",
+        printed=row,
+    )
+
+
+def _score(rows: Sequence[ReproducedRow], tables: tuple[str, ...], within: float) -> Score:
+    ratios = [row.ratio for row in rows if row.table in tables]
+    hit = int((np.abs(np.array(ratios).reshape(-1, 3) - 1.0) <= within).sum())
+    return Score(tables=tables, within=within, numbers=hit, of=3 * len(ratios))
+
+
+def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task, np.ndarray]:
+    """Largest errors of ψ, ϑ, γ [rad] of rows under conditions; rows with the same increments share them.
+
+    The work is spread over the cores by threads: compiled code does not hold Python's lock.
+    """
+    groups: dict[Stream, list[Task]] = {}
+    for row, conditions in dict.fromkeys(tasks):
+        period = row.step / conditions.algorithm(row).samples
+        stream = (paper_motion(row.motion, conditions).tobytes(), period, conditions.intervals(row))
+        groups.setdefault(stream, []).append((row, conditions))
+    # The longest first, so that no core waits long at the end.
+    ordered = sorted(groups, key=lambda stream: -_cost(stream))
+    found: dict[Task, np.ndarray] = {}
+    with (
+        progress_bar("running the published rows", sum(map(_cost, ordered)), show=progress) as advance,
+        ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,
+    ):
+        for stream, errors in zip(ordered, pool.map(lambda key: _run_group(key, groups[key]), ordered), strict=True):
+            found.update(errors)
+            advance(_cost(stream))
+    return found
+
+
+def _run_group(stream: Stream, tasks: Sequence[Task]) -> dict[Task, np.ndarray]:
+    harmonics, period, intervals = stream
+    samples = sample_motion(np.frombuffer(harmonics), period, round(DURATION / period), intervals)
+    found: dict[Task, np.ndarray] = {}
+    for row, conditions in tasks:
+        algorithm = conditions.algorithm(row)
+        attitudes = run_algorithm(algorithm, samples.increments)
+        true = samples.angles_at_steps(algorithm)
+        found[row, conditions] = angle_errors(attitudes, true, not conditions.not_normalised)
+    return found
+
+
+def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
+    """Largest errors (3,) of ψ, ϑ, γ [rad] of quaternions (N, 4), scalar first, against the true angles (N, 3).
+
+    The quaternions may be brought to the unit sphere first: the formulas are those of the paper, C11 = 2(λ0² + λ1²) - 1
+    and so on, which hold on it.
+    """
+    l0, l1, l2, l3 = attitudes.T / np.linalg.norm(attitudes, axis=1) if normalised else attitudes.T
+    c11, c22 = 2.0 * (l0 * l0 + l1 * l1) - 1.0, 2.0 * (l0 * l0 + l2 * l2) - 1.0
+    c31, c23, c21 = 2.0 * (l1 * l3 - l0 * l2), 2.0 * (l2 * l3 - l0 * l1), 2.0 * (l1 * l2 + l0 * l3)
+    found = np.column_stack((np.arctan2(-c31, c11), np.arctan2(c21, np.hypot(c11, c31)), np.arctan2(-c23, c22)))
+    apart = np.abs(found - angles)
+    return np.minimum(apart, np.abs(apart - 2.0 * math.pi)).max(axis=0)
+
+
+def _cost(stream: Stream) -> float:
+    """About how long a stream takes, in no unit."""
+    _, period, intervals = stream
+    return (10.0 + max(intervals, 6)) / period

@@ -13,8 +13,7 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from ..motion.attitude import algorithm_named
-from ..motion.attitude_error import angle_between
+from ..motion.attitude import algorithm_named, angle_between
 from ..motion.compare import run_algorithm, sample_motion
 from ..progress import progress_bar
 from ..result import Result
@@ -72,26 +71,13 @@ class WordLength(Result):
 
 
 def rounded_increments(increments: np.ndarray, rounding: str) -> tuple[np.ndarray, np.ndarray]:
-    """Increments as 32-bit numbers.
-
-    Parameters
-    ----------
-    increments : ndarray, shape (N, 3)
-        [rad]
-    rounding : str
-        one of `ROUNDINGS`
-
-    Returns
-    -------
-    high, low : ndarray of float32, shape (N, 3)
-        low is zero but for pairs
-    """
+    """Increments (N, 3) [rad] as 32-bit numbers, high and low, by one of `ROUNDINGS`; low is zero but for pairs."""
     high = increments.astype(np.float32)
     low = np.zeros_like(high)
     if rounding == "pairs":
         low = (increments - high).astype(np.float32)
     elif rounding == "feedback":
-        round_with_feedback(np.ascontiguousarray(increments, dtype=np.float64), high)
+        _feedback()(np.ascontiguousarray(increments, dtype=np.float64), high)
     return high, low
 
 
@@ -143,32 +129,19 @@ def _increments(motion: str, duration: float, period: float) -> np.ndarray:
 
 
 def run_single(high: np.ndarray, low: np.ndarray, arithmetic: str) -> np.ndarray:
-    """Attitudes at every second sample from increments given as pairs of 32-bit numbers.
+    """Attitudes (N // 2, 4) at every second sample from increments high + low (N, 3) [rad], by one of `ARITHMETICS`.
 
-    Parameters
-    ----------
-    high, low : ndarray of float32, shape (N, 3)
-        increments are high + low [rad]; low is zero where they are single numbers
-    arithmetic : str
-        one of `ARITHMETICS`
-
-    Returns
-    -------
-    ndarray of float64, shape (N // 2, 4)
-        quaternions, scalar first, as the 32-bit numbers have them: nothing renormalises them
+    Quaternions, scalar first, as the 32-bit numbers have them: nothing renormalises them.
     """
     attitudes = np.empty((len(high) // 2, 4))
     _runner()(high.astype(np.float32), low.astype(np.float32), ARITHMETICS.index(arithmetic), attitudes)
     return attitudes
 
 
-def round_with_feedback(increments: np.ndarray, rounded: np.ndarray) -> None:
-    """Write 32-bit increments into `rounded` (N, 3): the rounding error of each is added to the next."""
-    _feedback()(increments, rounded)
-
-
 @cache
 def _feedback() -> Callable[..., Any]:
+    """What writes 32-bit increments (N, 3): the rounding error of each is added to the next."""
+
     @numba.njit(nogil=True)
     def round_all(increments, rounded):
         for i in range(increments.shape[1]):

@@ -1,6 +1,6 @@
 from .kinds import PositionRecord as PositionRecord
 from .kinds import RawRecord as RawRecord
 from .kinds import StrapdownRecord as StrapdownRecord
+from .kinds import write_record as write_record
 from .read import Source as Source
 from .read import read_record as read_record
-from .write import write_record as write_record

@@ -104,10 +104,6 @@ class Columns:
         """The named columns side by side, shape (N, len(names))."""
         return np.stack([self.numbers[name] for name in names], axis=1)
 
-    def optional(self, name: str) -> np.ndarray | None:
-        """A column of numbers (N,), None where the file has none."""
-        return self.numbers.get(name)
-
     def fault(self, index: int | np.integer, name: str, what: str) -> RecordError:
         """What is wrong with a column in one of the rows read."""
         return RecordError(self.path, int(self.row[index]), name, what)
@@ -119,23 +115,9 @@ def quoted(text: str) -> str:
 
 
 def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence[Kind] = KINDS) -> Layout:
-    """Find the kind of a record by its columns.
+    """Find the kind of a record by its columns, in the order of the file; the kinds in the order of preference.
 
-    Parameters
-    ----------
-    path : Path
-        the file, for messages
-    names : sequence of str
-        the columns in the order of the file
-    row : int or None
-        the header's row, for messages
-    kinds : sequence of Kind
-        in the order of preference
-
-    Raises
-    ------
-    RecordError
-        when a name is empty or repeated, or the columns are those of no kind
+    A RecordError, at the header's row, when a name is empty or repeated, or the columns are those of no kind.
     """
     if len(names) == 1:
         for mark, called in ((";", "semicolons"), ("\t", "tabs")):
@@ -199,7 +181,7 @@ def warnings(columns: Columns) -> tuple[str, ...]:
     said = []
     if ANGLES[0] in columns.numbers and 0.0 < float(np.abs(columns.group(ANGLES)).max()) <= 2.0 * math.pi:
         said.append(f"{columns.path}: columns {_all(ANGLES)}: all angles are within ±2π degrees; are they radians?")
-    temperature = columns.optional(TEMPERATURE)
+    temperature = columns.numbers.get(TEMPERATURE)
     if temperature is not None and float(temperature.min()) >= 200.0:
         said.append(f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?")
     return tuple(said)

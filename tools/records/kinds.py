@@ -1,11 +1,15 @@
-"""The kinds of record as values: SI and radians, a numpy array for each group of columns."""
+"""The kinds of record as values: SI and radians, a numpy array for each group of columns; and written as CSV."""
 
+import csv
+import io
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from ..errors import InputError
+from ..files import whole_file
 from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE
 
 if TYPE_CHECKING:
@@ -24,16 +28,8 @@ class DwellNoise:
 class Rest:
     """A rest of the table in a raw record; rows are indices into the record's arrays, both ends included.
 
-    Attributes
-    ----------
-    first, last : int
-        the rows over which the table stands
-    kept_first, kept_last : int
-        the rows that are averaged: settled, and not next to a move
-    refused : str or None
-        why the rest is not used
-    trends : tuple of str
-        what still changes linearly over the rows kept, with its size
+    The table stands from `first` to `last`; averaged are the rows kept: settled, and not next to a move. `refused` says
+    why the rest is not used, `trends` what still changes linearly over the rows kept, with its size.
     """
 
     first: int
@@ -58,16 +54,6 @@ def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
 
     Not every double in radians has such a degree (the spacing of doubles is wider in degrees for one in ten);
     there it is the nearest.
-
-    Parameters
-    ----------
-    angle : ndarray
-        [rad]
-
-    Returns
-    -------
-    ndarray
-        [deg], the same shape
     """
     result = np.rad2deg(angle)
     nearest = result.copy()
@@ -325,3 +311,44 @@ class StrapdownRecord(_Record):
         if (self.rate is None) == (self.increment is None):
             raise ValueError("a strapdown record has either rates or increments")
         super().__post_init__()
+
+
+def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Path, decimals: int | None = None) -> None:
+    """Write a record as CSV; an attitude that is not known is an empty field.
+
+    Parameters
+    ----------
+    record : PositionRecord, RawRecord or StrapdownRecord
+        what it has; row numbers, warnings and scatter are not written
+    path : Path
+        appears whole or not at all
+    decimals : int or None
+        decimals of every number but the integers; None: the shortest that read back to the same double
+
+    Raises
+    ------
+    InputError
+        when the record could not be read again (a number that is not finite, a time that repeats once it is
+        rounded), or the file cannot be written
+    """
+    texts: dict[str, list[str]] = {}
+    for name, values in record.columns().items():
+        if not isinstance(values, np.ndarray) or values.dtype == np.int64:
+            texts[name] = [str(value) for value in values]
+            continue
+        finite = np.isfinite(values)
+        if name not in QUATERNION and not finite.all():
+            raise InputError(f"{path}: not written: {name} holds a number that is not finite")
+        said = [repr(v) if decimals is None else f"{v:z.{decimals}f}" for v in values.tolist()]
+        texts[name] = [text if known else "" for text, known in zip(said, finite.tolist(), strict=True)]
+    time = np.array([float(text) for text in texts["time_s"]])
+    if np.any(time[1:] <= time[:-1]):
+        raise InputError(f"{path}: not written: time_s does not grow from row to row as it would be written")
+    if Path(path).suffix.lower() == ".parquet":
+        raise InputError(f"{path}: records are written as CSV; give a name that ends with .csv")
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(texts)
+    writer.writerows(zip(*texts.values(), strict=True))
+    with whole_file(Path(path)) as beside:
+        beside.write_text(table.getvalue(), encoding="utf-8", newline="")

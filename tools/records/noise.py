@@ -41,17 +41,8 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
 
     Repeats of a position show everything that changes from one visit to the next, the encoders' errors
     included; half their range, widened for their number, is the bound. The scatter within rests does not show
-    an error that holds over a rest: where there are no repeats the basis says so.
-
-    Parameters
-    ----------
-    record : PositionRecord
-        with `scatter` when it was made from rests
-
-    Returns
-    -------
-    NoiseBound or None
-        None when the record has neither repeats nor a scatter, or shows no error at all
+    an error that holds over a rest: where there are no repeats the basis says so. None when the record has neither
+    repeats nor a scatter (as one made from rests has), or shows no error at all.
     """
     repeats = _from_repeats(record)
     scatter = _from_scatter(record)
@@ -70,14 +61,7 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
 def uniform_range_quantile(counts: np.ndarray, probability: float) -> float:
     """Quantile of the largest of several half ranges, each of `counts` errors uniform in [-1, 1].
 
-    The half range of n such errors is below t with the probability n tⁿ⁻¹ - (n - 1) tⁿ.
-
-    Parameters
-    ----------
-    counts : ndarray of int
-        at least 2 each
-    probability : float
-        that the largest half range lies below
+    The half range of n such errors, at least 2, is below t with the probability n tⁿ⁻¹ - (n - 1) tⁿ.
     """
 
     def excess(t: float) -> float:
@@ -198,17 +182,8 @@ def _without_angle_differences(record: PositionRecord) -> tuple[np.ndarray, floa
 def allan_deviation(pieces: Sequence[np.ndarray], size: int) -> np.ndarray | None:
     """Overlapping Allan deviation of averages over `size` rows, all pieces together, shape (m,).
 
-    Parameters
-    ----------
-    pieces : sequence of (n, m) arrays
-        readings within each rest, equally spaced in time
-    size : int
-        rows of one average
-
-    Returns
-    -------
-    ndarray or None
-        square root of half the mean square difference of averages side by side; None when no piece holds two
+    It is the square root of half the mean square difference of averages side by side; None when no piece holds two. The
+    pieces (n, m) are readings within each rest, equally spaced in time.
     """
     total, count = 0.0, 0
     for piece in pieces:
@@ -227,12 +202,7 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
     """Allan deviation of an average over a whole rest (the median one), shape (m,).
 
     A rest shows it up to half its length; one octave more is taken by the slope of the last octave, white noise's at
-    best and a random walk's at worst.
-
-    Returns
-    -------
-    ndarray or None
-        None when the rests are too short to tell
+    best and a random walk's at worst. None when the rests are too short to tell.
     """
     rows = int(np.median([len(piece) for piece in pieces])) if len(pieces) else 0
     if rows < 4:

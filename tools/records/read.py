@@ -155,28 +155,11 @@ def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind], *, trusted
 
 
 def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
-    """Everything that is wrong with the columns and numbers of a record's file.
+    """Everything that is wrong with the columns and numbers of a record's file, of which `data` are the bytes.
 
-    Parameters
-    ----------
-    path : Path
-        for messages
-    data : bytes
-        the whole file
-    kinds : sequence of Kind
-        in the order of preference
-    trusted : bool
-        whether the bytes of a Parquet file were made by this process, so that they cannot be corrupt
-
-    Yields
-    ------
-    RecordError
-        first those of the table and of its fields, in the order of the rows; then those of the numbers
-
-    Returns
-    -------
-    Columns or None
-        of the rows whose fields have no fault; None where there are none, or no table at all
+    First the faults of the table and of its fields come, in the order of the rows; then those of the numbers. Returned
+    are the columns of the rows whose fields have no fault; None where there are none, or no table at all. Bytes of a
+    Parquet file that this process made are trusted not to be corrupt.
     """
     try:
         if data.startswith(MAGIC):

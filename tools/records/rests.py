@@ -65,16 +65,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
     a quarter of the median rest. The unsettled start is dropped by a test of the readings themselves. Linear
     trends of angles and readings are tested: one of an angle beyond the quiet scatter refuses the rest, and so does
     one of a reading that is beyond the rest's scatter and unlike the record's other rests; the others are stated.
-
-    Parameters
-    ----------
-    raw : RawRecord
-        the time series, slews included
-
-    Returns
-    -------
-    list of Rest
-        in the order of time, refused ones included
+    The rests come in the order of time, refused ones included.
     """
     if len(raw) < WINDOW:
         return []
@@ -97,25 +88,10 @@ def find_rests(raw: RawRecord) -> list[Rest]:
 
 
 def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
-    """Average the rows kept of each rest that is not refused.
+    """Average the rows kept of each rest that is not refused; an InputError when no rest can be used.
 
-    Parameters
-    ----------
-    raw : RawRecord
-        the time series
-    rests : sequence of Rest
-        as `find_rests` gives them
-
-    Returns
-    -------
-    PositionRecord
-        `time_s` is the middle of the averaging interval, `row` the line of its first row; the approach
-        columns are there when every rest was preceded by a move of that axis; `scatter` is each mean's standard error
-
-    Raises
-    ------
-    InputError
-        when no rest can be used
+    `time_s` is the middle of the averaging interval, `row` the line of its first row; the approach columns are there
+    when every rest was preceded by a move of that axis; `scatter` is each mean's standard error.
     """
     used = [rest for rest in rests if rest.refused is None]
     if not used:

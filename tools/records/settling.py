@@ -37,18 +37,11 @@ def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False)
 
     Parameters
     ----------
-    values : ndarray, shape (n, m)
-        one column for each accelerometer and axis
-    floor : ndarray, shape (m,)
-        differences that are never taken for one: what rounding does
+    values, floor : ndarray, shape (n, m), (m,)
+        one column for each accelerometer and axis; differences that are never taken for one: what rounding does
     drifts : bool
         whether the second half's linear trend, where it has one, is continued through the first: a drift through
         the whole rest is no settling
-
-    Returns
-    -------
-    int
-        row within the rest
     """
     start = 0
     while len(values) - start >= FEWEST:
@@ -132,16 +125,9 @@ def scatter_of_mean(values: np.ndarray) -> np.ndarray:
 
 
 def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> Trend:
-    """Linear trend of each column of a rest, by least squares.
+    """Linear trend of each column of a rest (n, m) over its times (n,) [s], by least squares.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        [s]
-    values : ndarray, shape (n, m)
-        angles or readings
-    floor : ndarray, shape (m,)
-        changes that are never significant: what rounding does
+    Changes up to the floor (m,) are never significant: what rounding does.
     """
     centred = time - mean_of(time)
     deviation = values - mean_of(values)

@@ -9,8 +9,7 @@ from ...models.turntable import EARTH_RATE
 from ..document.blocks import Section, Table
 from ..document.numbers import Cell, Written, interval, minus, sentence, significant, unit_text, upwards
 from ..errors import InputError
-from ..motion.attitude import AttitudeRun
-from ..motion.attitude_error import split_error
+from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import NormCalibration

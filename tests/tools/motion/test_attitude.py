@@ -16,16 +16,17 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.cli import main
 from trihedron.tools.demo import WHERE_TO_GET, find_record
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.attitude import AttitudeRun, attitude_of_record, rate_at_rest
-from trihedron.tools.motion.attitude_error import (
-    angle_errors,
+from trihedron.tools.motion.attitude import (
+    AttitudeRun,
     attitude_error,
+    attitude_of_record,
     heading_and_tilt,
+    rate_at_rest,
     rotation_of,
     split_error,
 )
 from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
-from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers.attitude import EXACT, angle_errors, paper_motion
 from trihedron.tools.records import StrapdownRecord, read_record
 
 BROAD = find_record("broad-03.strapdown.csv")

@@ -14,8 +14,7 @@ from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.inspect import inspect_record
-from trihedron.tools.motion.rests import reading_steps
-from trihedron.tools.motion.sampling import sampling_of
+from trihedron.tools.motion.rests import reading_steps, sampling_of
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
 from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
 

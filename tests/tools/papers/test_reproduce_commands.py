@@ -5,14 +5,14 @@ import json
 import pytest
 
 from trihedron.tools.cli import main
-from trihedron.tools.papers import reproduction
+from trihedron.tools.papers import attitude
 
 
 @pytest.fixture
 def two_rows(monkeypatch):
     """Two quick rows in place of all 88."""
-    every = reproduction.reproduce_attitude
-    monkeypatch.setattr(reproduction, "reproduce_attitude", lambda **options: every((12, 56), **options))
+    every = attitude.reproduce_attitude
+    monkeypatch.setattr(attitude, "reproduce_attitude", lambda **options: every((12, 56), **options))
 
 
 def test_reproduce_attitude(two_rows, tmp_path, capsys):

@@ -15,7 +15,6 @@ import pytest
 from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.attitude_error import angle_errors
 from trihedron.tools.motion.compare import run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import (
     CAUSES,
@@ -24,10 +23,12 @@ from trihedron.tools.papers.attitude import (
     PAPER,
     UNEXPLAINED,
     Conditions,
+    Reproduction,
+    angle_errors,
     paper_motion,
     published_rows,
+    reproduce_attitude,
 )
-from trihedron.tools.papers.reproduction import Reproduction, reproduce_attitude
 from trihedron.tools.reports.papers import reproduction_lines, write_reproduction
 
 QUICK = (8, 10, 12, 24, 32, 34, 39, 42, 56, 57)

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.attitude_error import angle_between
+from trihedron.tools.motion.attitude import algorithm_named, angle_between
 from trihedron.tools.motion.compare import run_algorithm
 from trihedron.tools.papers.word_length import (
     ARITHMETICS,

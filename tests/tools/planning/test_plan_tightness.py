@@ -10,12 +10,12 @@ import pytest
 from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
-from trihedron.tools.planning.bounds import Pool, bound_positions
+from trihedron.tools.planning.bounds import HittingSet, Pool, bound_positions
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
 from trihedron.tools.planning.grid import Grid
 from trihedron.tools.planning.plan import Plan, plan_targets
-from trihedron.tools.planning.positions import Places, clearances, costs, readings
+from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings
 from trihedron.tools.planning.search import drawn
 
 
@@ -149,14 +149,29 @@ def test_room_for_setting_errors_is_nearly_used_up() -> None:
     assert corner - stated <= 1.2 * (corner + 2.0)
 
 
-def test_a_bound_of_sets_is_that_of_the_best_set() -> None:
-    """On a small pool, of which every set is tried; no more where only worse sets are known."""
-    places = Places(
-        np.vstack([stored(7).angle, drawn(tables_task(), 3, np.random.default_rng(3)).angle]), np.zeros(10, dtype=int)
-    )
-    task = tables_task(cuts=60, seed=2)
-    pool = Pool(places, np.arange(10), readings(task, places))
-    best, second = sorted(costs(task, places.chosen(list(rows))).worst for rows in combinations(range(10), 7))[:2]
+@pytest.fixture(scope="module")
+def small_pool() -> tuple[Task, Pool]:
+    """Ten positions: the seven that the package holds, and three at random."""
+    extra = drawn(tables_task(), 3, np.random.default_rng(3)).angle
+    places, task = Places(np.vstack([stored(7).angle, extra]), np.zeros(10, dtype=int)), tables_task(cuts=60, seed=2)
+    return task, Pool(places, np.arange(10), readings(task, places))
+
+
+def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) -> None:
+    """Of a small pool every set is tried; no more is proven where only worse sets are known."""
+    task, pool = small_pool
+    best, second = sorted(costs(task, pool.places.chosen(list(rows))).worst for rows in combinations(range(10), 7))[:2]
     assert second > 1.1 * best
     assert bound_positions(task, pool, 7, best).ratio == pytest.approx(best, rel=1e-7)
     assert 0.8 * best <= bound_positions(task, pool, 7, second).ratio <= best * (1 + 1e-9)
+
+
+def test_a_position_that_just_reaches_a_ratio_counts_for_its_cut(small_pool: tuple[Task, Pool]) -> None:
+    """Position 0 reaches the first cut to rounding and the second surely: it alone hits both."""
+    hitting = HittingSet(*small_pool)
+    heights = np.zeros((10, 2))
+    heights[:2, 0], heights[0, 1] = (1.0 - 1e-11, 2.0), 2.0
+    hitting._height = heights / 2.0
+    least, answer = hitting.least_count(2.0)
+    assert 1.0 - 1e-8 <= least <= 1.0
+    assert answer == pytest.approx(np.eye(10)[0])

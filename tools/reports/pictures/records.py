@@ -29,7 +29,7 @@ from ...document.theme import (
 )
 from ...motion.attitude import AttitudeRun
 from ...motion.inspect import Inspection
-from ...motion.sampling import rates_of
+from ...motion.rests import rates_of
 from ...planning.forms import clearance, sheets
 from ...planning.plan import Curve, Plan, PositionPlan
 from ...records import RawRecord

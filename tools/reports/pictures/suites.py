@@ -22,8 +22,7 @@ from ...document.theme import (
     say_empty,
     short,
 )
-from ...papers.attitude import TABLES
-from ...papers.reproduction import Reproduction
+from ...papers.attitude import TABLES, Reproduction
 from . import Drawn, drawn, legend, legend_beside, log_ticks, named_rows, sheet
 
 LEAST_SHADE, MOST_SHADE = 0.15, 0.5
