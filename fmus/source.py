@@ -9,7 +9,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -123,9 +123,17 @@ class Part:
     first_line: int
 
 
+@cache
+def source_of(function: Callable[..., Any]) -> Part:
+    """The source of a kernel, as it stands in its file."""
+    lines, first = inspect.getsourcelines(function)
+    return Part("".join(lines).rstrip(), Path(inspect.getsourcefile(function) or "").name, first)
+
+
+@cache
 def called_names(function: Callable[..., Any]) -> list[str]:
     """Names that a kernel reads and does not bind itself, in order of appearance."""
-    tree = ast.parse(inspect.getsource(function))
+    tree = ast.parse(source_of(function).text)
     bound = set(inspect.signature(function).parameters)
     names: list[str] = []
     for node in ast.walk(tree):
@@ -144,7 +152,7 @@ def hook_source(hook: Callable[..., Any], component: Component) -> str:
     stage and summed, so their order does not matter; where it does nothing, they change the last argument in turn. A
     hook that returns whether there are effects returns 1.0.
     """
-    function = ast.parse(inspect.getsource(hook)).body[0]
+    function = ast.parse(source_of(hook).text).body[0]
     assert isinstance(function, ast.FunctionDef)
     returns = isinstance(function.body[-1], ast.Return)
     function.body = function.body[:-1] if returns else function.body
@@ -186,23 +194,17 @@ def flat_parts(component: Component) -> tuple[Part, ...]:
     parts: dict[str, Part] = {}
     stages = {CATALOGUE[place.effect].stage for place in component.effects}
 
-    def add(function: Callable[..., Any], text: str | None = None) -> None:
-        lines, first = inspect.getsourcelines(function)
-        origin = Path(inspect.getsourcefile(function) or "").name
-        parts[function.__name__] = Part(text or "".join(lines).rstrip(), origin, first)
-
     def include(function: Callable[..., Any]) -> None:
         if function.__name__ in stages:
             for place in component.effects:
                 effect = CATALOGUE[place.effect].at(place)
                 if effect.stage == function.__name__ and effect.kernel is not None:
                     include_names(effect.kernel)
-                    if effect.kernel.__name__ not in parts:
-                        add(effect.kernel)
-            add(function, hook_source(function, component))
+                    parts.setdefault(effect.kernel.__name__, source_of(effect.kernel))
+            parts[function.__name__] = replace(source_of(function), text=hook_source(function, component))
             return
         include_names(function)
-        add(function)
+        parts[function.__name__] = source_of(function)
 
     def include_names(function: Callable[..., Any]) -> None:
         for name in called_names(function):
@@ -210,7 +212,7 @@ def flat_parts(component: Component) -> tuple[Part, ...]:
                 continue
             value = function.__globals__.get(name)
             if isinstance(value, int | float) and not isinstance(value, bool):
-                parts[name] = Part(f"{name} = {value!r}", Path(inspect.getsourcefile(function) or "").name, 1)
+                parts[name] = Part(f"{name} = {value!r}", source_of(function).origin, 1)
             elif inspect.isfunction(value):
                 include(value)
             elif not (isinstance(value, ModuleType) and value.__name__ == "math") and name not in PERMITTED:
