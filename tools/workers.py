@@ -49,15 +49,10 @@ class LostCluster(Exception):
 
 
 class Workers(Protocol):
-    """Processes that calls are handed to.
-
-    Attributes
-    ----------
-    kills : int
-        how often some ended while they had work
-    """
+    """Processes that calls are handed to."""
 
     kills: int
+    """How often some ended while they had work."""
 
     def count(self) -> int:
         """How many there are; LostCluster where the cluster is gone."""
@@ -80,17 +75,8 @@ def completed(
 ) -> Iterator[tuple[Item, Found]]:
     """What a function gives for each item, as it is done: few calls are under way, however many items there are.
 
-    A call that was lost with a process that ended is made again, and the second time by itself.
-
-    Parameters
-    ----------
-    workers : Workers
-    function : callable
-        of one argument
-    items : iterable
-        hashable
-    instead : callable, optional
-        gives what stands for an item that no process survives, while no other call is under way
+    A call that was lost with a process that ended is made again, and the second time by itself. `instead` gives what
+    stands for an item, which is hashable, that no process survives, while no other call is under way.
 
     Raises
     ------
@@ -151,13 +137,8 @@ def _waited_for(workers: Workers, future: Future) -> Any:
 def started(engine: str, jobs: int | None, scheduler: str | None = None) -> Iterator[Workers]:
     """Workers for as long as the block lasts; where it ends by an exception, they end in the middle of what they do.
 
-    Parameters
-    ----------
-    engine : "local" or "dask"
-    jobs : int or None
-        processes, of this machine; None: as many as there are cores
-    scheduler : str or None
-        address of a Dask scheduler; None: a cluster of local processes
+    Without `jobs` there are as many as cores; without the address of a Dask scheduler "dask" is a cluster of processes
+    of this machine.
 
     Raises
     ------
@@ -186,14 +167,7 @@ def usable_cores() -> int:
 
 
 class _Processes:
-    """So many processes of this machine; when one ends, all are begun anew.
-
-    Parameters
-    ----------
-    jobs : int
-    folder : str
-        of their temporary files
-    """
+    """So many processes of this machine, with a folder for their temporary files; when one ends, all are begun anew."""
 
     def __init__(self, jobs: int, folder: str) -> None:
         self.kills = 0
@@ -262,14 +236,7 @@ def _follow(folder: str, parent: int) -> None:
 
 
 class _Cluster:
-    """A Dask cluster: the one at an address, or one of local processes.
-
-    Parameters
-    ----------
-    client : distributed.Client
-    renew : callable
-        asks for workers in place of those that are gone for good
-    """
+    """A Dask cluster, at an address or of local processes; `renew` asks for workers in place of those that are lost."""
 
     def __init__(self, client: Any, renew: Callable[[], None] = lambda: None) -> None:
         self.kills = 0

@@ -2,7 +2,7 @@
 
 import time as clocks
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -40,17 +40,18 @@ def run_campaign(
         missing, before, failed = store.missing()
         done, seconds, cpu_seconds, kills = before, 0.0, 0.0, 0
         try:
-            with progress_bar("runs", campaign.runs, show=progress and bool(missing)) as shown:
+            with ExitStack() as stack:
+                shown = stack.enter_context(progress_bar("runs", campaign.runs, show=progress))
                 shown(done)
-                with started(engine, jobs, scheduler) if missing else nullcontext() as workers:
-                    for computed in _computed(order, campaign, missing, workers) if workers else ():
-                        store.write(computed)
-                        done, failed = done + computed.runs, failed + computed.failures
-                        seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
-                        rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
-                        words = f", {failed} failed" if failed else ""
-                        shown(computed.runs, f"{done} of {campaign.runs} runs, {rate:.3g}/s{words}")
-                        kills = workers.kills
+                workers = stack.enter_context(started(engine, jobs, scheduler)) if missing else None
+                for computed in _computed(order, campaign, missing, workers) if workers else ():
+                    store.write(computed)
+                    done, failed = done + computed.runs, failed + computed.failures
+                    seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
+                    rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
+                    words = f", {failed} failed" if failed else ""
+                    shown(computed.runs, f"{done} of {campaign.runs} runs, {rate:.3g}/s{words}")
+                kills = workers.kills if workers else 0
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {_so_far(store, done)}") from None
         except LostCluster as error:

@@ -287,7 +287,8 @@ def read_increments(
 
     def arguments(kernel: str) -> tuple[Any, ...]:
         names = [name for name in gyros.arguments[kernel] if name not in ("time", "step")]
-        scalars = {name: float(given.get(name, memory[name][0])) for name in names if name in gyros.scalars}
+        scalars = {name: float(memory[name][0]) for name in names if name in gyros.scalars}
+        scalars |= {name: float(value) for name, value in given.items() if name in scalars}
         return tuple(scalars.get(name, memory[name]) for name in names)
 
     read, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])

@@ -323,6 +323,20 @@ def _called(*types: Any) -> Callable[..., int]:
     return lambda function, *arguments: prototype(function)(*arguments)
 
 
+def _loaded(kind: Any) -> Callable[[int], Any]:
+    """What reads a number at an address."""
+    return lambda at: kind.from_address(at).value
+
+
+def _stored(kind: Any) -> Callable[[int, Any], None]:
+    """What writes a number to an address."""
+
+    def store(at: int, value: Any) -> None:
+        kind.from_address(at).value = value
+
+    return store
+
+
 class _Plain:
     """The primitives of the loop in plain Python."""
 
@@ -331,25 +345,8 @@ class _Plain:
     step2 = _called(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_int)
     step3 = _called(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_size_t] * 4)
 
-    @staticmethod
-    def load_byte(at: int) -> int:
-        return ctypes.c_uint8.from_address(at).value
-
-    @staticmethod
-    def load_word(at: int) -> int:
-        return ctypes.c_int64.from_address(at).value
-
-    @staticmethod
-    def load_real(at: int) -> float:
-        return ctypes.c_double.from_address(at).value
-
-    @staticmethod
-    def store_word(at: int, value: int) -> None:
-        ctypes.c_int64.from_address(at).value = value
-
-    @staticmethod
-    def store_real(at: int, value: float) -> None:
-        ctypes.c_double.from_address(at).value = value
+    load_byte, load_word, load_real = map(_loaded, (ctypes.c_uint8, ctypes.c_int64, ctypes.c_double))
+    store_word, store_real = map(_stored, (ctypes.c_int64, ctypes.c_double))
 
     @staticmethod
     def real_of(code: int, at: int) -> float:
