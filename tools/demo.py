@@ -25,10 +25,10 @@ from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
+from .reports.bench import run_section
 from .reports.calibration import calibration_section
 from .reports.diagnosis import sections_of
 from .reports.inspection import attitude_lines, attitude_section
-from .reports.record import run_section
 from .trials.bench import NOISE_BOUND
 from .trials.draw import draw_alone
 from .trials.suite import write_hidden_record

@@ -27,30 +27,9 @@ from ..document.numbers import (
 )
 from ..errors import InputError
 from ..records import PositionRecord
-from .model import (
-    bench_section,
-    calibrated_values,
-    correction_lines,
-    correction_terms,
-    missing_lines,
-    open_targets,
-    physical_words,
-)
+from . import bench, model
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
-from .record import (
-    VERDICTS,
-    calibration_sources,
-    centre_residual,
-    key_figures,
-    measured_section,
-    next_section,
-    position_text,
-    proof_lines,
-    proof_section,
-    proved,
-    provenance,
-)
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 
@@ -58,12 +37,12 @@ TONES: dict[str, Tone] = {"consistent": "good"}
 def page(result: Calibration, record: PositionRecord) -> Page:
     """Verdict, record, model, residuals, targets, evidence, what next, provenance."""
     sections = [
-        measured_section(record, result),
-        bench_section(result, calibrated_values(result)),
+        bench.measured_section(record, result),
+        model.bench_section(result, model.calibrated_values(result)),
         residual_section(result, record.position),
         target_section(result),
-        proof_section(result, record.position),
-        next_section(result.linearised, result.next_positions),
+        bench.proof_section(result, record.position),
+        bench.next_section(result.linearised, result.next_positions),
         levelling_section(result),
         *joint_set_sections(result),
         *rest_sections(record),
@@ -73,9 +52,9 @@ def page(result: Calibration, record: PositionRecord) -> Page:
         verdict_sentence(result),
         [section for section in sections if section is not None],
         tone=TONES.get(result.verdict, "attention"),
-        key=key_figures(result),
-        provenance=provenance(result),
-        sources=calibration_sources(result),
+        key=bench.key_figures(result),
+        provenance=bench.provenance(result),
+        sources=bench.calibration_sources(result),
     )
 
 
@@ -87,7 +66,7 @@ def verdict_sentence(result: Calibration) -> str:
             f"{result.radius:.3g} σ, and {len(result.witness)} readings alone prove it."
         )
     if result.verdict == "insufficient":
-        return f"Insufficient: the readings do not determine {open_targets(result)}."
+        return f"Insufficient: the readings do not determine {model.open_targets(result)}."
     worst = [e for e in result.parameters if e.estimate is not None and e.guaranteed_error is not None]
     told = ""
     if worst:
@@ -99,7 +78,7 @@ def verdict_sentence(result: Calibration) -> str:
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
     """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
     here = result.linearised
-    parts = here.residual_at(np.zeros(len(here.point))), centre_residual(result).ravel()
+    parts = here.residual_at(np.zeros(len(here.point))), bench.centre_residual(result).ravel()
     figures = ([significant(float(v)) for v in (np.sqrt(np.mean(r**2)), np.abs(r).max())] for r in parts)
     ideal, left = (f"{rms or 0} g (root mean square), at most {most or 0} g" for rms, most in figures)
     return Section(
@@ -113,7 +92,7 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
             np.degrees(here.positions.beta),
             parts[1] / here.bound,
             None,
-            proved(result, numbers),
+            bench.proved(result, numbers),
         ),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
     )
@@ -160,7 +139,7 @@ def levelling_section(result: Calibration) -> Section | None:
             "The errors below are those of the block at rest; the readings' own errors come on top.",
             "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
         ],
-        equations=correction_lines(correction, places_of(result.noise_bound)),
+        equations=model.correction_lines(correction, places_of(result.noise_bound)),
         table=Table(header, rows),
     )
 
@@ -196,10 +175,10 @@ def calibration_section(
     return Section(
         "Calibration with guaranteed bounds",
         [
-            sentence(VERDICTS[result.verdict]),
+            sentence(bench.VERDICTS[result.verdict]),
             f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
             f"({result.noise_bound_basis}); least possible largest residual {result.radius:.3f} σ.",
-            *missing_lines(result),
+            *model.missing_lines(result),
         ],
         table=target_table(result, truth),
         files=files or [],
@@ -242,7 +221,11 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     )
     rows: list[list[Cell]] = []
     for e, error, bar in zip(result.parameters, errors, drawn, strict=True):
-        row: list[Cell] = [symbol_text(e.symbol), physical_words(e.name), to_bound(e.estimate, e.guaranteed_error)]
+        row: list[Cell] = [
+            symbol_text(e.symbol),
+            model.physical_words(e.name),
+            to_bound(e.estimate, e.guaranteed_error),
+        ]
         ends = (None, None) if falsified else outwards(e.low, e.high, e.guaranteed_error)
         row += [upwards(error), None if falsified else bar, *ends, unit_text(e.unit)]
         rows.append([*row, to_bound(known.get(e.symbol), e.guaranteed_error)])
@@ -260,7 +243,7 @@ LATITUDE_DEG = 55.75
 def lines(result: Calibration) -> list[str]:
     """Verdict and table of targets."""
     said = [
-        VERDICTS[result.verdict],
+        bench.VERDICTS[result.verdict],
         f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
         f"({result.noise_bound_basis}), radius {result.radius:.3f}",
         "",
@@ -277,8 +260,8 @@ def lines(result: Calibration) -> list[str]:
             f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {error:>11} "
             f"{ends[0]:>13} {ends[1]:>13}  {unit_of(row.unit)}".rstrip()
         )
-    said += [*levelling_lines(result), *proof_lines(result), *missing_lines(result)]
-    said += [f"measure next: {position_text(position)}" for position in result.next_positions]
+    said += [*levelling_lines(result), *bench.proof_lines(result), *model.missing_lines(result)]
+    said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
     return said + [f"warning: {warning}" for warning in result.warnings]
 
 
@@ -335,6 +318,6 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
 def correction_equation(correction: Correction) -> list[str]:
     """The correction as equations with their numbers, readings f to inputs n."""
     lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
-    for n, terms, plus, minus in correction_terms(correction, ".12g"):
+    for n, terms, plus, minus in model.correction_terms(correction, ".12g"):
         lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")
     return lines

@@ -18,6 +18,7 @@ from ..document.page import write_page
 from ..files import write_text
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Detection, Suite, cases_csv, confusion, named_suite
+from .bench import versions
 from .pictures.suites import (
     chance_of,
     confusion_picture,
@@ -26,7 +27,6 @@ from .pictures.suites import (
     sensitivity_picture,
     size_errors_picture,
 )
-from .record import versions
 
 MOST_ROWS = 24
 """Lines of one table on a terminal; the page has all."""

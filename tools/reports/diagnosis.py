@@ -11,41 +11,10 @@ from ..document.blocks import Page, Section, Table, Tone
 from ..document.numbers import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
 from ..files import write_text
 from ..records import PositionRecord
-from . import calibration
-from .evidence import (
-    confusion_section,
-    error_pictures,
-    error_sections,
-    excluded_sections,
-    first_words,
-    judgement_section,
-    length_section,
-    nothing_tells,
-    of_bench,
-    orders_of,
-    parameter_section,
-    quoted_words,
-    ranking_section,
-    residual_sections,
-    structure_section,
-    target_section,
-)
+from . import bench, calibration, evidence, model
+from .bench import of_bench
 from .inspection import record_sections
-from .model import Value, bench_section, calibrated_values, carried_section, cause_lines, open_targets
 from .pictures.residuals import gain_picture, held_out, order_picture
-from .record import (
-    VERDICTS,
-    deciding,
-    diagnosis_sources,
-    key_figures,
-    measured_section,
-    next_section,
-    position_text,
-    proof_lines,
-    proof_section,
-    provenance,
-    versions,
-)
 
 FEW_RIVALS = 3
 """Up to so many sets of effects are named in the verdict."""
@@ -84,10 +53,10 @@ def sentences_of(finding: Finding, result: Diagnosis) -> str:
 
 def lines(result: Diagnosis) -> list[str]:
     """Verdict, evidence, causes and gain."""
-    said = [(VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
+    said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     for position in result.next_positions or ():
-        said.append(f"measure next: {position_text(position)}")
+        said.append(f"measure next: {bench.position_text(position)}")
     said += [f"measure next: {text}" for text in result.next or ()]
     warnings = result.evidence.calibration.warnings if of_bench(result) else result.warnings
     return said + [f"warning: {text}" for text in warnings]
@@ -98,7 +67,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
     said = [
         f"{nominal.positions} positions, {nominal.measurements} readings, σ = {nominal.noise_bound:.3g} g "
         f"({nominal.noise_bound_basis}); nominal model: radius {nominal.radius:.3f}",
-        *proof_lines(nominal),
+        *bench.proof_lines(nominal),
     ]
     for finding in sets_of(result)[:MOST_SETS]:
         for cause in finding.causes:
@@ -270,22 +239,21 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         where the diagnosis is of one
     """
     named = result.causes if result.verdict == "explained" else ()
-    evidence = result.evidence
     if of_bench(result):
         assert record is not None
-        name, nominal = record.path.name, evidence.calibration
-        first = [measured_section(record, nominal), bench_section(nominal, extended_values(result), named)]
-        key = key_figures(nominal)
+        name, nominal = record.path.name, result.evidence.calibration
+        first = [bench.measured_section(record, nominal), model.bench_section(nominal, extended_values(result), named)]
+        key = bench.key_figures(nominal)
         if result.findings:
-            key |= {f"with {first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"}
+            key |= {f"with {evidence.first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"}
         shuffled = result.witness is not None and result.witness.shuffles
-        rests_on = provenance(nominal, {"seed of the shuffles": len(record)} if shuffled else {})
+        rests_on = bench.provenance(nominal, {"seed of the shuffles": len(record)} if shuffled else {})
     else:
-        name, own = evidence.found.record.path.name, result.baseline.parameters or ()
+        name, own = result.evidence.found.record.path.name, result.baseline.parameters or ()
         # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
         forces = not any(p.name.startswith("accelerometer") for p in own)
-        first = record_sections(evidence.found, result.warnings, forces=forces, told=bool(result.missing))
-        first += [carried_section(result)] if evidence.parts else []
+        first = record_sections(result.evidence.found, result.warnings, forces=forces, told=bool(result.missing))
+        first += [model.carried_section(result)] if result.evidence.parts else []
         key, rests_on = _key_of_carried(result), _provenance_of_carried(result)
     return Page(
         f"Diagnosis of {name}",
@@ -294,13 +262,13 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         tone=TONES.get(result.verdict, "attention"),
         key=key,
         provenance=rests_on,
-        sources=diagnosis_sources(result),
+        sources=bench.diagnosis_sources(result),
     )
 
 
-def extended_values(result: Diagnosis) -> dict[str, Value]:
+def extended_values(result: Diagnosis) -> dict[str, model.Value]:
     """The targets with the effects that were found, else those of the nominal model."""
-    values = calibrated_values(result.evidence.calibration)
+    values = model.calibrated_values(result.evidence.calibration)
     for target in result.targets or ():
         if target["symbol"] in values:
             values[target["symbol"]] = target["after"], half_width(target["low"], target["high"])
@@ -312,9 +280,11 @@ def _key_of_carried(result: Diagnosis) -> dict[str, object]:
     key: dict[str, object] = {"rows": len(result.evidence.found.record), "reference": result.reference}
     if result.baseline.radius is None or result.noise_bound_arcmin is None:
         return key
-    key |= {f"bound, {quoted_words(result)}": f"{result.noise_bound_arcmin:.3g} arcmin"}
+    key |= {f"bound, {evidence.quoted_words(result)}": f"{result.noise_bound_arcmin:.3g} arcmin"}
     key |= {"largest error": f"{result.baseline.radius:.3g} of its bound"}
-    return key | ({} if result.extended is None else {f"with {first_words(result)}": f"{result.extended.radius:.3g}"})
+    if result.extended is not None:
+        key[f"with {evidence.first_words(result)}"] = f"{result.extended.radius:.3g}"
+    return key
 
 
 def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
@@ -329,7 +299,7 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
         given["bounds from"] = result.noise_bound_from
     if witnesses_of(result):
         given["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
-    return given | versions()
+    return given | bench.versions()
 
 
 def verdict_sentence(result: Diagnosis) -> str:
@@ -347,9 +317,9 @@ def verdict_sentence(result: Diagnosis) -> str:
                 "set of up to three effects mends it."
             )
         if result.verdict == "insufficient":
-            open_ones = open_targets(nominal)
+            open_ones = model.open_targets(nominal)
             return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
-        return sentence(VERDICTS[result.verdict])
+        return sentence(bench.VERDICTS[result.verdict])
     if result.verdict == "unexplained":
         why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
         return f"{lacks}: its largest error is {result.baseline.radius or 0.0:.3g} times its bound, and {why}."
@@ -372,7 +342,7 @@ def rivals(result: Diagnosis) -> str:
     proposed = len(result.next_positions or ())
     if not proposed:
         return said
-    sure = len(deciding(result.evidence.calibration.linearised, result.next_positions or ()))
+    sure = len(bench.deciding(result.evidence.calibration.linearised, result.next_positions or ()))
     if sure == proposed:
         return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
     tells = "none surely tells" if not sure else "one surely tells" if sure == 1 else f"{sure} surely tell"
@@ -381,28 +351,28 @@ def rivals(result: Diagnosis) -> str:
 
 def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
     """From the residuals to what is excluded and what to measure next; `files` belong to the cause."""
-    bench, evidence = of_bench(result), result.evidence
-    if bench:
-        errors = residual_sections(result)
-        values = target_section(result) or calibration.target_section(evidence.calibration)
-        proof = proof_section(evidence.calibration, evidence.numbers)
-        after = next_section(evidence.calibration.linearised, result.next_positions or ())
+    if of_bench(result):
+        errors = evidence.residual_sections(result)
+        values = evidence.target_section(result) or calibration.target_section(result.evidence.calibration)
+        proof = bench.proof_section(result.evidence.calibration, result.evidence.numbers)
+        after = bench.next_section(result.evidence.calibration.linearised, result.next_positions or ())
     else:
-        errors = error_sections(result, list(map(sentence, bias_lines(result)))) if evidence.parts else []
-        values, proof = parameter_section(result), None
+        bias = list(map(sentence, bias_lines(result)))
+        errors = evidence.error_sections(result, bias) if result.evidence.parts else []
+        values, proof = evidence.parameter_section(result), None
         after = Section("What to measure next", list(map(sentence, result.next))) if result.next else None
     told = [
         *errors,
         cause_section(result, files or []),
         values,
         proof,
-        ranking_section(result),
-        confusion_section(result),
-        length_section(result),
+        evidence.ranking_section(result),
+        evidence.confusion_section(result),
+        evidence.length_section(result),
         gain_section(result),
-        judgement_section(result),
-        structure_section(result),
-        *excluded_sections(result),
+        evidence.judgement_section(result),
+        evidence.structure_section(result),
+        *evidence.excluded_sections(result),
         after,
     ]
     return [section for section in told if section is not None]
@@ -428,7 +398,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     same = [place.title for cause in result.causes for place in cause.alike]
     same += [" with ".join(place.title for place in places) for places in result.equal_sets]
     if same and named:
-        said.append(sentence(f"{nothing_tells(result)} could tell it from: {', '.join(same)}"))
+        said.append(sentence(f"{evidence.nothing_tells(result)} could tell it from: {', '.join(same)}"))
     if (other := result.second_mounting) is not None:
         said.append(
             f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
@@ -442,7 +412,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
         said,
         table=Table(header, rows).told(),
         files=files,
-        equations=() if named else cause_lines([cause for finding in shown for cause in finding.causes]),
+        equations=() if named else model.cause_lines([cause for finding in shown for cause in finding.causes]),
     )
 
 
@@ -476,7 +446,7 @@ def gain_section(result: Diagnosis) -> Section | None:
 
 def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
     """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder, for other documents."""
-    found, orders = error_pictures(result), orders_of(result)
+    found, orders = evidence.error_pictures(result), evidence.orders_of(result)
     if orders:
         found["order"] = order_picture(orders)
     if result.gain is not None:

@@ -24,6 +24,7 @@ from ..document.numbers import (
     unit_text,
     upwards,
 )
+from .bench import of_bench, proved
 from .model import own_words, physical_words
 from .pictures.residuals import (
     candidates,
@@ -35,15 +36,9 @@ from .pictures.residuals import (
     residuals_over_inputs,
     shares,
 )
-from .record import proved
 
 MOST_RANKED = 16
 MOST_BARS = 18
-
-
-def of_bench(result: Diagnosis) -> bool:
-    """Whether the evidence is rests on a table, and not a block that was carried."""
-    return result.unit is None
 
 
 def nothing_tells(result: Diagnosis) -> str:
@@ -148,7 +143,7 @@ def target_section(result: Diagnosis) -> Section | None:
     known = {row.symbol: row for row in result.evidence.calibration.parameters}
     sigma = result.evidence.calibration.noise_bound
     ends = [
-        [None if t[end] is None else (t[end] - t["after"]) / sigma for end in ("low", "high")] for t in result.targets
+        [None if end is None else (end - t["after"]) / sigma for end in (t["low"], t["high"])] for t in result.targets
     ]
     drawn, reach = bars([Bar(None, *pair) for pair in ends])
     rows: list[list[Cell]] = []

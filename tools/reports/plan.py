@@ -11,9 +11,9 @@ from ..files import whole_folder
 from ..planning.check import SettingCheck
 from ..planning.plan import Curve, Plan, PlannedPosition, Plans, PositionPlan
 from ..planning.positions import DWELL_S, checked_dwell
+from .bench import cited, matrix_text, next_positions_csv, versions
 from .model import physical_words
 from .pictures.records import curve_picture, plan_picture, positions_picture
-from .record import cited, matrix_text, next_positions_csv, versions
 
 UNCERTAIN = 1e-8
 """A relative gap above this is said in words."""

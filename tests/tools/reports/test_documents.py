@@ -22,11 +22,11 @@ from trihedron.tools.document.numbers import to_bound, typeset
 from trihedron.tools.document.text import notebook, text
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
-from trihedron.tools.reports import calibration, diagnosis
+from trihedron.tools.reports import calibration, diagnosis, evidence
+from trihedron.tools.reports.bench import next_positions_csv
 from trihedron.tools.reports.evidence import in_words
 from trihedron.tools.reports.model import own_words
 from trihedron.tools.reports.plan import decimals_of
-from trihedron.tools.reports.record import next_positions_csv
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 MEASURED = ["What was measured", "What was simulated"]
@@ -229,7 +229,7 @@ def test_without_a_cause_it_is_said_what_the_residual_depends_on():
 def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_not_to_remain(tried, words):
     result = shown("bench, explained")[0]
     named = (result.causes[0].place.title, 0.5)
-    ranked = diagnosis.ranking_section(result.model_copy(update={"tried": (named, *tried)}))
+    ranked = evidence.ranking_section(result.model_copy(update={"tried": (named, *tried)}))
     assert ranked is not None
     assert [said.partition(":")[0] for said in ranked.paragraphs[1:]] == words
 
@@ -247,7 +247,7 @@ def test_a_block_says_on_what_it_rests_and_what_is_missing():
     # One measurement that shows two effects is named once.
     assert ambiguous.next == (f"{OF_ACCELEROMETERS} (shows quadratic, scale-asymmetry)",)
     explained = shown("block, explained")[0]
-    assert diagnosis.confusion_section(explained.model_copy(update={"tried": ()})) is None
+    assert evidence.confusion_section(explained.model_copy(update={"tried": ()})) is None
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """How pictures are drawn: sheets of panels, marks that mean something, rows with names, legends; SVG by matplotlib."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias
 
@@ -90,7 +90,7 @@ def one_turn(axes: "Axes", angle: NDArray, of: str = "x", room: float = 8.0) -> 
         axes.set(**{f"{of}lim": (-room, 360.0 + room), f"{of}ticks": range(0, 361, 90)})
 
 
-def log_ticks(axes: "Axes", ticks: Sequence[float]) -> None:
+def log_ticks(axes: "Axes", ticks: Iterable[float]) -> None:
     """Plain numbers at some places of a logarithmic axis, as far as it reaches."""
     low, high = axes.get_xlim()
     shown = [tick for tick in ticks if low <= tick <= high]

@@ -33,6 +33,11 @@ VERDICTS = {
 }
 
 
+def of_bench(result: Diagnosis) -> bool:
+    """Whether the evidence is rests on a table, and not a block that was carried."""
+    return result.unit is None
+
+
 def measured_section(record: PositionRecord, result: Calibration) -> Section:
     """The record in words, and where on the sphere it has measured."""
     seconds = float(np.ptp(record.time_s))
@@ -318,7 +323,7 @@ def calibration_sources(result: Calibration) -> list[str]:
 def diagnosis_sources(result: Diagnosis) -> list[str]:
     """Of a diagnosis, whatever the record."""
     own = result.witness
-    if result.unit is None:
+    if of_bench(result):
         first = calibration_sources(result.evidence.calibration)
         shuffled, left_out = own and own.shuffles, own and (own.folds or own.blocks)
         gained = result.gain
