@@ -149,7 +149,6 @@ def adaptive_degree(
 ALGORITHMS = (
     Algorithm(
         27,
-        "adaptive-degree",
         "two, four or eight samples at a time, by what the increments support",
         "Trihedron: the degree whose differences still halve",
         adaptive_degree,

@@ -6,6 +6,7 @@ two increments has a mean that depends on their distance alone. The k_p solve, o
 """
 
 import math
+from functools import partial
 
 from ..restricted import Vector
 from .definition import Algorithm
@@ -39,41 +40,34 @@ def five_sample_coning(g: Vector, turned: Vector) -> None:
     complete_rotation_vector(turned)
 
 
+_algorithm = partial(Algorithm, order=3, constant_rate=True)
+
 ALGORITHMS = (
-    Algorithm(
+    _algorithm(
         17,
-        "three-sample-coning",
         "three samples, optimised for coning",
         "Miller 1983, three-sample",
         three_sample_coning,
         samples=3,
-        order=3,
         coning_order=6,
-        constant_rate=True,
         max_increment=math.pi / 3,
     ),
-    Algorithm(
+    _algorithm(
         18,
-        "four-sample-coning",
         "four samples, optimised for coning",
         "Lee et al. 1990; Savage 1998",
         four_sample_coning,
         samples=4,
-        order=3,
         coning_order=8,
-        constant_rate=True,
         max_increment=math.pi / 4,
     ),
-    Algorithm(
+    _algorithm(
         19,
-        "five-sample-coning",
         "five samples, optimised for coning",
         "Savage 1998, five-sample",
         five_sample_coning,
         samples=5,
-        order=3,
         coning_order=10,
-        constant_rate=True,
         max_increment=math.pi / 5,
     ),
 )

@@ -19,8 +19,8 @@ class Algorithm:
     ----------
     number : int
         value of the parameter `algorithm` of the attitude computer
-    name, title, source : str
-        how it is chosen, how it is shown, where it stands
+    title, source : str
+        how it is shown, where it stands
     kernel : callable
         restricted Python; what it takes beside the increments depends on the algorithm
     samples : int
@@ -39,10 +39,11 @@ class Algorithm:
         whether the increments of the step before are used; there are none at the first update: they count as zero
     constant_rate : bool
         whether a turn at a constant rate is exact but for rounding
+    name : str
+        how it is chosen; by default as its kernel
     """
 
     number: int
-    name: str
     title: str
     source: str
     kernel: Callable[..., int | None]
@@ -53,3 +54,8 @@ class Algorithm:
     norm_order: int | None = None
     previous: bool = False
     constant_rate: bool = False
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", self.kernel.__name__.replace("_", "-"))

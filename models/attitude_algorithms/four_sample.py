@@ -1,6 +1,7 @@
 """Algorithms that update at every fourth gyro sample, with every pair of increments on its own."""
 
 import math
+from functools import partial
 
 from ..restricted import Vector
 from .definition import Algorithm
@@ -58,52 +59,42 @@ def four_sample_rotation_vector(g: Vector, turned: Vector) -> None:
     complete_rotation_vector(turned)
 
 
+_algorithm = partial(Algorithm, samples=4, coning_order=6)
+
 ALGORITHMS = (
-    Algorithm(
+    _algorithm(
         13,
-        "panov",
         "four samples, Panov's rotation vector and exact formulas",
         "Chelnokov et al. 2016, (24), (25)",
         panov,
-        samples=4,
         order=4,
-        coning_order=6,
         constant_rate=True,
         max_increment=math.pi / 4,
     ),
-    Algorithm(
+    _algorithm(
         14,
-        "panov-series",
         "four samples, Panov's rotation vector and series",
         "Chelnokov et al. 2016, (24), (25) as series to the fifth power",
         panov_series,
-        samples=4,
         order=4,
-        coning_order=6,
         norm_order=5,
         max_increment=0.44,
     ),
-    Algorithm(
+    _algorithm(
         15,
-        "panov-cut-off",
         "four samples, Panov's rotation vector and a series cut off too early",
         "Chelnokov et al. 2016, remark 3 (fitted to the published errors)",
         panov_cut_off,
-        samples=4,
         order=2,
-        coning_order=6,
         norm_order=3,
         max_increment=0.07,
     ),
-    Algorithm(
+    _algorithm(
         16,
-        "four-sample-rotation-vector",
         "four samples, rotation vector of a cubic rate",
         "Jiang and Lin 1992, four-sample polynomial algorithm",
         four_sample_rotation_vector,
-        samples=4,
         order=4,
-        coning_order=6,
         constant_rate=True,
         max_increment=math.pi / 4,
     ),

@@ -179,7 +179,6 @@ def quaternion_slope(rates: Vector, i: int, values: Vector, slopes: Vector) -> N
 ALGORITHMS = tuple(
     Algorithm(
         18 + count,
-        f"functional-iteration-{count}",
         f"functional iteration through {count} samples",
         "Wu 2018, functional iteration on Chebyshev nodes",
         functional_iteration,
@@ -187,6 +186,7 @@ ALGORITHMS = tuple(
         order=count + 2 if count % 2 == 0 else count + 1,
         coning_order=count + 2 if count % 2 == 0 else count + 1,
         constant_rate=True,
+        name=f"functional-iteration-{count}",
         max_increment=LONGEST_INCREMENT,
     )
     for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1)

@@ -1,6 +1,7 @@
 """Algorithms that update at every gyro sample: from the increment and, where they need it, the one before."""
 
 import math
+from functools import partial
 
 from ..restricted import Vector
 from .definition import Algorithm
@@ -48,51 +49,45 @@ def one_sample_rodrigues_symmetric(previous: Vector, g: Vector, turned: Vector) 
     complete_rodrigues(turned)
 
 
+_algorithm = partial(Algorithm, samples=1)
+
 ALGORITHMS = (
-    Algorithm(
+    _algorithm(
         2,
-        "mean-rate",
         "one sample, mean angular rate",
         "Chelnokov et al. 2016, (7.18)",
         mean_rate,
-        samples=1,
         order=2,
         coning_order=2,
         constant_rate=True,
         max_increment=math.pi,
     ),
-    Algorithm(
+    _algorithm(
         3,
-        "one-sample-quaternion",
         "one sample and the one before, series of the quaternion",
         "Chelnokov et al. 2016, (7.20)",
         one_sample_quaternion,
-        samples=1,
         order=3,
         coning_order=4,
         norm_order=3,
         previous=True,
         max_increment=0.86,
     ),
-    Algorithm(
+    _algorithm(
         4,
-        "one-sample-rodrigues",
         "one sample and the one before, modified Rodrigues parameters",
         "Chelnokov et al. 2016, (19)",
         one_sample_rodrigues,
-        samples=1,
         order=3,
         coning_order=4,
         previous=True,
         max_increment=1.15,
     ),
-    Algorithm(
+    _algorithm(
         5,
-        "one-sample-rodrigues-symmetric",
         "one sample and the one before, modified Rodrigues parameters, second form",
         "Chelnokov et al. 2016, (20)",
         one_sample_rodrigues_symmetric,
-        samples=1,
         order=3,
         coning_order=4,
         previous=True,

@@ -1,6 +1,7 @@
 """Algorithms that update at every second gyro sample; γ' and γ'' are the increments of the two halves of a step."""
 
 import math
+from functools import partial
 
 from ..restricted import Vector
 from .definition import Algorithm
@@ -93,97 +94,75 @@ def two_sample_fifth_power(g: Vector, turned: Vector) -> None:
     complete_rodrigues(turned)
 
 
+_algorithm = partial(Algorithm, samples=2, coning_order=4)
+
 ALGORITHMS = (
-    Algorithm(
+    _algorithm(
         1,
-        "two-sample-rodrigues",
         "two samples, modified Rodrigues parameters",
         "Chelnokov et al. 2016, (22)",
         two_sample_rodrigues,
-        samples=2,
         order=4,
-        coning_order=4,
         max_increment=0.57,
     ),
-    Algorithm(
+    _algorithm(
         6,
-        "two-sample-rodrigues-second-iterate",
         "two samples, modified Rodrigues parameters, second Picard iterate",
         "Chelnokov et al. 2016, (23)",
         two_sample_rodrigues_second_iterate,
-        samples=2,
         order=3,
-        coning_order=4,
         max_increment=0.57,
     ),
-    Algorithm(
+    _algorithm(
         7,
-        "two-sample-rodrigues-third-order",
         "two samples, modified Rodrigues parameters, third order",
         "Chelnokov et al. 2016, (21)",
         two_sample_rodrigues_third_order,
-        samples=2,
         order=3,
-        coning_order=4,
         max_increment=0.57,
     ),
-    Algorithm(
+    _algorithm(
         8,
-        "two-sample-quaternion",
         "two samples, series of the quaternion",
         "Chelnokov et al. 2016, (7.22)",
         two_sample_quaternion,
-        samples=2,
         order=4,
-        coning_order=4,
         norm_order=3,
         max_increment=0.43,
     ),
-    Algorithm(
+    _algorithm(
         9,
-        "two-sample-textbook",
         "two samples, rotation vector and series, as the textbook has it",
         "Chelnokov et al. 2016, [1, p. 355]",
         two_sample_textbook,
-        samples=2,
         order=4,
-        coning_order=4,
         norm_order=5,
         max_increment=0.58,
     ),
-    Algorithm(
+    _algorithm(
         10,
-        "two-sample-textbook-as-run",
         "two samples, rotation vector and series, as the paper must have run it",
         "Chelnokov et al. 2016, [1, p. 355] (fitted to the published errors)",
         two_sample_textbook_as_run,
-        samples=2,
         order=4,
-        coning_order=4,
         norm_order=3,
         max_increment=0.43,
     ),
-    Algorithm(
+    _algorithm(
         11,
-        "two-sample-rotation-vector",
         "two samples, rotation vector and exact formulas",
         "Miller 1983, two-sample; Chelnokov et al. 2016, (25)",
         two_sample_rotation_vector,
-        samples=2,
         order=4,
-        coning_order=4,
         constant_rate=True,
         max_increment=math.pi / 2,
     ),
-    Algorithm(
+    _algorithm(
         12,
-        "two-sample-fifth-power",
         "two samples, rotation vector, modified Rodrigues parameters to the fifth power",
         "(22) with the term in φ⁵ that it leaves out",
         two_sample_fifth_power,
-        samples=2,
         order=4,
-        coning_order=4,
         max_increment=0.94,
     ),
 )
