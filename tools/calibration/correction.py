@@ -270,21 +270,9 @@ class Application(Result):
 
 
 def apply_calibration(calibration: str | Path | Calibration, record: Path, *, noise_bound: float = 0.0) -> Application:
-    """Correct the readings of a record by a calibration's file.
+    """Correct the readings of a record by a calibration or its file; arguments and errors as of `library.apply`.
 
-    Parameters
-    ----------
-    calibration : Path or Calibration
-        of `trihedron calibrate --json`, or the value
-    record : Path
-        position, raw or strapdown record
-    noise_bound : float
-        bound of the averaged readings' own errors [g], for what remains after the correction
-
-    Raises
-    ------
-    InputError
-        for a calibration that is not consistent, or a record that cannot be used
+    The noise bound is that of the averaged readings' own errors [g], for what remains after the correction.
     """
     if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
         raise InputError(f"--noise-bound {noise_bound:g}: must be a fraction of g from 0 to 0.01, as 1e-5")

@@ -54,26 +54,11 @@ MAX_POSITIONS = 24
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a calibration.
+    """What is asked of a calibration: the options of `library.calibrate`.
 
-    Attributes
-    ----------
-    noise_bound : float, optional
-        σ, the bound on one reading's error as a fraction of g; from the record's own repeats and scatter when not given
-    gravity : float
-        the model's g [m/s²]
-    convention : {"A1", "A2"}
-        Γ lower triangular, or the paper's linear combinations for symmetric Γ
-    baseline : {"asymmetric", "symmetric"}
-        two scale factors for each accelerometer, or one
-    bounds : (float, float)
-        u^max [rad] and v^0max of (1.7)
-    mounting : str or mapping of str to (3, 3) array
-        a preset, the path of a TOML file, or Q by name
-    targets : sequence of str
-        linear combinations of X1..X18 that are asked for beside those of the convention
-    priors : sequence of str
-        what is known beforehand, "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7); constraints like readings
+    σ is a fraction of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings are a preset, the
+    path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those of the convention,
+    priors "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7): constraints like readings.
     """
 
     noise_bound: float | None = None
@@ -89,17 +74,8 @@ class Asked:
 def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
 
-    Parameters
-    ----------
-    record : PositionRecord
-        averaged readings at N positions
-    options
-        the attributes of `Asked`
-
-    Raises
-    ------
-    InputError
-        for options that are out of range, mountings that the record does not fit, a fit that does not converge
+    The options are the fields of `Asked`. An InputError for some that are out of range, mountings that the record does
+    not fit, a fit that does not converge.
 
     Notes
     -----

@@ -172,23 +172,11 @@ def increments_from(
     rates: str = "instantaneous",
     gyro_bias: Sequence[float] | np.ndarray | None = None,
 ) -> Increments:
-    """Angle increments of the rows after row `first`.
+    """Angle increments of the rows after row `first`, at which the attitude is known.
 
-    Parameters
-    ----------
-    record : StrapdownRecord
-        increments are taken as they are, rates are integrated
-    first : int
-        index of the row at which the attitude is known
-    rates : "instantaneous" or "averaged"
-        samples of the rate (trapezoid rule), or means over the interval that ends at the row's time
-    gyro_bias : sequence of 3 float or None
-        rate that is taken out of every sample [rad/s]
-
-    Raises
-    ------
-    InputError
-        the record is not uniform, is too short, or turns by more than half a turn between two rows
+    Increments are taken as they are, rates are integrated, less a bias [rad/s]; what the rates mean as of
+    `attitude_of_record`. An InputError for a record that is not uniform, is too short, or turns by more than half a
+    turn between two rows.
     """
     check_meaning(rates)
     period = sampling_period(record)
@@ -252,8 +240,7 @@ def attitude_of_record(
     rates: str = "instantaneous",
     gyro_bias: Sequence[float] | np.ndarray | None = None,
     rate_divisor: int = 1,
-    out: Path | None = None,
-    progress: bool = False,
+    **run: Any,
 ) -> AttitudeRun:
     """Run the attitude computer's FMU on a record's gyros and compare it with the record's true attitude.
 
@@ -262,24 +249,11 @@ def attitude_of_record(
 
     Parameters
     ----------
-    record : StrapdownRecord
-        uniformly sampled
-    algorithm : str
-        name in `trihedron.models.attitude.ALGORITHMS`
-    rates : str
-        "instantaneous" (integrated by the trapezoid rule) or "averaged" (mean over the interval before each row)
-    gyro_bias : sequence of 3 float or None
-        rate that is taken out of every sample [rad/s], `rate_at_rest(record)` say; None: the rates as measured
-    rate_divisor : int
-        how many of the record's increments are added up to one, as a slower gyro would give them
-    out : Path or None
-        folder for the orchestrator's run; None: nothing is written
-    progress : bool
-        show a bar on standard error, where that is a terminal
-
-    Returns
-    -------
-    AttitudeRun
+    algorithm, rates, gyro_bias, rate_divisor
+        as of `library.attitude_of_record`: rates are "instantaneous" (integrated by the trapezoid rule) or "averaged"
+        (means over the interval before each row); `rate_at_rest(record)`, say, is taken out of them [rad/s]
+    run
+        out, progress of `orchestrator.simulate`
 
     Raises
     ------
@@ -298,9 +272,9 @@ def attitude_of_record(
             f"{record.path}, row {int(record.row[first + (k + 1) * rate_divisor])}: a turn of {size[k]:.6g} rad in one "
             f"sample; {chosen.name} is valid to {chosen.max_increment:.3g} rad: sample faster or take mean-rate"
         )
-    run = simulate(_scenario(record, increments, chosen.number, start), out, progress=progress)
-    updated = run.table["updated"].to_numpy()
-    attitude = run.table.select(QUATERNION).to_numpy()[updated]
+    done = simulate(_scenario(record, increments, chosen.number, start), **run)
+    updated = done.table["updated"].to_numpy()
+    attitude = done.table.select(QUATERNION).to_numpy()[updated]
     index = first + rate_divisor * np.flatnonzero(updated)
     error = np.full((len(index), 3), np.nan)
     if record.attitude is not None:
@@ -329,7 +303,7 @@ def attitude_of_record(
         error_max_rad=float(known_angle.max()) if told else None,
         error_at_end_rad=float(known_angle[-1]) if told else None,
         drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
-        files=run.files,
+        files=done.files,
         row=record.row[index],
         time_s=time,
         attitude=attitude,
@@ -337,7 +311,7 @@ def attitude_of_record(
         error_angle=angle,
         heading=heading,
         tilt=tilt,
-        provenance=run.provenance,
+        provenance=done.provenance,
     )
 
 

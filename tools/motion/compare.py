@@ -91,21 +91,9 @@ def compare_algorithms(
     algorithms: Sequence[Algorithm] = ALGORITHMS,
     progress: bool = False,
 ) -> AttitudeComparison:
-    """Run algorithms over a record through the attitude computer's FMU.
+    """Run algorithms over a record through the attitude computer's FMU; rates and divisor as of `attitude_of_record`.
 
-    Parameters
-    ----------
-    record : StrapdownRecord
-    rates, rate_divisor
-        as of `attitude_of_record`; the reference runs at the record's own rate
-    algorithms : sequence of Algorithm
-    progress : bool
-        show a bar on standard error, where that is a terminal
-
-    Raises
-    ------
-    InputError
-        a record that no algorithm can take
+    The reference runs at the record's own rate. An InputError for a record that no algorithm can take.
     """
     rows = []
     with progress_bar("attitude", 1 + len(algorithms), show=progress) as advance:

@@ -135,19 +135,9 @@ def plan_targets(
     progress: bool = False,
     **options: Any,
 ) -> Plans:
-    """The optimal plan of each target, with its proof.
+    """The optimal plan of each target, with its proof; arguments and options as of `library.plan`.
 
-    Parameters
-    ----------
-    targets, grid, mounting, progress
-        as of `trihedron.tools.library.plan`
-    options
-        admissible, bounds, convention, baseline of `Request`
-
-    Raises
-    ------
-    InputError
-        for options that cannot be used, and for a grid that cannot determine a target
+    An InputError for options that cannot be used, and for a grid that cannot determine a target.
     """
     request = Request(mountings=(mounting,), **options)
     if request.convention not in ("A1", "A2"):
@@ -285,25 +275,9 @@ class PositionPlan(Result):
 def plan_positions(count: int, request: Request, *, stored: bool = True, progress: bool = False) -> PositionPlan:
     """One set of positions for all targets, with what is proven of every other set.
 
-    Parameters
-    ----------
-    count : int
-        N
-    request : Request
-    stored : bool
-        begin with the plan that the package holds for so many positions, where it fits
-    progress : bool
-        show bars on a terminal
-
-    Returns
-    -------
-    PositionPlan
-        the same for the same arguments; the best found where Ctrl-C ended the search
-
-    Raises
-    ------
-    InputError
-        for options that cannot be used, and for so few positions that no set was found
+    It begins with the plan that the package holds for so many positions, where `stored` says so and it fits. The same
+    for the same arguments; the best found where Ctrl-C ended the search. An InputError for options that cannot be used,
+    and for so few positions that no set was found.
     """
     if not FEWEST <= count <= MOST_POSITIONS:
         raise InputError(f"--positions {count}: must be between {FEWEST} and {MOST_POSITIONS}")
@@ -383,18 +357,7 @@ def starting_positions(task: Task, count: int) -> list[Places]:
 
 
 class CurvePoint(Result):
-    """What N positions cost.
-
-    Attributes
-    ----------
-    positions, readings : int
-    worst, mean : float
-        ratios of the best set found
-    bound : float
-        proven: no N positions of the pool have a lower worst ratio
-    pool : int
-        size of the pool
-    """
+    """What N positions cost, ratios of the best set found; no N of the pool have a worst ratio below the bound."""
 
     positions: int
     readings: int
@@ -414,12 +377,8 @@ class Curve(Result):
 def plan_curve(low: int, high: int, request: Request, *, progress: bool = False) -> Curve:
     """The best sets of `low` to `high` positions, each begun with the one before and a position more.
 
-    Ctrl-C ends the curve where it is.
-
-    Raises
-    ------
-    InputError
-        for a range that is empty or too wide, and for options that cannot be used
+    Ctrl-C ends the curve where it is. An InputError for a range that is empty or too wide, and for options that cannot
+    be used.
     """
     if not 1 <= low <= high <= MOST_POSITIONS:
         raise InputError(f"--curve {low} {high}: must be a range of numbers of positions up to {MOST_POSITIONS}")

@@ -43,32 +43,7 @@ NOT_DETERMINED = 1e3
 
 @dataclass(frozen=True)
 class Request:
-    """What a user asks of a common set of positions.
-
-    Attributes
-    ----------
-    criterion : {"worst", "mean"}
-        which ratio of costs to the targets' own optima is made small
-    reserve_deg : float
-        readings still count when positions are set with an error up to that [deg]
-    resolution_deg : float or None
-        of the table [deg]
-    keep_out : tuple of str
-        angles that are not used, "alpha:LOW:HIGH" in degrees
-    order : {"tour", "random"}
-    repeat : int
-        so many positions are measured twice
-    detect : tuple of str
-        effects that the extra positions show
-    extra : int
-        how many positions more, at most
-    seed, starts, cuts : int
-        of the random numbers; local searches; cuts for the lower bound
-    admissible, bounds, convention, baseline
-        as of the plans of single targets
-    mountings : tuple
-        presets, files or matrices by name: the set is split over them
-    """
+    """What a user asks of a common set of positions, angles in degrees: the options of `library.plan_positions`."""
 
     criterion: str = "worst"
     reserve_deg: float = 0.0

@@ -61,7 +61,7 @@ def test_a_target_that_begins_with_a_hyphen(capsys: pytest.CaptureFixture[str]) 
     ("options", "said"),
     [
         ("--grid 1 --continuum", "--grid and --continuum"),
-        ("--grid -1", "--grid -1"),
+        *((f"--grid {step}", f"--grid {step}") for step in ("-1", "0", "nan", "inf", "0.001", "270")),
         ("--target X19", "there is no X19"),
         ("--target X4+1", "constant term"),
         ("--grid 90", "cannot determine"),
