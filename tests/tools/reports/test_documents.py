@@ -14,18 +14,15 @@ import pytest
 
 from page_text import MAKERS, bent, clean, few, html_of, page_of, shown, text_of
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
-from trihedron.tools.document.blocks import Section
+from trihedron.tools.document.blocks import Page, Section
 from trihedron.tools.document.numbers import to_bound, typeset
 from trihedron.tools.document.text import notebook, text
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
-from trihedron.tools.reports import calibration, diagnosis, evidence
-from trihedron.tools.reports.bench import next_positions_csv
-from trihedron.tools.reports.evidence import in_words
-from trihedron.tools.reports.model import own_words
+from trihedron.tools.reports import bench, calibration, diagnosis, evidence, model
 from trihedron.tools.reports.plan import decimals_of
 from trihedron.tools.trials.bench import NOISE_BOUND
 
@@ -259,7 +256,7 @@ def test_a_block_says_on_what_it_rests_and_what_is_missing():
     ids=["symmetric", "asked"],
 )
 def test_pages_of_other_options(options):
-    page = html_of(calibration.page, calibrate(clean(), noise_bound=NOISE_BOUND, **options), clean())
+    page = without_pictures(calibrate(clean(), noise_bound=NOISE_BOUND, **options))
     assert page.count("<math ") >= 5
     assert all(expression.replace("-", "−") in page for expression in options.get("targets", ()))
 
@@ -267,16 +264,23 @@ def test_pages_of_other_options(options):
 def test_pages_of_several_mountings_whatever_they_are_called():
     half = len(clean()) // 2
     record = replace(clean(), mounting=("upright-1e5",) * half + ("elsewhere",) * (len(clean()) - half))
-    options = {"noise_bound": NOISE_BOUND, "mounting": {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}}
-    page = html_of(calibration.page, calibrate(record, **options), record)
-    assert "X8@upright-1e5" in page
-    assert "X13@elsewhere" in page
-    assert "X8@upright-1e5" in html_of(diagnosis.page, diagnose(record, **options), record)
+    mounting = {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}
+    result = diagnose(record, noise_bound=NOISE_BOUND, mounting=mounting)
+    for page in (without_pictures(result.evidence.calibration), html_of(diagnosis.page, result, record)):
+        assert "X8@upright-1e5" in page
+        assert "X13@elsewhere" in page
+
+
+def without_pictures(result: Calibration) -> str:
+    """The model and the targets of a calibration."""
+    sections = [model.bench_section(result, model.calibrated_values(result)), calibration.target_section(result)]
+    return html_of(Page, "t", "v", sections)
 
 
 def test_warnings_of_the_record_are_on_the_page():
     warned = shown("calibration, falsified")[0].model_copy(update={"warnings": ["row 7 <b>looks</b> odd"]})
-    assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in html_of(calibration.page, warned, bent())
+    page = html_of(Page, "t", "v", [bench.measured_section(bent(), warned)])
+    assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in page
 
 
 def test_a_plan_shows_its_estimator_and_carries_its_positions():
@@ -292,20 +296,20 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
         {"alpha_deg": 1.5, "beta_deg": 0.0, "approach_alpha": -1},
     ]
     wanted = "position,alpha_deg,beta_deg,mounting,approach_alpha\n1,90.0,355.0,b,\n2,1.5,0.0,,-1\n"
-    assert next_positions_csv(positions) == wanted
+    assert bench.next_positions_csv(positions) == wanted
 
 
 @pytest.mark.parametrize(
     ("words", "given", "said"),
     [
-        (own_words, "gyro gamma_11", "scale factor of gyro 1"),
-        (own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
-        (own_words, "accelerometer bias_3", "bias of accelerometer 3"),
-        (own_words, "something else", "something else"),
-        (in_words, "rate_2", ("rate", "2")),
-        (in_words, "gamma_12", ("gamma, axis 2", "1")),
-        (in_words, "coefficient_1_23", ("coefficient, axes 2 3", "1")),
-        (in_words, "delay", ("delay", "")),
+        (model.own_words, "gyro gamma_11", "scale factor of gyro 1"),
+        (model.own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
+        (model.own_words, "accelerometer bias_3", "bias of accelerometer 3"),
+        (model.own_words, "something else", "something else"),
+        (evidence.in_words, "rate_2", ("rate", "2")),
+        (evidence.in_words, "gamma_12", ("gamma, axis 2", "1")),
+        (evidence.in_words, "coefficient_1_23", ("coefficient, axes 2 3", "1")),
+        (evidence.in_words, "delay", ("delay", "")),
         (decimals_of, [10.0, -5.0], 0),
         (decimals_of, [10.5, 0.25], 2),
         (decimals_of, [13.886530140], 4),
