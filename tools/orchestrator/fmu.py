@@ -46,20 +46,10 @@ _LOADED = 1
 
 @dataclass(frozen=True)
 class UnpackedFmu:
-    """An FMU on disk, ready to be loaded.
+    """An FMU on disk, ready to be loaded, with its shared library for this platform and FMPy's reading of it.
 
-    Attributes
-    ----------
-    label : str
-        as the user wrote it
-    sha256 : str
-        of the archive's bytes
-    folder, library : Path
-        where it was unpacked; the shared library for this platform
-    description : ModelDescription
-        FMPy's reading of modelDescription.xml
-    python_module : str or None
-        the script's module name, where the FMU is one of PythonFMU's
+    `label` is as the user wrote it, `sha256` is of the archive; where the FMU is one of PythonFMU's, its script is a
+    module of the name `python_module`.
     """
 
     label: str

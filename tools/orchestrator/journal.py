@@ -91,16 +91,10 @@ def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
 
 
 class Blocks:
-    """Rows of recorded values, handed on when a block is full.
+    """Rows of recorded values, of every so manyth communication point, handed on when a block is full.
 
-    Attributes
-    ----------
-    records : (N, 3) int64
-        target of row 0, source, bytes: what the loops copy for each row
-    rows, row : int
-        of a block, and the next one to be recorded
-    every : int
-        which communication points are recorded
+    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes. A block has `rows` rows; `row` is the
+    next one to be recorded.
     """
 
     def __init__(

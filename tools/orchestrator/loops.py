@@ -45,18 +45,9 @@ _C_TYPES: dict[int, Any] = {
 
 @dataclass(frozen=True)
 class Assembly:
-    """What runs together.
+    """What runs together: FMUs in the order in which they step, and what is recorded.
 
-    Attributes
-    ----------
-    groups : sequence of Group
-        the FMUs in the order in which they step
-    scenario : Scenario
-    columns : sequence of Column
-        what is recorded
-    loaded, ports : mapping
-        by the FMU's name: what to instantiate and to set before initialisation, the memory that it reads and writes
-    grid : Grid
+    By its name each is loaded, with what to set before initialisation, and has ports: the memory it reads and writes.
     """
 
     groups: Sequence[Group]

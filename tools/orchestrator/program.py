@@ -74,19 +74,10 @@ class Move(NamedTuple):
 
 @dataclass
 class Port:
-    """Some variables of one FMU and one type, read or written in one call.
+    """Some variables of one FMU and one type (`access`, a key of `VALUE_TYPES`), read or written in one call.
 
-    Attributes
-    ----------
-    access : str
-        a key of `VALUE_TYPES`
-    variables : tuple of Variable
-        in the order of `values`; an array of FMI 3.0 with all its elements
-    changing : int
-        so many of the first ones change during the run
-    values : array
-    references : ctypes array
-        each value reference once
+    They stand in the order of `values`, an array of FMI 3.0 with all its elements; so many of the first ones change
+    during the run. Each value reference stands once.
     """
 
     access: str

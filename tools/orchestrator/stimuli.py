@@ -51,16 +51,9 @@ class Drive:
 
 @dataclass(frozen=True)
 class NumberTable:
-    """Columns of finite numbers.
+    """Columns (N,) of finite numbers by their names, under the label that the user wrote.
 
-    Attributes
-    ----------
-    label : str
-        as the user wrote it
-    columns : dict
-        name to (N,) float64
-    lines : (N,) int
-        where each row stands, as an editor counts lines
+    `lines` (N,) is where each row stands, as an editor counts lines.
     """
 
     label: str
