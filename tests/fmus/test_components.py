@@ -1,10 +1,11 @@
-"""What every component promises: valid FMUs, the same bits everywhere, a complete state, limits that are enforced."""
+"""What every component promises: a complete state, limits that are enforced, a message to a host that calls it wrongly."""
 
 import math
 import random
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 
 from component_kinds import EXTENDED, all_kinds, draw_inputs, draw_parameters, outputs_of, setter_of, title
 from named import Named
@@ -12,6 +13,11 @@ from trihedron.fmus import build, components
 from trihedron.fmus.component import Component, extend
 from trihedron.fmus.source import references
 from trihedron.models.effects import CATALOGUE, EffectPlace
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.scenario import Scenario
+
+DISCARD = 2
 
 
 def start(slave, component: Component, parameters: dict[str, float]) -> None:
@@ -185,3 +191,38 @@ def test_an_enumeration_takes_its_items_only():
     for wrong in (0, -1, len(items) + 1):
         with pytest.raises(ValueError, match="algorithm"):
             model.put(algorithm=wrong)
+
+
+@pytest.mark.parametrize("name", ["TurntableMotion", "AccelerometerBlock", "AttitudeComputer"])
+def test_a_step_that_is_none_is_discarded_and_the_next_one_works(name, fmu_folder, slaves):
+    component, slave = components()[name], slaves(fmu_folder / f"{name}.fmu")
+    start(slave, component, {})
+    wrong = [(time, step) for time in (0.0, math.inf, math.nan) for step in (-0.01, math.inf, math.nan)]
+    for k, (time, step) in enumerate(wrong):
+        with pytest.raises(FMICallException) as refused:
+            slave.doStep(currentCommunicationPoint=time, communicationStepSize=step)
+        assert refused.value.status == DISCARD
+        slave.doStep(currentCommunicationPoint=0.01 * k, communicationStepSize=0.01)
+        assert all(math.isfinite(value) for value in outputs_of(slave, component))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"algorithm": 99}, "algorithm = 99 is none of its values: 1 (two-sample-rodrigues)"),
+        ({"algorithm": 0}, "algorithm = 0 is none of its values"),
+        ({"initial_attitude": [0.0, 0.0, 0.0, 0.0]}, "initial_attitude is not a unit quaternion"),
+    ],
+)
+def test_a_wrong_parameter_of_a_component_is_named_by_the_scenario(parameters, said, tmp_path):
+    scenario = Scenario.model_validate(
+        {
+            "base_folder": tmp_path,
+            "run": {"stop_s": 1.0, "step_s": 0.1},
+            "fmus": {"computer": {"component": "AttitudeComputer", "parameters": parameters}},
+        }
+    )
+    with pytest.raises(InputError) as refused:
+        simulate(scenario)
+    assert said in str(refused.value)
+    assert "py exception" not in str(refused.value)
