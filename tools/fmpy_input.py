@@ -1,67 +1,52 @@
 """A record as the table of inputs that FMPy's `simulate_fmu` takes."""
 
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 import polars as pl
+from pydantic import Field
 
 from .errors import InputError
 from .files import whole_file
 from .motion.attitude import increments_from, starting_attitude
 from .records import RawRecord, StrapdownRecord, read_record
+from .result import ABSENT, Result
 
 UNIFORM = 1e-3
 """How far a row's time may be off a uniform one, in steps."""
 
 
-@dataclass(frozen=True)
-class FmpyInput:
-    """Inputs of a component over a run that begins at time 0.
+class FmpyInput(Result):
+    """Inputs of a component over a run that begins at time 0, and the command of FMPy that runs it.
 
     Attributes
     ----------
     component : str
         which component takes them
-    table : DataFrame
-        `time` [s] and the inputs: FMPy applies a row at the start of a step, so each row has the time at which its
-        step begins
+    input_file : str
+        where the table was written
     step, stop : float
         length of a step and end of the run [s]
     start_values : dict
         parameters of the component that go with the record
+    table : DataFrame
+        `time` [s] and the inputs: FMPy applies a row at the start of a step, so each row has the time at which its
+        step begins
     """
 
+    schema_: Literal["trihedron.fmpy-input/1"] = Field(default="trihedron.fmpy-input/1", alias="schema")
     component: str
-    table: pl.DataFrame
-    step: float
-    stop: float
+    input_file: str = ""
+    step: float = Field(alias="step_s")
+    stop: float = Field(alias="stop_s")
     start_values: dict[str, float]
+    command: str = ""
+    table: pl.DataFrame = Field(default=ABSENT, exclude=True, repr=False)
 
-    def to_json(self, file: Path) -> dict[str, Any]:
-        """The object of schema trihedron.fmpy-input/1, for a table that was written to `file`."""
-        return {
-            "schema": "trihedron.fmpy-input/1",
-            "component": self.component,
-            "input_file": str(file),
-            "step_s": self.step,
-            "stop_s": self.stop,
-            "start_values": self.start_values,
-            "command": self.command(file),
-        }
-
-    def command(self, file: Path) -> str:
-        """The command of FMPy that runs it."""
-        words = ["fmpy", "simulate", f"{self.component}.fmu", "--input-file", str(file)]
-        words += ["--stop-time", repr(self.stop), "--output-interval", repr(self.step)]
-        if self.start_values:
-            words += [
-                "--start-values",
-                *(word for name, value in self.start_values.items() for word in (name, repr(value))),
-            ]
-        return shlex.join(words)
+    def __str__(self) -> str:
+        return self.command
 
 
 def fmpy_input(path: Path, *, rates: str = "instantaneous") -> FmpyInput:
@@ -89,13 +74,8 @@ def fmpy_input(path: Path, *, rates: str = "instantaneous") -> FmpyInput:
         # The increment that ends at a row's time is of the step that begins one row before.
         return _input("AttitudeComputer", names, increments.angle, float(increments.period), start_values)
     if isinstance(record, RawRecord):
-        return _input(
-            "AccelerometerCompensation",
-            [f"reading[{i}]" for i in (1, 2, 3)],
-            record.specific_force,
-            _period(record),
-            {},
-        )
+        names = [f"reading[{i}]" for i in (1, 2, 3)]
+        return _input("AccelerometerCompensation", names, record.specific_force, _period(record), {})
     raise InputError(f"{path}: is a position record, which has no steps; a strapdown or a raw record is needed")
 
 
@@ -115,8 +95,8 @@ def _input(
     component: str, names: list[str], values: np.ndarray, period: float, start_values: dict[str, float]
 ) -> FmpyInput:
     steps = len(values)
-    columns = {"time": period * np.arange(steps), **dict(zip(names, values.T, strict=True))}
-    return FmpyInput(component, pl.DataFrame(columns), period, period * steps, start_values)
+    table = pl.DataFrame({"time": period * np.arange(steps), **dict(zip(names, values.T, strict=True))})
+    return FmpyInput(component=component, step=period, stop=period * steps, start_values=start_values, table=table)
 
 
 def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> FmpyInput:
@@ -124,4 +104,9 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> 
     made = fmpy_input(path, rates=rates)
     with whole_file(out) as beside:
         made.table.write_csv(beside)
-    return made
+    words = ["fmpy", "simulate", f"{made.component}.fmu", "--input-file", str(out)]
+    words += ["--stop-time", repr(made.stop), "--output-interval", repr(made.step)]
+    if made.start_values:
+        words.append("--start-values")
+        words += [word for name, value in made.start_values.items() for word in (name, repr(value))]
+    return made.model_copy(update={"input_file": str(out), "command": shlex.join(words)})

@@ -230,7 +230,7 @@ def fmpy_input(
     from ..fmpy_input import write_fmpy_input
 
     made = write_fmpy_input(record, out, rates=rates)
-    return answer(made.command(out), json, made.to_json(out))
+    return answer(made.command, json, made.to_json())
 
 
 @takes(library.check)
