@@ -10,6 +10,7 @@ import pytest
 from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
+from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning.bounds import HittingSet, Pool, bound_positions
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
@@ -40,9 +41,7 @@ def test_the_guaranteed_error_is_that_of_some_truth(planned: tuple[str, list[Pla
         truth = np.array(list(plan.dual.values()))
         hidden = float(np.abs(f @ truth).max())
         assert hidden <= 1.0 + 2e-10, plan.target
-        target = np.zeros(18)
-        for symbol in ("X4", "X5") if plan.target == "X4-X5" else (plan.target,):
-            target[plan.parametrisation.symbols.index(symbol)] = -1.0 if symbol == "X5" else 1.0
+        target = expression_weights(plan.target, plan.parametrisation)
         assert target @ truth == pytest.approx(plan.cost, rel=1e-9)
         assert plan.lower_bound <= target @ truth / hidden * (1 + 1e-15)
         assert plan.lower_bound >= plan.cost * (1.0 - 1e-9)
@@ -56,10 +55,7 @@ def test_the_guaranteed_error_is_attained_by_some_errors_of_the_readings(planned
         best = plan.optimum
         f = regressors(best.alpha, best.beta, np.eye(3))[np.arange(len(best.alpha)), best.accelerometer]
         reading = f @ x_from_targets() @ truth
-        aimed = (
-            truth[[plan.parametrisation.symbols.index(s) for s in plan.target.split("-")]]
-            @ [1.0, -1.0][: plan.target.count("-") + 1]
-        )
+        aimed = expression_weights(plan.target, plan.parametrisation) @ truth
         assert best.weights @ reading == pytest.approx(aimed, abs=1e-12)
         assert best.weights @ (reading + np.sign(best.weights)) - aimed == pytest.approx(plan.cost, rel=1e-12)
         certain = admissible(best.alpha, best.beta, np.eye(3), bounds=plan.bounds, rule=rule)
@@ -79,7 +75,8 @@ def test_a_lower_bound_is_rounded_down_and_no_further() -> None:
         bound = lower_bound(target, dual, ceiling)
         assert Fraction(bound) <= proven
         assert float(proven) - bound <= 100 * np.finfo(float).eps * float(np.abs(target) @ np.abs(dual))
-        found = Optimum(*[np.zeros(0)] * 3, np.ones(1), dual, bound, *[np.zeros(0)] * 2)
+        none = np.zeros(0)
+        found = Optimum(none, none, none, np.ones(1), dual, bound, none, none)
         factor = float(rng.uniform(0.1, 10.0))
         assert Fraction(found.times(factor).lower_bound) <= Fraction(factor) * Fraction(bound) or bound < 0.0
 
@@ -117,7 +114,7 @@ def test_a_box_is_bounded_from_above_and_tightly() -> None:
         forms = np.zeros((2 + MOST_TERMS, 3, 3))
         forms[0], forms[1, 2, 2] = rng.normal(size=(3, 3)), 1.0
         alpha, beta = rng.uniform(0.0, 2 * np.pi, 2)
-        true = exact(forms[0], np.longdouble([alpha]), np.longdouble([beta]))[0]
+        true = exact(forms[0], *np.array([[alpha], [beta]], dtype=np.longdouble))[0]
         bound = boxes(forms, alpha, beta, 0.0)
         assert true <= bound <= true + 130 * np.finfo(float).eps * np.abs(forms[0]).sum()
 
