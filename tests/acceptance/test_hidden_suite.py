@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trihedron.tools.calibration.model import PRESETS
-from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND, Bench
+from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND
 from trihedron.tools.trials.draw import Case, draw_case
 from trihedron.tools.trials.outcome import Outcome, diagnosed, judged
 from trihedron.tools.trials.suite import detection, named_suite, run_suite
@@ -99,14 +99,13 @@ def measured_too(case: Case, positions: Sequence[Any]) -> Case:
             errors.append(tuple(rng.uniform(-STAND_BOUND, STAND_BOUND, 3).tolist()))
             assert name in PRESETS
         mounting.append(names.index(name))
-    more = Bench(
-        bench.truth,
-        bench.symmetric,
-        tuple(names),
-        tuple(errors),
-        np.append(bench.alpha, alpha),
-        np.append(bench.beta, beta),
-        np.append(bench.mounting, np.array(mounting, dtype=int)),
+    more = replace(
+        bench,
+        mountings=tuple(names),
+        mounting_errors=tuple(errors),
+        alpha=np.append(bench.alpha, alpha),
+        beta=np.append(bench.beta, beta),
+        mounting=np.append(bench.mounting, np.array(mounting, dtype=int)),
     )
     return replace(case, instrument=more)
 
