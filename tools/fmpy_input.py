@@ -96,7 +96,7 @@ def _input(
 ) -> FmpyInput:
     steps = len(values)
     table = pl.DataFrame({"time": period * np.arange(steps), **dict(zip(names, values.T, strict=True))})
-    return FmpyInput(component=component, step=period, stop=period * steps, start_values=start_values, table=table)
+    return FmpyInput(component=component, step_s=period, stop_s=period * steps, start_values=start_values, table=table)
 
 
 def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> FmpyInput:

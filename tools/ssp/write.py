@@ -24,7 +24,7 @@ from ...models.position_programme import POSITIONS
 from ..errors import InputError, said_of
 from ..files import whole_file
 from ..orchestrator.interface import Interface, Value, Variable, spread
-from ..orchestrator.load import Loaded, Sources, calibrated_parameters, interfaces_of, load
+from ..orchestrator.load import Loaded, Sources, calibrated_parameters, interfaces_of, load, usual_flavour
 from ..orchestrator.scenario import Scenario, Stimulus
 from ..orchestrator.stimuli import (
     Drive,
@@ -82,7 +82,7 @@ def export_ssp(
     if fmi != 2:
         raise InputError(f"--fmi {fmi}: an .ssp has FMUs of FMI 2.0; FMPy and OMSimulator run no others in it")
     if flavour is None:
-        flavour = "native" if platform is not None or _compiles() else "python"
+        flavour = "native" if platform is not None else usual_flavour()
     if flavour == "python" and platform is not None:
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
     platform = "host" if platform is None else platform
@@ -99,13 +99,6 @@ def export_ssp(
     with whole_file(out) as beside:
         write_archive(beside, members, first=STRUCTURE)
     return out
-
-
-def _compiles() -> bool:
-    try:
-        return bool(chosen_platforms("host"))
-    except BuildError:
-        return False
 
 
 def self_contained(scenario: Scenario) -> Scenario:
