@@ -6,20 +6,30 @@ from pathlib import Path
 import pytest
 
 from browser import browser, browser_program
-from page_text import MAKERS, text_of
+from page_text import text_of
 from trihedron.tools.document.pdf import write_html
 
+PAGES = (
+    "calibration, consistent",
+    "bench, explained, with its gain",
+    "bench, ambiguous",
+    "bench, unexplained",
+    "bench, insufficient",
+    "block, explained",
+    "plans",
+)
 PROGRAM = browser_program()
 needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the path")
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory) -> dict[str, Path]:
-    """A page of every kind."""
+    """Pages that have everything that pages can have."""
     folder = tmp_path_factory.mktemp("pages")
-    for name in MAKERS:
-        (folder / f"{name}.html").write_text(text_of(name), encoding="utf-8")
-    return {name: folder / f"{name}.html" for name in MAKERS}
+    found = {name: folder / f"{name}.html" for name in PAGES}
+    for name, file in found.items():
+        file.write_text(text_of(name), encoding="utf-8")
+    return found
 
 
 @needs_browser
