@@ -4,15 +4,15 @@ import json
 
 import pytest
 
+from trihedron.tools import papers
 from trihedron.tools.cli import main
-from trihedron.tools.papers import attitude
 
 
 @pytest.fixture
 def two_rows(monkeypatch):
     """Two quick rows in place of all 88."""
-    every = attitude.reproduce_attitude
-    monkeypatch.setattr(attitude, "reproduce_attitude", lambda **options: every((12, 56), **options))
+    every = papers.reproduce_attitude
+    monkeypatch.setattr(papers, "reproduce_attitude", lambda **options: every((12, 56), **options))
 
 
 def test_reproduce_attitude(two_rows, tmp_path, capsys):
