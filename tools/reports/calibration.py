@@ -87,13 +87,7 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
             f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
             f"{left}. The picture shows the latter, in units of σ."
         ],
-        residuals(
-            np.degrees(here.positions.alpha),
-            np.degrees(here.positions.beta),
-            parts[1] / here.bound,
-            None,
-            bench.proved(result, numbers),
-        ),
+        residuals(here.positions, parts[1] / here.bound, None, bench.proved(result, numbers)),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
     )
 

@@ -68,7 +68,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         Section(
             "Residuals" if fit is None else "Residuals before and after",
             [said],
-            residuals(np.degrees(here.positions.alpha), np.degrees(here.positions.beta), before, after, proof),
+            residuals(here.positions, before, after, proof),
             "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
         ),
         Section(

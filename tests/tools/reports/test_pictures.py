@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from explanation_pictures import interval_picture, strips_picture
+from trihedron.tools.calibration.model import Positions
 from trihedron.tools.document.theme import COLOURS
 from trihedron.tools.motion.attitude import AttitudeRun
 from trihedron.tools.reports.pictures.records import (
@@ -52,10 +54,16 @@ def run(count: int, error: float) -> AttitudeRun:
     return AttitudeRun.model_construct(**arrays)
 
 
+def at(alpha: ArrayLike, beta: ArrayLike) -> Positions:
+    """Positions of a table in one mounting."""
+    angles = np.array([alpha, beta], dtype=float)
+    return Positions(angles[0], angles[1], np.zeros(angles.shape[1], dtype=int))
+
+
 def residual_picture() -> str:
     generator = np.random.default_rng(0)
     values = generator.uniform(-2.0, 2.0, (24, 3))
-    return residuals(15.0 * np.arange(24), 10.0 * np.arange(24), values, 0.4 * values, np.abs(values) > 1.8)
+    return residuals(at(np.arange(24) / 4, np.arange(24) / 6), values, 0.4 * values, np.abs(values) > 1.8)
 
 
 PICTURES: dict[str, Callable[[], str]] = {
@@ -77,9 +85,9 @@ NOTHING: dict[str, Callable[[], str]] = {
     "tour of no rows": lambda: bench_tour([], ([], []), np.zeros((0, 3))),
     "tour of NaN": lambda: bench_tour([0, 1], ([np.nan] * 2, [np.inf] * 2), np.full((2, 3), np.nan)),
     "tour of one row": lambda: bench_tour([0.0], ([1.0], [2.0]), [[0.0, 0.0, 1.0]]),
-    "no residuals": lambda: residuals([], [], np.zeros((0, 3))),
-    "residuals of NaN": lambda: residuals([1, 2], [3, 4], np.full((2, 3), np.nan), np.full((2, 3), np.nan)),
-    "one accelerometer missing": lambda: residuals([1.0], [2.0], [[0.1, np.nan, 3.0]], None, [[False, True, True]]),
+    "no residuals": lambda: residuals(at([], []), np.zeros((0, 3))),
+    "residuals of NaN": lambda: residuals(at([1, 2], [3, 4]), np.full((2, 3), np.nan), np.full((2, 3), np.nan)),
+    "one accelerometer missing": lambda: residuals(at([1.0], [2.0]), [[0.1, np.nan, 3.0]], None, [[False, True, True]]),
     "nothing held out": lambda: held_out([], [], []),
     "held-out NaN": lambda: held_out([[np.nan] * 3], [[np.inf] * 3], ["7"]),
     "no attitude error": lambda: attitude_picture(run(0, 0.0)),

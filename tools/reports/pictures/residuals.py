@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...calibration.estimates import PairSet
+from ...calibration.model import Positions
 from ...diagnosis.result import OrderOfEffects
 from ...document.theme import (
     ALERT,
@@ -37,18 +38,14 @@ Columns = tuple[NDArray, NDArray | None, NDArray]
 
 @drawn
 def residuals(
-    alpha_deg: ArrayLike,
-    beta_deg: ArrayLike,
-    before: ArrayLike,
-    after: ArrayLike | None = None,
-    witness: ArrayLike | None = None,
+    positions: Positions, before: ArrayLike, after: ArrayLike | None = None, witness: ArrayLike | None = None
 ) -> Drawn:
     """Residuals of the three accelerometers over the two angles of the table.
 
     Parameters
     ----------
-    alpha_deg, beta_deg : array, shape (N,)
-        angles of the outer and the inner axis [deg]
+    positions : Positions
+        angles of the N positions
     before : array, shape (N, 3)
         residuals of the model in units of σ; NaN where a reading is not used
     after : array, shape (N, 3), or None
@@ -61,7 +58,7 @@ def residuals(
     str
         SVG, as of every function here
     """
-    angles, shown = (column(alpha_deg), column(beta_deg)), _columns(before, after, witness)
+    angles, shown = np.degrees([positions.alpha, positions.beta]), _columns(before, after, witness)
     figure, panels = sheet(5.4, 3, 2, sharex="col", sharey=True)
     reach = 1.2 * max(1.25, farthest(*shown[:2]))
     for (row, side), axes in np.ndenumerate(panels):
