@@ -283,9 +283,12 @@ def _cluster(jobs: int, scheduler: str | None) -> Iterator[_Cluster]:
     with config.set(quiet), _silent_logs(), contextlib.ExitStack() as stack:
         if scheduler is None:
             options: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-            cluster: Any = stack.enter_context(LocalCluster(n_workers=jobs, threads_per_worker=1, **options))
+            cluster: Any = LocalCluster(n_workers=jobs, threads_per_worker=1, **options)
+            stack.callback(_close, cluster)
             client = stack.enter_context(Client(cluster))
             yield _Cluster(client, lambda: cluster.scale(jobs))
+            with contextlib.suppress(TimeoutError):
+                client.wait_for_workers(jobs, timeout=10)
             return
         try:
             client = Client(scheduler, timeout="10s")
@@ -297,6 +300,12 @@ def _cluster(jobs: int, scheduler: str | None) -> Iterator[_Cluster]:
         finally:
             with contextlib.suppress(Exception):
                 client.close(timeout=2)
+
+
+def _close(cluster: Any) -> None:
+    """End a local cluster; Dask asserts that no worker is just beginning anew, when all that was asked is done."""
+    with contextlib.suppress(AssertionError):
+        cluster.close()
 
 
 @contextlib.contextmanager
