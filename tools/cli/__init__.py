@@ -1,5 +1,5 @@
 """The command line: options once, answers, commands."""
 
-from .app import app, main
+from .app import app, main, program
 
-__all__ = ["app", "main"]
+__all__ = ["app", "main", "program"]

@@ -2,6 +2,6 @@
 
 import sys
 
-from .app import main
+from .app import program
 
-sys.exit(main())
+sys.exit(program())

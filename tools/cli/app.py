@@ -67,12 +67,15 @@ add_completion(app)
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    if arguments is not None:
-        return _run(list(arguments))
+    return _run(sys.argv[1:] if arguments is None else list(arguments))
+
+
+def program() -> int:
+    """Run the command line as a process of its own, which ends at once when the work is done."""
     ended: list[int] = []
     # Registered first it is done last. To take numpy and polars apart takes as long as to load them.
     atexit.register(_leave, ended)
-    ended.append(_run(sys.argv[1:]))
+    ended.append(main())
     return ended[0]
 
 
