@@ -5,7 +5,7 @@ import math
 import pkgutil
 from collections.abc import Mapping
 
-from .definition import Effect, EffectParameter, EffectPlace
+from .definition import CATALOGUE, Effect, EffectParameter, EffectPlace
 from .rows import MotionRows, Rows, Variant
 
 __all__ = [
@@ -23,16 +23,10 @@ __all__ = [
 ]
 
 
-def _read_catalogue() -> dict[str, Effect]:
-    names = sorted(
-        module.name for module in pkgutil.iter_modules(__path__) if module.name not in ("definition", "rows")
-    )
-    effects = (importlib.import_module(f"{__name__}.{name}").EFFECT for name in names)
-    return {effect.name: effect for effect in effects}
-
-
-CATALOGUE: dict[str, Effect] = _read_catalogue()
-"""Every effect, by its name."""
+for _name in sorted(module.name for module in pkgutil.iter_modules(__path__)):
+    if _name not in ("definition", "rows"):
+        _effect: Effect = importlib.import_module(f"{__name__}.{_name}").EFFECT
+        CATALOGUE[_effect.name] = _effect
 
 POSITION_EFFECTS = {name: effect for name, effect in CATALOGUE.items() if not effect.in_motion}
 """The effects that a record of rests at positions of a table can show."""

@@ -44,6 +44,11 @@ class EffectPlace:
     axes: tuple[int, ...] = ()
 
     @property
+    def definition(self) -> "Effect":
+        """The effect as it is at this place."""
+        return CATALOGUE[self.effect].at(self)
+
+    @property
     def index(self) -> int:
         """0, 1, 2 for the accelerometers; 0, 1 for the outer and the inner axis."""
         return ACCELEROMETERS.index(self.where) if self.where in ACCELEROMETERS else AXES.index(self.where)
@@ -216,6 +221,10 @@ class Effect:
         axes = iter(place.axes)
         known = {"p": lambda: place.index, "axis": lambda: place.index, "order": lambda: place.order or 1}
         return tuple(known.get(name, lambda: next(axes) - 1)() for name in whole_numbers(self.kernel))
+
+
+CATALOGUE: dict[str, Effect] = {}
+"""Every effect, by its name; the package fills it from its files."""
 
 
 def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.effects import CATALOGUE
 from ..bounded.possible import Possible, largest_length
 from ..bounded.programmes import SolverError
 from ..errors import InputError
@@ -137,7 +136,7 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
     causes = []
     intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
     for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
-        parameters, ends = CATALOGUE[place.effect].at(place).parameters, evidence.told(place, possible)
+        parameters, ends = place.definition.parameters, evidence.told(place, possible)
         stated = [
             value if parameter.name.endswith("phase") else min(max(value, low), high)
             for parameter, value, (low, high) in zip(parameters, values, ends, strict=True)
@@ -158,7 +157,7 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     found, room, count = [], evidence.room(fit), len(fit.at)
     for place, columns in evidence.beside(fit):
         possible = fit.possible(room, columns, evidence.most_rows)
-        parameters = CATALOGUE[place.effect].at(place).parameters
+        parameters = place.definition.parameters
         sizes = [largest_size(possible, count + k, parameter.name) for k, parameter in enumerate(parameters)]
         ends = evidence.told(place, [(0.0, size) for size in sizes])
         for parameter, (_, above) in zip(parameters, ends, strict=True):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import TypedDict
 
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import EffectPlace
 from ..calibration.result import OpenTarget, Reading
 from ..evidence.evidence import Fit, Gain, Trial
 from ..result import Result, Told
@@ -83,7 +83,7 @@ class Cause(NamedEffect):
         ends: Sequence[tuple[float, float]],
     ) -> "Cause":
         """The effect at a place with what is stated of its parameters, and ends of what is possible or infinity."""
-        named = zip(CATALOGUE[place.effect].at(place).parameters, values, ends, strict=True)
+        named = zip(place.definition.parameters, values, ends, strict=True)
         parameters = tuple(
             SizedParameter(name=p.name, unit=p.unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
             for p, value, (low, high) in named
@@ -111,7 +111,7 @@ class Cause(NamedEffect):
     @property
     def sentence(self) -> str:
         """What an engineer is told."""
-        effect = CATALOGUE[self.effect].at(self.place)
+        effect = self.place.definition
         return effect.sentence(self.place, {parameter.name: parameter.estimate for parameter in self.parameters})
 
 

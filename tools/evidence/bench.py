@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...models.bench import admissible, nominal_input
-from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
+from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.outlier import place_of
 from ..bounded.possible import Interval
 from ..bounded.programmes import chebyshev_radius
@@ -265,7 +265,7 @@ class Bench(Evidence):
 
     def _largest_untold(self, fit: Fit) -> dict[EffectPlace, float]:
         """The largest coefficients that a record allows of effects whose circumstances it does not tell everywhere."""
-        untold = [k for k, place in enumerate(fit.places) if CATALOGUE[place.effect].at(place).untold is not None]
+        untold = [k for k, place in enumerate(fit.places) if place.definition.untold is not None]
         intervals = fit.intervals() if untold else ()
         return {fit.places[k]: max(abs(intervals[k][0][0]), abs(intervals[k][0][1])) for k in untold}
 
@@ -286,7 +286,7 @@ class Bench(Evidence):
         """By how much a reading may differ, fractions of g, within what the record tells of the effects' arguments."""
         found = 0.0
         for place, block, _ in fit.ways:
-            slack = CATALOGUE[place.effect].at(place).open_argument
+            slack = place.definition.open_argument
             if slack is not None:
                 rows = self.readings.rows(fit.point)
                 found += float(np.linalg.norm(fit.central[len(fit.point) :][block])) * slack(place, rows)
@@ -301,7 +301,7 @@ class Bench(Evidence):
 
         Phases of the inner axis are known up to multiples of Δβ, coefficients of inputs up to powers of 1 − Δg/g.
         """
-        effect = CATALOGUE[place.effect].at(place)
+        effect = place.definition
         turned = self.bounds[0] * (place.order or 1) if place.where == "inner-axis" else 0.0
         factors = [(1.0 + sign * self.bounds[1]) ** -effect.degree for sign in (-1.0, 1.0)]
         return tuple(
@@ -383,7 +383,7 @@ class Bench(Evidence):
 
     def gain(self, fit: Fit) -> Gain | None:
         """Held-out positions simulated again; None where that says nothing of other positions: outliers."""
-        if any(CATALOGUE[place.effect].kernel is None for place in fit.places):
+        if any(place.definition.kernel is None for place in fit.places):
             return None
         return measure_gain(self.readings, self.here.point, fit, self.calibration.gravity)
 

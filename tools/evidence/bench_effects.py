@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
-from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects import EffectPlace, Rows
 from ...models.restricted import CONTEXT_SIZE, INPUT
 from ..calibration.model import (
     Linearisation,
@@ -92,7 +92,7 @@ def senses_of(angle: NDArray) -> NDArray:
 
 def is_linear(place: EffectPlace) -> bool:
     """Whether an effect is linear in its coefficients, so that its signature says it all."""
-    return CATALOGUE[place.effect].variants is None
+    return place.definition.variants is None
 
 
 @dataclass(frozen=True)
@@ -211,14 +211,14 @@ class Visits:
         )
         turns = np.zeros((len(at.alpha), 4))
         for place, coefficients in sized:
-            function = CATALOGUE[place.effect].at(place).turns
+            function = place.definition.turns
             if function is not None:
                 turns += function(place, rows) @ coefficients
         return turns
 
     def true_angles(self, point: NDArray, sized: Sized) -> Positions:
         """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
-        of_encoders = [entry for entry in sized if CATALOGUE[entry[0].effect].stage == "encoder_effects"]
+        of_encoders = [entry for entry in sized if entry[0].definition.stage == "encoder_effects"]
         there = self.at
         for _ in range(6 if of_encoders else 0):
             turns = self._turns(there, point, of_encoders)
@@ -228,7 +228,7 @@ class Visits:
     def disturbed(self, point: NDArray, sized: Sized) -> Positions:
         """Where the table really stands: true angles, and the small turns of what gives way behind the encoders."""
         at = self.true_angles(point, sized)
-        behind = [e for e in sized if acts_on_table(e[0]) and CATALOGUE[e[0].effect].stage != "encoder_effects"]
+        behind = [e for e in sized if acts_on_table(e[0]) and e[0].definition.stage != "encoder_effects"]
         if not behind:
             return at
         turns = self._turns(at, point, behind)
@@ -242,12 +242,12 @@ def readings_at(rows: NDArray) -> NDArray:
 
 def acts_on_table(place: EffectPlace) -> bool:
     """Whether an effect turns parts of the table or adds to its encoders: then its turns are exact."""
-    return CATALOGUE[place.effect].turns is not None
+    return place.definition.turns is not None
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
     """Signatures (3 N, K) of all effects, side by side."""
-    columns = [CATALOGUE[place.effect].signature(place, rows).reshape(3 * len(rows.hours), -1) for place in places]
+    columns = [place.definition.signature(place, rows).reshape(3 * len(rows.hours), -1) for place in places]
     return np.hstack(columns) if columns else np.zeros((3 * len(rows.hours), 0))
 
 
@@ -266,7 +266,7 @@ def added_bound(
     """
     added = np.zeros(rows.n.shape)
     for place in places:
-        effect = CATALOGUE[place.effect].at(place)
+        effect = place.definition
         if effect.untold is not None:
             coefficient = (largest or {}).get(place, effect.parameters[0].largest)
             added += coefficient * effect.untold(place, rows)
@@ -280,7 +280,7 @@ def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, 
         context = np.zeros(CONTEXT_SIZE)
         context[INPUT : INPUT + 3] = rows.n[row]
         for place, values in bent:
-            effect = CATALOGUE[place.effect].at(place)
+            effect = place.definition
             if effect.kernel is not None:
                 effect.kernel(context, rows.own[row], *effect.place_numbers(place), *values, seen[row])
     return seen

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
-from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects import EffectPlace, Rows
 from ...models.effects.rows import Variant
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.spaces import least_squares
@@ -114,7 +114,7 @@ class Readings(Visits):
 
     def variants(self, place: EffectPlace, rows: Rows) -> list[Variant]:
         """The ways in which an effect can act on the readings."""
-        seen = CATALOGUE[place.effect].variants
+        seen = place.definition.variants
         return [] if seen is None else seen(place, rows, self.reading, float(self.bound.min()))
 
     def relaxations(self, rows: Rows, places: Sequence[EffectPlace]) -> list[Relaxation]:
@@ -379,7 +379,7 @@ def _coefficient_limits(fit: Fit) -> tuple[NDArray, NDArray]:
         if variant is not None:
             low[block], high[block] = variant.low, variant.high
             continue
-        for at, parameter in enumerate(CATALOGUE[place.effect].at(place).parameters, start=block.start):
+        for at, parameter in enumerate(place.definition.parameters, start=block.start):
             if parameter.name.endswith("phase"):
                 low[at], high[at] = low[at - 1], high[at - 1]
             elif parameter.name.endswith("amplitude"):

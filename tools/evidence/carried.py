@@ -374,7 +374,7 @@ class Carried(CarriedRecord):
 
 def is_of_gyros(place: EffectPlace) -> bool:
     """Whether an effect is carried with the attitude; others change what the accelerometers say at rest."""
-    return CATALOGUE[place.effect].component != "AccelerometerBlock"
+    return place.definition.component != "AccelerometerBlock"
 
 
 def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArray) -> GyroModel:

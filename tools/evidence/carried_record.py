@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
@@ -162,7 +162,7 @@ def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous")
         run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
         parts = reference.parts(run, x, forces) if isinstance(reference, Gravity) else reference.parts(run)
         names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
-        names += [(f"gyro {p.name}", p.unit) for place in own for p in CATALOGUE[place.effect].at(place).parameters]
+        names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
         whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
         return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest)
@@ -243,7 +243,7 @@ def about_main_effect(made: Carried) -> Carried:
     if place is None:
         return made
     solution = even.estimate([place])
-    parameters = CATALOGUE[place.effect].at(place).parameters
+    parameters = place.definition.parameters
     values = even.values_of([place], solution)[place]
     possible = all(p.possible(v) for p, v in zip(parameters, values, strict=True))
     return about_effects(made, [place], solution) if possible else made

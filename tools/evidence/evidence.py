@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import EffectPlace
 from ...models.effects.rows import Variant
 from ..bounded.possible import Interval, Possible, Reach, polar_intervals
 from ..bounded.programmes import chebyshev_radius
@@ -190,9 +190,7 @@ class Fit:
         """Parameters of each effect, by default those that are said to be found."""
         given = self.stated if coefficients is None else coefficients
         return tuple(
-            CATALOGUE[place.effect].at(place).from_coefficients(given[block])
-            if variant is None
-            else variant.values(given[block])
+            place.definition.from_coefficients(given[block]) if variant is None else variant.values(given[block])
             for place, block, variant in self.ways
         )
 
@@ -202,7 +200,7 @@ class Fit:
         return all(
             parameter.possible(value)
             for place, values in zip(self.places, self.values(), strict=True)
-            for parameter, value in zip(CATALOGUE[place.effect].at(place).parameters, values, strict=True)
+            for parameter, value in zip(place.definition.parameters, values, strict=True)
         )
 
     def possible(self, room: float = 0.0, further: NDArray | None = None, most_rows: int | None = None) -> Possible:
@@ -240,7 +238,7 @@ class Fit:
 
 def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
     """Intervals of an effect's parameters: amplitudes and phases in pairs, others one by one."""
-    parameters = CATALOGUE[place.effect].at(place).parameters
+    parameters = place.definition.parameters
     found: list[Interval] = []
     for k, unit in enumerate(np.eye(len(parameters))):
         if parameters[k].name.endswith("phase"):
@@ -481,7 +479,7 @@ class Evidence:
 
     def limits_of(self, places: Sequence[EffectPlace]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends of the possible values of each coefficient of some effects."""
-        parameters = [p for place in places for p in CATALOGUE[place.effect].at(place).parameters]
+        parameters = [p for place in places for p in place.definition.parameters]
         low = [-p.largest if p.smallest is None else p.smallest for p in parameters]
         return np.array(low, dtype=float), np.array([p.largest for p in parameters], dtype=float)
 
@@ -489,7 +487,7 @@ class Evidence:
         """Values of the parameters of some effects by a solution (P + k,)."""
         own = zip(places, blocks_of(places), strict=True)
         coefficients = solution[len(self.names) :]
-        return {place: CATALOGUE[place.effect].at(place).from_coefficients(coefficients[block]) for place, block in own}
+        return {place: place.definition.from_coefficients(coefficients[block]) for place, block in own}
 
     def of_length(self, k: int) -> Self:
         """The evidence of one scored part, with what is known beside it."""
@@ -717,7 +715,7 @@ def blocks_of(places: Sequence[EffectPlace]) -> tuple[slice, ...]:
 
 def coefficient_count(place: EffectPlace) -> int:
     """How many coefficients an effect has."""
-    return len(CATALOGUE[place.effect].at(place).parameters)
+    return len(place.definition.parameters)
 
 
 def rms_size(error: NDArray) -> float:

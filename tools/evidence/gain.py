@@ -63,12 +63,12 @@ def export_extended(
     flavour : str
         as for `trihedron.fmus.build`
     """
-    extended = {c for place in places if (c := CATALOGUE[place.effect].component) is not None}
+    extended = {c for place in places if (c := place.definition.component) is not None}
     if "GyroBlock" in extended:
         extended.add("GyroCompensation")
     of = {name: NAMED_FOR.get(name, name) for name in components or sorted(extended)}
     return {
-        name: build(name, folder, [p for p in places if CATALOGUE[p.effect].component == own], flavour=flavour)
+        name: build(name, folder, [p for p in places if p.definition.component == own], flavour=flavour)
         for name, own in of.items()
     }
 
@@ -258,7 +258,7 @@ def effect_entries(fit: Fit) -> list[dict[str, object]]:
     estimated_values = fit.values(fit.estimate[len(fit.point) :])
     entries = []
     for (place, _, variant), linear, stated in zip(fit.ways, estimated_values, fit.values(), strict=True):
-        parameters = CATALOGUE[place.effect].at(place).parameters
+        parameters = place.definition.parameters
         values = linear if variant is None else stated
         entries.append({**place.entry, **{p.name: value for p, value in zip(parameters, values, strict=True)}})
     return entries

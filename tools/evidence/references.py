@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects import EffectPlace, Rows
 from ...models.turntable import EARTH_RATE
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
@@ -89,7 +89,7 @@ def integrals(
     for begin in range(1, len(motion), CHUNK):
         end = min(begin + CHUNK, len(motion))
         seen = motion.rows(begin, end, inverse, model.bias)
-        columns = np.concatenate([CATALOGUE[p.effect].signature(p, seen) for p in places], axis=2)
+        columns = np.concatenate([p.definition.signature(p, seen) for p in places], axis=2)
         middle = attitude[begin:end] + attitude[begin - 1 : end - 1] * np.sign(
             np.sum(attitude[begin:end] * attitude[begin - 1 : end - 1], axis=1, keepdims=True)
         )
@@ -113,7 +113,7 @@ def means_at_rest(
         for begin in range(max(rows.start, 1), rows.stop, CHUNK):
             end = min(begin + CHUNK, rows.stop)
             seen = motion.rows(begin, end, model.inverse, model.bias)
-            total += np.concatenate([CATALOGUE[p.effect].signature(p, seen).sum(axis=0) for p in places], axis=1)
+            total += np.concatenate([p.definition.signature(p, seen).sum(axis=0) for p in places], axis=1)
             count += end - begin
     return total / max(count, 1)
 
@@ -158,7 +158,7 @@ def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> NDArray[np.fl
     nothing = np.zeros_like(n)
     hours, angle = (rests.time_s - rests.time_s[:1]) / 3600.0, np.zeros(len(n))
     rows = Rows(hours, angle, angle, n, by_alpha=nothing, by_beta=nothing, temperature=rests.temperature)
-    return CATALOGUE[place.effect].at(place).signature(place, rows)
+    return place.definition.signature(place, rows)
 
 
 def across(up: NDArray) -> NDArray[np.float64]:
