@@ -1,4 +1,7 @@
-"""The catalogue of effects: each stands in one file of this package, as its `EFFECT`."""
+"""The catalogue of effects, in families by where they act: accelerometer, gyro, table, last stage of a reading.
+
+A family gives its `EFFECTS`; any other file of this package that has an `EFFECT` gives that one.
+"""
 
 import importlib
 import math
@@ -23,10 +26,10 @@ __all__ = [
 ]
 
 
-for _name in sorted(module.name for module in pkgutil.iter_modules(__path__)):
-    if _name not in ("definition", "rows"):
-        _effect: Effect = importlib.import_module(f"{__name__}.{_name}").EFFECT
-        CATALOGUE[_effect.name] = _effect
+_names = [found.name for found in pkgutil.iter_modules(__path__) if found.name not in ("definition", "rows")]
+_modules = [importlib.import_module(f"{__name__}.{name}") for name in _names]
+_effects: list[Effect] = [e for module in _modules for e in getattr(module, "EFFECTS", None) or (module.EFFECT,)]
+CATALOGUE.update((effect.name, effect) for effect in sorted(_effects, key=lambda effect: effect.name))
 
 POSITION_EFFECTS = {name: effect for name, effect in CATALOGUE.items() if not effect.in_motion}
 """The effects that a record of rests at positions of a table can show."""

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -15,11 +15,6 @@ from .rows import MotionRows, Rows, Variant
 ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")
 GYRO_BLOCK = "gyro-block"
-NOMINAL_TEMPERATURE = 20.0
-"""Temperature [degC] at which effects of temperature vanish."""
-
-ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
-"""Gyro and axis of the elements of a matrix, as its parameters stand."""
 
 
 @dataclass(frozen=True)
@@ -240,13 +235,6 @@ def turned(rows: Rows, turns: NDArray[np.float64]) -> NDArray[np.float64]:
     return slopes @ turns
 
 
-def above_nominal(rows: Rows) -> NDArray[np.float64]:
-    """Temperature of the rows (N,) above the nominal one [K]; ValueError where it is not known."""
-    if rows.temperature is None:
-        raise ValueError("effects of temperature need the temperature of the rows")
-    return rows.temperature - NOMINAL_TEMPERATURE
-
-
 def said(template: str) -> Sentence:
     """A sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
 
@@ -368,51 +356,3 @@ def _effect(
 
 def _several(parameters: Parameters) -> tuple[EffectParameter, ...]:
     return (parameters,) if isinstance(parameters, EffectParameter) else parameters
-
-
-def of_each_gyro(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
-    """Three parameters, one for each gyro: "bias_1", "bias_2", "bias_3"."""
-    return tuple(EffectParameter(f"{name}_{p}", unit, f"{description} of gyro {p}", largest) for p in (1, 2, 3))
-
-
-def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
-    """Nine parameters, row by row: "gamma_11", "gamma_12", ..., of gyro 1 by axis 1, by axis 2, ..."""
-    return tuple(
-        EffectParameter(f"{name}_{p}{q}", unit, f"{description} of gyro {p} by axis {q}", largest)
-        for p, q in ROW_BY_ROW
-    )
-
-
-def matrix_formula(name: str, columns: Sequence[str]) -> str:
-    """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
-    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
-    return f"[{' | '.join(rows)}]"
-
-
-def gyro_columns(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signature (N, 3, 3) of an effect that adds c_p · values (N, 3) to the reading of each gyro p."""
-    return values[:, :, None] * np.eye(3)
-
-
-def matrix_columns(inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signature (N, 3, 3 M) of an effect that adds a matrix (3, M), given row by row, times inputs (N, M)."""
-    count = inputs.shape[1]
-    columns = np.zeros((len(inputs), 3, 3 * count))
-    for p in range(3):
-        columns[:, p, count * p : count * (p + 1)] = inputs
-    return columns
-
-
-def sentence_of(words: str, unit: str) -> Sentence:
-    """A sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
-
-    def say(place: EffectPlace, values: Mapping[str, float]) -> str:
-        return f"{words}: {listed(list(values.values()))}" + (f" {unit}" if unit else "")
-
-    return say
-
-
-def listed(values: Sequence[float]) -> str:
-    """Values with their signs, in rows of three where there are more."""
-    rows = [", ".join(f"{value:+.2e}" for value in values[at : at + 3]) for at in range(0, len(values), 3)]
-    return "; ".join(rows)

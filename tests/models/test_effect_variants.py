@@ -5,7 +5,7 @@ import pytest
 
 from effect_readings import G, readings, true_bench
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
-from trihedron.models.effects.quantisation import LEAST_STEP, common_step, noisy_step
+from trihedron.models.effects.last_stage import LEAST_STEP, common_step, noisy_step
 
 
 def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from trihedron.fmus.units import UNITS
 from trihedron.models.bench import TARGETS, target_reading
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows, parameter_name, place_from_mapping
 from trihedron.models.effects.definition import turned
-from trihedron.models.effects.outlier import place_of
+from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration.model import Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits, added_bound, signature_columns
 from trihedron.tools.evidence.evidence import linear_intervals

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
-from ...models.effects.outlier import place_of
+from ...models.effects.last_stage import place_of
 from ..bounded.possible import Interval
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import Problem, sets_of_size

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...models.bench import TARGETS
-from ...models.effects.definition import matrix_formula
+from ...models.effects.gyro import matrix_formula
 from ..calibration import Calibration
 from ..calibration.correction import Correction
 from ..diagnosis.result import Cause, Diagnosis

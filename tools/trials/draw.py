@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from ...models.effects.outlier import place_of
+from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
 from ..diagnosis.result import NamedEffect

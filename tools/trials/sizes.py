@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import CATALOGUE, EffectPlace, Rows
-from ...models.effects.outlier import place_of
+from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import sharpened
 from ..bounded.spaces import column_space, spread_directions

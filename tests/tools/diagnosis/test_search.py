@@ -9,7 +9,7 @@ from bench_cases import bench_case
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
-from trihedron.models.effects.outlier import place_of
+from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Witness

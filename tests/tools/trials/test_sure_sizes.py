@@ -9,7 +9,7 @@ import pytest
 from simulated_bench import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.models.effects.outlier import place_of
+from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.spaces import spread_directions
 from trihedron.tools.calibration.model import Linearisation

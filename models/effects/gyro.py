@@ -1,0 +1,341 @@
+"""What the gyros add to the rates they read, and the attitude computer to the increments it takes.
+
+gyro_bias, gyro_bias_drift
+    what they read at no rate, and its growth with time
+gyro_scale_misalignment, gyro_scale_asymmetry
+    errors of scale and of direction; a scale factor that depends on the sense of the turn
+gyro_g_sensitivity, gyro_g_squared
+    a bias that depends on the specific force, and on products of two of its components: anisoelasticity
+latency
+    the gyros read the rate of a while ago
+jitter
+    the time stamps of a record jitter, the sampling does not, so rates count over wrong intervals
+undersampling
+    the attitude computer leaves out what the coning within a step adds to the increment
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
+from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect
+from .rows import MotionRows
+
+ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
+"""Gyro and axis of the elements of a matrix, as its parameters stand."""
+
+
+def of_each_gyro(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
+    """Three parameters, one for each gyro: "bias_1", "bias_2", "bias_3"."""
+    return tuple(EffectParameter(f"{name}_{p}", unit, f"{description} of gyro {p}", largest) for p in (1, 2, 3))
+
+
+def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
+    """Nine parameters, row by row: "gamma_11", "gamma_12", ..., of gyro 1 by axis 1, by axis 2, ..."""
+    return tuple(
+        EffectParameter(f"{name}_{p}{q}", unit, f"{description} of gyro {p} by axis {q}", largest)
+        for p, q in ROW_BY_ROW
+    )
+
+
+def matrix_formula(name: str, columns: Sequence[str]) -> str:
+    """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
+    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
+    return f"[{' | '.join(rows)}]"
+
+
+def gyro_columns(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signature (N, 3, 3) of an effect that adds c_p · values (N, 3) to the reading of each gyro p."""
+    return values[:, :, None] * np.eye(3)
+
+
+def matrix_columns(inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signature (N, 3, 3 M) of an effect that adds a matrix (3, M), given row by row, times inputs (N, M)."""
+    count = inputs.shape[1]
+    columns = np.zeros((len(inputs), 3, 3 * count))
+    for p in range(3):
+        columns[:, p, count * p : count * (p + 1)] = inputs
+    return columns
+
+
+def sentence_of(words: str, unit: str) -> Sentence:
+    """A sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
+
+    def say(place: EffectPlace, values: Mapping[str, float]) -> str:
+        return f"{words}: {listed(list(values.values()))}" + (f" {unit}" if unit else "")
+
+    return say
+
+
+def listed(values: Sequence[float]) -> str:
+    """Values with their signs, in rows of three where there are more."""
+    rows = [", ".join(f"{value:+.2e}" for value in values[at : at + 3]) for at in range(0, len(values), 3)]
+    return "; ".join(rows)
+
+
+def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_3: float, added: Vector) -> None:
+    """Add a constant [rad/s] to each gyro's reading."""
+    added[0] = added[0] + bias_1
+    added[1] = added[1] + bias_2
+    added[2] = added[2] + bias_3
+
+
+BIAS = gyro_effect(
+    gyro_bias,
+    of_each_gyro("bias", "rad/s", "bias", 0.2),
+    lambda place, rows: gyro_columns(np.ones_like(rows.rate)),
+    sentence_of("the gyros have a constant bias", "rad/s"),
+    formula="Δω = ({bias_1}, {bias_2}, {bias_3}) 'rad/s'",
+)
+
+
+def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float, rate_3: float, added: Vector) -> None:
+    """Add rate·hours to each gyro's reading; the rates are in rad/s an hour."""
+    added[0] = added[0] + rate_1 * context[HOURS]
+    added[1] = added[1] + rate_2 * context[HOURS]
+    added[2] = added[2] + rate_3 * context[HOURS]
+
+
+BIAS_DRIFT = gyro_effect(
+    gyro_bias_drift,
+    of_each_gyro("rate", "rad/s/h", "growth of the bias", 0.5),
+    lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),
+    sentence_of("the biases of the gyros drift", "rad/s an hour"),
+    formula="Δω = ({rate_1}, {rate_2}, {rate_3}) t 'rad/s', t 'in hours'",
+)
+
+
+def gyro_scale_misalignment(
+    context: Vector,
+    rate: Vector,
+    gamma_11: float,
+    gamma_12: float,
+    gamma_13: float,
+    gamma_21: float,
+    gamma_22: float,
+    gamma_23: float,
+    gamma_31: float,
+    gamma_32: float,
+    gamma_33: float,
+    added: Vector,
+) -> None:
+    """Add Γ ω."""
+    added[0] = added[0] + gamma_11 * rate[0] + gamma_12 * rate[1] + gamma_13 * rate[2]
+    added[1] = added[1] + gamma_21 * rate[0] + gamma_22 * rate[1] + gamma_23 * rate[2]
+    added[2] = added[2] + gamma_31 * rate[0] + gamma_32 * rate[1] + gamma_33 * rate[2]
+
+
+SCALE_MISALIGNMENT = gyro_effect(
+    gyro_scale_misalignment,
+    of_a_matrix("gamma", "1", "Γ: response", 0.2),
+    lambda place, rows: matrix_columns(rows.rate),
+    sentence_of("the gyros have errors of scale (diagonal) and misalignment, row by row", ""),
+    formula=f"Δω = {matrix_formula('gamma', '123')} ω",
+)
+
+
+def gyro_scale_asymmetry(
+    context: Vector, rate: Vector, coefficient_1: float, coefficient_2: float, coefficient_3: float, added: Vector
+) -> None:
+    """Add c |ω_p| to the reading of each gyro p."""
+    added[0] = added[0] + coefficient_1 * math.fabs(rate[0])
+    added[1] = added[1] + coefficient_2 * math.fabs(rate[1])
+    added[2] = added[2] + coefficient_3 * math.fabs(rate[2])
+
+
+SCALE_ASYMMETRY = gyro_effect(
+    gyro_scale_asymmetry,
+    of_each_gyro("coefficient", "1", "c of c |ω|: half the difference of the scale factors", 0.05),
+    lambda place, rows: gyro_columns(np.abs(rows.rate)),
+    sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
+    formula="Δω = ({coefficient_1} |ω_1|, {coefficient_2} |ω_2|, {coefficient_3} |ω_3|)",
+)
+
+
+def gyro_g_sensitivity(
+    context: Vector,
+    rate: Vector,
+    coefficient_11: float,
+    coefficient_12: float,
+    coefficient_13: float,
+    coefficient_21: float,
+    coefficient_22: float,
+    coefficient_23: float,
+    coefficient_31: float,
+    coefficient_32: float,
+    coefficient_33: float,
+    added: Vector,
+) -> None:
+    """Add G n, with the inputs n of the accelerometers in g."""
+    x = context[INPUT]
+    y = context[INPUT + 1]
+    z = context[INPUT + 2]
+    added[0] = added[0] + coefficient_11 * x + coefficient_12 * y + coefficient_13 * z
+    added[1] = added[1] + coefficient_21 * x + coefficient_22 * y + coefficient_23 * z
+    added[2] = added[2] + coefficient_31 * x + coefficient_32 * y + coefficient_33 * z
+
+
+G_SENSITIVITY = gyro_effect(
+    gyro_g_sensitivity,
+    of_a_matrix("coefficient", "rad/s/g", "bias for each g of specific force", 0.05),
+    lambda place, rows: matrix_columns(rows.specific_force),
+    sentence_of("the biases of the gyros depend on the specific force, row by row", "rad/s for each g"),
+    formula=f"Δω = {matrix_formula('coefficient', '123')} n 'rad/s'",
+)
+
+
+PRODUCTS = ((1, 2), (1, 3), (2, 3))
+"""The two axes of each product, in the order of the parameters."""
+
+
+def gyro_g_squared(
+    context: Vector,
+    rate: Vector,
+    coefficient_1_12: float,
+    coefficient_1_13: float,
+    coefficient_1_23: float,
+    coefficient_2_12: float,
+    coefficient_2_13: float,
+    coefficient_2_23: float,
+    coefficient_3_12: float,
+    coefficient_3_13: float,
+    coefficient_3_23: float,
+    added: Vector,
+) -> None:
+    """Add c n_i n_j for each gyro and each pair of axes, with the inputs n of the accelerometers in g."""
+    xy = context[INPUT] * context[INPUT + 1]
+    xz = context[INPUT] * context[INPUT + 2]
+    yz = context[INPUT + 1] * context[INPUT + 2]
+    added[0] = added[0] + coefficient_1_12 * xy + coefficient_1_13 * xz + coefficient_1_23 * yz
+    added[1] = added[1] + coefficient_2_12 * xy + coefficient_2_13 * xz + coefficient_2_23 * yz
+    added[2] = added[2] + coefficient_3_12 * xy + coefficient_3_13 * xz + coefficient_3_23 * yz
+
+
+G_SQUARED = gyro_effect(
+    gyro_g_squared,
+    tuple(
+        EffectParameter(
+            f"coefficient_{p}_{i}{j}",
+            "rad/s/g2",
+            f"c of c n_i n_j: bias of gyro {p} by the product of axes {i}, {j}",
+            0.05,
+        )
+        for p in (1, 2, 3)
+        for i, j in PRODUCTS
+    ),
+    lambda place, rows: matrix_columns(
+        rows.specific_force[:, [i - 1 for i, _ in PRODUCTS]] * rows.specific_force[:, [j - 1 for _, j in PRODUCTS]]
+    ),
+    sentence_of("the biases of the gyros depend on products of two specific forces, gyro by gyro", "rad/s for each g²"),
+    formula=f"Δω = {matrix_formula('coefficient', ('_12', '_13', '_23'))} (n_1 n_2, n_1 n_3, n_2 n_3) 'rad/s'",
+)
+
+
+def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
+    """Read the mean rate over a step that ended `delay` ago: the rates hold over the steps before.
+
+    Exact for delays of up to eight steps; beyond, and for gyros that lead, the rate is carried on in a straight line.
+    """
+    steps = delay / context[STEP_LENGTH]
+    back = 0
+    if steps > 0.0:
+        back = int(math.floor(steps))
+    if back > PREVIOUS_STEPS - 1:
+        back = PREVIOUS_STEPS - 1
+    for p in range(3):
+        late = context[PREVIOUS_RATE + 3 * back + p]
+        if steps > 1.0 * PREVIOUS_STEPS:
+            added[p] = added[p] + (late - rate[p]) * (steps / PREVIOUS_STEPS)
+        else:
+            near = rate[p]
+            if back > 0:
+                near = context[PREVIOUS_RATE + 3 * back - 3 + p]
+            added[p] = added[p] + (near - rate[p]) + (late - near) * (steps - back)
+
+
+LATENCY = gyro_effect(
+    latency,
+    EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),
+    lambda place, rows: ((rows.rate_before - rows.rate) / rows.step[:, None])[..., None],
+    lambda place, values: (
+        f"the gyros lag by {1e3 * values['delay']:.3f} ms"
+        if values["delay"] >= 0.0
+        else f"the gyros lead by {-1e3 * values['delay']:.3f} ms"
+    ),
+    formula="ω_read(t) = ω(t − ({delay}) 's')",
+)
+
+
+def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
+    """Add to each reading what it gains when its interval by the time stamps stands for the step, or for several.
+
+    The share is 1 where the sampling is regular and all jitter is the log's, 0 where the sampling itself jitters.
+    """
+    steps = context[INTERVAL] / context[STEP_LENGTH]
+    whole = math.floor(steps + 0.5) + 0.0
+    if whole < 1.0:
+        whole = 1.0
+    for p in range(3):
+        added[p] = added[p] + share * rate[p] * (steps - whole)
+
+
+def jitter_signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
+    """Signature (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
+
+    Over the interval that is an angle of the rate times interval less whole periods, as the kernel's over a step.
+    """
+    if rows.period <= 0.0:
+        return np.zeros((*rows.rate.shape, 1))
+    steps = rows.step / rows.period
+    away = 1.0 - np.maximum(np.floor(steps + 0.5), 1.0) / steps
+    return (rows.rate * away[:, None])[..., None]
+
+
+JITTER = gyro_effect(
+    jitter,
+    EffectParameter("share", "1", "part of the time stamps' jitter that the sampling does not have", 1.5, smallest=0.0),
+    jitter_signature,
+    lambda place, values: (
+        f"the time stamps jitter more than the sampling: {100.0 * values['share']:.0f} % of their jitter is the log's"
+    ),
+    formula="Δω = {share} ω (τ/T − k), τ 'the interval by the time stamps, of' k 'whole periods' T",
+)
+
+
+def undersampling(before: Vector, increment: Vector, coefficient: float, added: Vector) -> None:
+    """Add c γ' × γ to an increment γ, with γ' the one before; c is 1/12 where the rate is linear in time.
+
+    Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 1, 1998: the second-order term
+    of the coning correction from the increment before.
+    """
+    added[0] = added[0] + coefficient * (before[1] * increment[2] - before[2] * increment[1])
+    added[1] = added[1] + coefficient * (before[2] * increment[0] - before[0] * increment[2])
+    added[2] = added[2] + coefficient * (before[0] * increment[1] - before[1] * increment[0])
+
+
+UNDERSAMPLING = gyro_effect(
+    undersampling,
+    EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),
+    # The attitude computer adds what the readings lack.
+    lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
+    "the attitude computer leaves coning out: {coefficient:+.3f} of the product of two increments",
+    places=(EffectPlace("undersampling", "attitude-computer"),),
+    component="AttitudeComputer",
+    stage="increment_effects",
+    formula="Δγ = {coefficient} γ_before × γ",
+)
+
+EFFECTS = (
+    BIAS,
+    BIAS_DRIFT,
+    SCALE_MISALIGNMENT,
+    SCALE_ASYMMETRY,
+    G_SENSITIVITY,
+    G_SQUARED,
+    LATENCY,
+    JITTER,
+    UNDERSAMPLING,
+)

@@ -1,0 +1,381 @@
+"""What is done to a finished reading, its error included; none of it is linear in its parameters, but the outlier.
+
+dead_zone
+    an accelerometer does not feel a small input
+saturation
+    an accelerometer reads no more than a level
+quantisation, gyro_quantisation
+    an accelerometer's reading, the gyros' readings are rounded to a step
+outlier
+    a single reading that went wrong: it marks a row and has no kernel
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..restricted import INPUT, Vector
+from .definition import GYRO_BLOCK, Effect, EffectParameter, EffectPlace, all_coefficients, last_stage_effect, said
+from .rows import MotionRows, Rows, Variant
+
+
+def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **given: Any) -> Variant:
+    """A variant on readings (N, 3) that without more adds nothing, widens nothing and has no coefficients.
+
+    The values of the parameters are the middles of their limits; `given` are the fields that differ.
+    """
+    none = np.zeros(shape, dtype=bool)
+    middles = tuple(0.5 * (low + high) for low, high in limits)
+    usual = {
+        "offset": np.zeros(shape),
+        "columns": np.zeros((*shape, 0)),
+        "widening": np.zeros(shape),
+        "low": np.zeros(0),
+        "high": np.zeros(0),
+        "values": lambda coefficients: middles,
+        "lost": none,
+        "fixed": none,
+    }
+    return Variant(limits=limits, **(usual | given))
+
+
+def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:
+    """True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
+    chosen = np.zeros(shape, dtype=bool)
+    chosen[rows, accelerometer] = True
+    return chosen
+
+
+LARGEST_WIDTH = 0.05
+
+
+def dead_zone(context: Vector, own: Vector, p: int, width: float, reading: Vector) -> None:
+    """Take from the reading of accelerometer p what its own input adds, where |n_p| is below the width."""
+    if math.fabs(context[INPUT + p]) < width:
+        reading[p] = reading[p] - own[p]
+
+
+def dead_zone_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+    """Only the set of readings below the width matters: the smallest inputs, then the two smallest, and so on."""
+    p = place.index
+    size = np.abs(rows.n[:, p])
+    order = np.argsort(size, kind="stable")
+    found = []
+    for count in range(1, int((size < LARGEST_WIDTH).sum()) + 1):
+        chosen = np.sort(order[:count])
+        below = float(size[order[count - 1]])
+        above = min(LARGEST_WIDTH, float(size[order[count]])) if count < len(size) else LARGEST_WIDTH
+        if above > below:
+            found.append(_dead_zone_variant(p, rows, chosen, (below, above)))
+    return found
+
+
+def _dead_zone_variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, float]) -> Variant:
+    lost = at_readings(rows.n.shape, chosen, p)
+
+    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
+        size = np.abs(there.n[:, p])
+        inside = bool(size[chosen].max() < LARGEST_WIDTH)
+        return inside and bool(size[chosen].max() < np.delete(size, chosen).min(initial=np.inf))
+
+    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
+        size = np.abs(others.n[:, p])
+        return at_readings(others.n.shape, np.flatnonzero((size > limits[0] - sigma) & (size < limits[1] + sigma)), p)
+
+    offset = np.where(lost, -rows.own, 0.0)
+    return variant(rows.n.shape, (limits,), offset=offset, lost=lost, stands=stands, undecided=undecided)
+
+
+DEAD_ZONE = last_stage_effect(
+    dead_zone,
+    EffectParameter("width", "g", "inputs smaller than it are lost", LARGEST_WIDTH, smallest=0.0),
+    dead_zone_variants,
+    "accelerometer {p} does not feel inputs below {width:.2e} g",
+    degree=-1,
+    formula="n_{p} 'counts as' 0 'where' |n_{p}| < {width}",
+)
+
+
+LEAST_LEVEL, LARGEST_LEVEL = 0.5, 10.0
+
+
+def saturation(context: Vector, own: Vector, p: int, level: float, reading: Vector) -> None:
+    """Clip the reading of accelerometer p at ±level; a level of 0 stands for none."""
+    if level > 0.0:
+        if reading[p] > level:
+            reading[p] = level
+        if reading[p] < -level:
+            reading[p] = -level
+
+
+def saturation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+    """Readings at the level agree within the noise and are the largest; of those, the k with the largest prediction.
+
+    A clipped reading is ±level, whatever the bench, so its change is linear in the level.
+    """
+    p = place.index
+    size = np.abs(reading[:, p])
+    largest = float(size.max(initial=0.0))
+    room = sigma + rows.resolution
+    low, high = max(LEAST_LEVEL, largest - room), min(LARGEST_LEVEL, largest + room)
+    if low > high:
+        return []
+    band = np.flatnonzero(size >= largest - 2.0 * room)
+    order = band[np.argsort(-np.abs(rows.prediction[band, p]), kind="stable")]
+    return [
+        _saturation_variant(p, rows, np.sort(order[:count]), reading, (low, high), sigma)
+        for count in range(1, len(band) + 1)
+    ]
+
+
+def _saturation_variant(
+    p: int,
+    rows: Rows,
+    chosen: NDArray[np.int_],
+    reading: NDArray[np.float64],
+    limits: tuple[float, float],
+    sigma: float,
+) -> Variant:
+    fixed = at_readings(rows.n.shape, chosen, p)
+
+    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
+        size = np.abs(there.prediction[:, p])
+        others = np.delete(size, chosen).max(initial=0.0)
+        return bool(size[chosen].min() >= coefficients[0] - sigma and others <= coefficients[0] + sigma)
+
+    return variant(
+        rows.n.shape,
+        (limits,),
+        offset=np.where(fixed, -rows.prediction, 0.0),
+        columns=np.where(fixed, np.sign(reading), 0.0)[..., None],
+        low=np.array([limits[0]]),
+        high=np.array([limits[1]]),
+        values=all_coefficients,
+        fixed=fixed,
+        stands=stands,
+    )
+
+
+SATURATION = last_stage_effect(
+    saturation,
+    EffectParameter("level", "g", "largest reading", LARGEST_LEVEL, smallest=LEAST_LEVEL),
+    saturation_variants,
+    "accelerometer {p} saturates at {level:.5f} g",
+    formula="|f_{p}|/g ≤ {level}",
+)
+
+
+LEAST_STEP, LARGEST_STEP = 1e-7, 1e-2
+LEAST_PART = 0.2
+"""A step below this part of σ widens no bound that matters."""
+FINEST = 1e-10
+"""Digits of a reading [g] finer than this are rounding."""
+SHARE = 0.7
+"""Part of the readings that are multiples of the step; the others are means over rests between two of them."""
+COARSE = 20.0
+"""A step is at least so many times the error of its multiples."""
+FEWEST_NOISY = 10
+"""Fewer different readings prove no step whose multiples have errors of their own."""
+FEWEST = 6
+"""Fewer readings prove no step."""
+AT_ONCE = 1 << 18
+"""So many steps are tried at once: a fast gyro without noise has hundreds of millions."""
+
+
+def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vector) -> None:
+    """Round the reading of accelerometer p to a multiple of the step; a step of 0 stands for none."""
+    if step > 0.0:
+        reading[p] = step * math.floor(reading[p] / step + 0.5)
+
+
+def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+    """The largest step of which the readings are multiples; they lie within half a step of what they would be."""
+    p = place.index
+    tolerance = max(FINEST, rows.resolution)
+    step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, COARSE * tolerance))
+    limits = None if step is None else (step - tolerance, step + tolerance)
+    if limits is None:
+        limits = noisy_step(reading[:, p], sigma + tolerance)
+    if limits is None:
+        return []
+    step = 0.5 * (limits[0] + limits[1])
+    rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
+
+    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
+        steps = others.prediction[:, p] / step
+        from_edge = step * np.abs(steps - np.floor(steps) - 0.5)
+        # The bench was fitted to readings that rounding had moved, by some part of a step.
+        return at_readings(others.n.shape, np.flatnonzero(from_edge < 2.0 * sigma + 0.25 * step), p)
+
+    return [variant(rows.n.shape, (limits,), widening=np.where(rounded, 0.5 * step, 0.0), undecided=undecided)]
+
+
+def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
+    """The largest step, up to 1e-2, of which at least seven in ten values (N,) are whole multiples.
+
+    Each of some values is tried as m steps, for all m: where it is, most of some others are multiples too, and few
+    steps are left for the rest to judge.
+
+    Parameters
+    ----------
+    values : (N,) array
+    tolerance : float
+        by which a value may miss its multiple
+    least : float
+        of the steps that are tried; more than ten times the tolerance
+
+    Returns
+    -------
+    float or None
+        None where there is no such step, or too few different values
+    """
+    distinct = np.unique(np.round(np.abs(values[np.abs(values) > least]) / tolerance)) * tolerance
+    if len(distinct) < FEWEST:
+        return None
+    # Spread over the range, the largest first: its multiples pin the step down best.
+    probes = distinct[np.unique(np.linspace(0, len(distinct) - 1, 12).round().astype(int))][::-1]
+    best: float | None = None
+    for base in probes[:4]:
+        for step in likely_steps(base, probes[probes != base], tolerance, least):
+            if best is not None and step <= best:
+                break
+            refined = refine(values, step)
+            if share(values, refined, tolerance) >= SHARE:
+                best = refined
+                break
+    if best is None:
+        return None
+    # Of few multiples of a step most may be even by chance.
+    finer = [best / k for k in (2, 3) if share(values, best / k, tolerance) >= share(values, best, tolerance) + 0.15]
+    return finer[0] if finer else best
+
+
+def likely_steps(base: float, others: NDArray[np.float64], tolerance: float, least: float) -> Iterator[float]:
+    """Steps, the largest first, of which a value is a whole multiple and most of some others (K,) are too."""
+    last = math.floor(base / least)
+    for first in range(math.ceil(base / LARGEST_STEP), last + 1, AT_ONCE):
+        steps = base / np.arange(first, min(first + AT_ONCE, last + 1))
+        for tried in (others[:4], others):
+            hits = sum((misses(other, steps) <= 2.0 * tolerance) * 1.0 for other in tried)
+            steps = steps[hits >= SHARE * len(tried) - 1.0]
+        yield from steps.tolist()
+
+
+def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
+    """Least and largest step [g] of which all values (N,) are multiples up to an error of σ, made after the rounding.
+
+    Few different values, or steps that are not many times σ, prove nothing: a tenth of all values lie so near a
+    multiple by chance. Readings of the same input, which differ by their errors, count as one.
+    """
+    apart = np.sort(np.abs(values[np.abs(values) > COARSE * sigma]))
+    if 1 + np.count_nonzero(np.diff(apart) > 2.0 * sigma) < FEWEST_NOISY:
+        return None
+    step = common_step(values, sigma, max(LEAST_STEP, COARSE * sigma))
+    if step is None:
+        return None
+    counts = np.round(np.abs(values) / step)
+    if np.abs(np.abs(values) - counts * step)[counts == 0.0].max(initial=0.0) > sigma:
+        return None
+    size, counts = np.abs(values)[counts > 0.0], counts[counts > 0.0]
+    low, high = float(((size - sigma) / counts).max()), float(((size + sigma) / counts).min())
+    return (low, high) if low <= high and high <= LARGEST_STEP else None
+
+
+def share(values: NDArray[np.float64], step: float, tolerance: float) -> float:
+    """Part of the values that are multiples of a step."""
+    return float(np.mean(misses(values, np.full(len(values), step)) <= 2.0 * tolerance))
+
+
+def refine(values: NDArray[np.float64], step: float) -> float:
+    """The step that fits the multiples best, in the least-squares sense, where most values are multiples."""
+    for _ in range(3):
+        counts = np.round(values / step)
+        left = np.abs(values - counts * step)
+        kept = left <= 3.0 * np.median(left)
+        if (counts[kept] ** 2).sum() == 0.0:
+            return step
+        step = float((values[kept] * counts[kept]).sum() / (counts[kept] ** 2).sum())
+    return step
+
+
+def misses(values: NDArray[np.float64] | float, steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances of values from the nearest multiples of steps."""
+    return np.abs(values - np.round(values / steps) * steps)
+
+
+QUANTISATION = last_stage_effect(
+    quantisation,
+    EffectParameter("step", "g", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),
+    quantisation_variants,
+    "accelerometer {p} reads in steps of {step:.3e} g",
+    formula="f_{p}/g 'in multiples of' {step}",
+)
+
+
+FINEST_RATE = 1e-9
+"""Digits of a rate [rad/s] finer than this are rounding."""
+MOST_RATES = 3000
+"""So many readings of a gyro are looked at, spread over the record."""
+
+
+def gyro_quantisation(context: Vector, own: Vector, step: float, reading: Vector) -> None:
+    """Round each gyro's reading to a multiple of the step; a step of 0 stands for none."""
+    if step > 0.0:
+        for p in range(3):
+            reading[p] = step * math.floor(reading[p] / step + 0.5)
+
+
+def gyro_quantisation_variants(
+    place: EffectPlace, rows: MotionRows, reading: NDArray[np.float64], sigma: float
+) -> list[Variant]:
+    """The largest step of which the readings (N, 3) [rad/s] are multiples; they lie within half a step of the truth.
+
+    `sigma` [rad/s] is the noise of a reading; a step far below it widens no bound that matters.
+    """
+    every = reading[:: max(1, len(reading) // MOST_RATES)]
+    steps = [common_step(every[:, p], FINEST_RATE, max(LEAST_STEP, 0.2 * sigma, 20.0 * FINEST_RATE)) for p in range(3)]
+    found = [step for step in steps if step is not None]
+    if not found:
+        return []
+    step = max(found)
+    widening = np.tile([0.0 if own is None else 0.5 * own for own in steps], (len(reading), 1))
+    limits = ((step - FINEST_RATE, step + FINEST_RATE),)
+    return [variant(reading.shape, limits, widening=widening, values=lambda coefficients: (step,))]
+
+
+GYRO_QUANTISATION = last_stage_effect(
+    gyro_quantisation,
+    EffectParameter("step", "rad/s", "readings are multiples of it", LARGEST_STEP, smallest=LEAST_STEP),
+    gyro_quantisation_variants,
+    "the gyros read in steps of {step:.3e} rad/s",
+    places=(EffectPlace("gyro-quantisation", GYRO_BLOCK),),
+    component="GyroBlock",
+    in_motion=True,
+)
+
+
+def place_of(position: int, accelerometer: int) -> EffectPlace:
+    """The place of an outlier: the row's index from 1 in the record, and the accelerometer from 1."""
+    return EffectPlace("outlier", f"position-{position}", axes=(accelerometer,))
+
+
+def outlier_signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """One at one reading; the row is counted from 1 within `rows`."""
+    columns = np.zeros((len(rows.alpha), 3, 1))
+    columns[int(place.where.removeprefix("position-")) - 1, place.axes[0] - 1, 0] = 1.0
+    return columns
+
+
+OUTLIER = Effect(
+    name="outlier",
+    places=(),
+    parameters=(EffectParameter("size", "g", "by how much the reading is off", 10.0),),
+    signature=outlier_signature,
+    sentence=said("the reading of accelerometer {i} at {axis} is off by {size:+.2e} g"),
+    formula="Δf_{i}/g = {size} 'at position' {p}",
+)
+
+EFFECTS = (DEAD_ZONE, SATURATION, QUANTISATION, GYRO_QUANTISATION, OUTLIER)

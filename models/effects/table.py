@@ -1,0 +1,237 @@
+"""What the table does that its nominal geometry leaves out: small turns behind its encoders, and errors of these.
+
+encoder_harmonic
+    the reading of an encoder is the true angle plus a harmonic of it
+backlash
+    the reading of an encoder depends on the sense of the last move of its axis
+axis_wobble
+    the direction of an axis moves periodically as it turns
+sag
+    the table gives way under the weight it carries, behind its encoders
+base_drift
+    the foundation tilts with time, and the table with it
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..restricted import HOURS, SENSE_ALPHA, Vector
+from .definition import AXES, Effect, EffectParameter, EffectPlace, said, table_effect
+from .rows import Rows
+
+
+def encoder_harmonic(
+    context: Vector, angles: Vector, axis: int, order: int, amplitude: float, phase: float, added: Vector
+) -> None:
+    """Add amplitude·sin(h·true + phase) to the reading of the encoder of an axis."""
+    added[axis] = added[axis] + amplitude * math.sin(order * angles[axis] + phase)
+
+
+def encoder_error(place: EffectPlace, alpha: NDArray[np.float64], beta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Errors (N, 2, 2) of both encoders per amplitude·cos(phase) and amplitude·sin(phase)."""
+    angle = (place.order or 1) * (alpha if place.index == 0 else beta)
+    errors = np.zeros((len(angle), 2, 2))
+    errors[:, place.index] = np.stack((np.sin(angle), np.cos(angle)), axis=1)
+    return errors
+
+
+def encoder_harmonic_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2) at given readings: the true angle is the reading less the harmonic."""
+    small = np.zeros((len(rows.hours), 4, 2))
+    small[:, 1::2] = -encoder_error(place, rows.alpha, rows.beta)
+    return small
+
+
+ENCODER_HARMONIC = table_effect(
+    encoder_harmonic,
+    (
+        EffectParameter("amplitude", "rad", "amplitude of the harmonic", 5e-3, smallest=0.0),
+        EffectParameter("phase", "rad", "phase of the harmonic", math.pi),
+    ),
+    encoder_harmonic_turns,
+    "the encoder of the {axis} errs by {amplitude_arcsec:.1f} arcsec, {times} a turn",
+    stage="encoder_effects",
+    places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in (1, 2, 3, 4, 5, 6)),
+    formula="{angle}_read = {angle} + {amplitude} sin({order} {angle} + ({phase}))",
+)
+
+
+def backlash(context: Vector, angles: Vector, axis: int, width: float, added: Vector) -> None:
+    """Add -sense·width/2 to the reading of the encoder of an axis."""
+    added[axis] = added[axis] - 0.5 * width * context[SENSE_ALPHA + axis]
+
+
+def backlash_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 1) per width at given readings: the true angle is the reading plus sense·width/2."""
+    small = np.zeros((len(rows.hours), 4, 1))
+    small[:, 1 + 2 * place.index, 0] = 0.5 * (rows.sense_alpha if place.index == 0 else rows.sense_beta)
+    return small
+
+
+BACKLASH = table_effect(
+    backlash,
+    EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),
+    backlash_turns,
+    "the {axis} has {width_arcsec:.1f} arcsec of backlash",
+    stage="encoder_effects",
+    formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
+)
+
+
+def outer_axis_wobble(
+    context: Vector, angles: Vector, order: int, amplitude: float, phase: float, turns: Vector
+) -> None:
+    """Add amplitude·cos(h α + phase) to κ."""
+    turns[0] = turns[0] + amplitude * math.cos(order * angles[0] + phase)
+
+
+def inner_axis_first_wobble(
+    context: Vector, angles: Vector, order: int, epsilon_amplitude: float, epsilon_phase: float, turns: Vector
+) -> None:
+    """Add epsilon_amplitude·cos(h β + epsilon_phase) to ε."""
+    turns[2] = turns[2] + epsilon_amplitude * math.cos(order * angles[1] + epsilon_phase)
+
+
+def inner_axis_wobble(
+    context: Vector,
+    angles: Vector,
+    order: int,
+    epsilon_amplitude: float,
+    epsilon_phase: float,
+    tilt_amplitude: float,
+    tilt_phase: float,
+    turns: Vector,
+) -> None:
+    """Add a harmonic of β to ε and another one to the turn about the outer axis."""
+    turns[2] = turns[2] + epsilon_amplitude * math.cos(order * angles[1] + epsilon_phase)
+    turns[1] = turns[1] + tilt_amplitude * math.cos(order * angles[1] + tilt_phase)
+
+
+def axis_wobble_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2 or 4) per amplitude·cos(phase) and amplitude·sin(phase) of each harmonic."""
+    angle = (place.order or 1) * (rows.alpha if place.index == 0 else rows.beta)
+    harmonic = np.stack((np.cos(angle), -np.sin(angle)), axis=1)
+    columns = (0,) if place.index == 0 else (2,) if place.order == 1 else (2, 1)
+    small = np.zeros((len(angle), 4, 2 * len(columns)))
+    for k, column in enumerate(columns):
+        small[:, column, 2 * k : 2 * k + 2] = harmonic
+    return small
+
+
+def wobble_at(place: EffectPlace) -> Effect:
+    """The wobble of the outer axis, of the inner one with one harmonic, or with two."""
+    return OUTER_WOBBLE if place.index == 0 else INNER_WOBBLE_FIRST if place.order == 1 else INNER_WOBBLE
+
+
+OUTER_WOBBLE = table_effect(
+    outer_axis_wobble,
+    (
+        EffectParameter("amplitude", "rad", "amplitude of the harmonic of κ", 5e-3, smallest=0.0),
+        EffectParameter("phase", "rad", "its phase", math.pi),
+    ),
+    axis_wobble_turns,
+    lambda place, values: said("the {axis} wobbles by {most_arcsec:.1f} arcsec, {times} a turn")(
+        place, {"most": max(v for name, v in values.items() if name.endswith("amplitude"))}
+    ),
+    stage="geometry_effects",
+    name="axis-wobble",
+    places=tuple(EffectPlace("axis-wobble", where, order) for where in AXES for order in (1, 2, 3)),
+    formula="Δκ = {amplitude} cos({order} α + ({phase}))",
+    of_place=wobble_at,
+)
+INNER_WOBBLE_FIRST = dataclasses.replace(
+    OUTER_WOBBLE,
+    parameters=(
+        EffectParameter("epsilon_amplitude", "rad", "amplitude of the harmonic of ε", 5e-3, smallest=0.0),
+        EffectParameter("epsilon_phase", "rad", "its phase", math.pi),
+    ),
+    kernel=inner_axis_first_wobble,
+    formula="Δε = {epsilon_amplitude} cos({order} β + ({epsilon_phase}))",
+)
+INNER_WOBBLE = dataclasses.replace(
+    OUTER_WOBBLE,
+    parameters=(
+        *INNER_WOBBLE_FIRST.parameters,
+        EffectParameter("tilt_amplitude", "rad", "amplitude of the harmonic of the outer turn", 5e-3, smallest=0.0),
+        EffectParameter("tilt_phase", "rad", "its phase", math.pi),
+    ),
+    kernel=inner_axis_wobble,
+    formula=f"{INNER_WOBBLE_FIRST.formula}, 'outer turn' = {{tilt_amplitude}} cos({{order}} β + ({{tilt_phase}}))",
+)
+
+
+def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: float, turns: Vector) -> None:
+    """Add the elastic turn: outer amplitude·sin(α + phase), inner amplitude·sin α·cos(β + phase).
+
+    Weight acts across the outer axis by the angle of what it carries; across the inner one by what gravity has across
+    that axis, sin α, and the angle β.
+    """
+    if axis == 0:
+        turns[1] = turns[1] + amplitude * math.sin(angles[0] + phase)
+    else:
+        turns[3] = turns[3] + amplitude * math.sin(angles[0]) * math.cos(angles[1] + phase)
+
+
+def sag_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2) per amplitude·cos(phase) and amplitude·sin(phase)."""
+    small = np.zeros((len(rows.hours), 4, 2))
+    if place.index == 0:
+        small[:, 1] = np.stack((np.sin(rows.alpha), np.cos(rows.alpha)), axis=1)
+    else:
+        small[:, 3] = np.sin(rows.alpha)[:, None] * np.stack((np.cos(rows.beta), -np.sin(rows.beta)), axis=1)
+    return small
+
+
+def open_sine(place: EffectPlace, rows: Rows) -> float:
+    """Whether the sine of the outer angle counts from the encoder's zero or from the vertical is of second order."""
+    return abs(rows.from_vertical) if place.index == 1 else 0.0
+
+
+SAG = table_effect(
+    sag,
+    (
+        EffectParameter("amplitude", "rad", "amplitude of the elastic turn", 5e-3, smallest=0.0),
+        EffectParameter("phase", "rad", "phase of the elastic turn", math.pi),
+    ),
+    sag_turns,
+    "weight turns the table elastically about the {axis}, by up to {amplitude_arcsec:.1f} arcsec",
+    stage="geometry_effects",
+    open_argument=open_sine,
+    formula="'elastic outer turn' = {amplitude} sin(α + ({phase}))",
+    of_place=lambda place: SAG if place.index == 0 else INNER_SAG,
+)
+INNER_SAG = dataclasses.replace(SAG, formula="'elastic inner turn' = {amplitude} sin(α) cos(β + ({phase}))")
+
+
+def base_drift(context: Vector, angles: Vector, kappa_rate: float, alpha_star_rate: float, turns: Vector) -> None:
+    """Add rate·hours to κ and to α*; the true outer angle is the reading less α*."""
+    turns[0] = turns[0] + kappa_rate * context[HOURS]
+    turns[1] = turns[1] - alpha_star_rate * context[HOURS]
+
+
+def base_drift_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 2) per rate of κ and of α*."""
+    small = np.zeros((len(rows.hours), 4, 2))
+    small[:, 0, 0] = rows.hours
+    small[:, 1, 1] = -rows.hours
+    return small
+
+
+BASE_DRIFT = table_effect(
+    base_drift,
+    (
+        EffectParameter("kappa_rate", "rad/h", "growth of κ with time", 1e-2),
+        EffectParameter("alpha_star_rate", "rad/h", "growth of α* with time", 1e-2),
+    ),
+    base_drift_turns,
+    "the base tilts with time: κ by {kappa_rate_arcsec:+.1f} arcsec an hour, "
+    "α* by {alpha_star_rate_arcsec:+.1f} arcsec an hour",
+    stage="geometry_effects",
+    places=(EffectPlace("base-drift", "base"),),
+    formula="Δκ = {kappa_rate} t, Δα* = {alpha_star_rate} t, t 'in hours'",
+)
+
+EFFECTS = (ENCODER_HARMONIC, BACKLASH, OUTER_WOBBLE, SAG, BASE_DRIFT)
