@@ -6,7 +6,7 @@ see ``dir(th)``. Nothing is imported before it is used. Frames and symbols stand
 
 from typing import TYPE_CHECKING, Any
 
-from .tools import showing
+from . import tools
 
 if TYPE_CHECKING:
     from .tools.library import (
@@ -78,10 +78,10 @@ def __dir__() -> list[str]:
 
 def _shown(result: Any, medium: str) -> str:
     """What a person sees of a result: text, or the page of a notebook."""
-    from .tools.document.text import notebook, text
+    from .tools.document.blocks import notebook, text
     from .tools.reports import document_of
 
     return (text if medium == "text" else notebook)(document_of(result))
 
 
-showing.shown = _shown
+tools.shown = _shown

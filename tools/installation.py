@@ -13,7 +13,7 @@ from pydantic import Field
 
 from ..fmus.native.compile import PLATFORMS, cache_folder, compiles, has_prebuilt, host_compiler, host_name, zig_version
 from .calibration import calibrate
-from .document.pdf import converter
+from .document.page import converter
 from .orchestrator.load import usual_flavour
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import read_scenario

@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from . import showing
+from .. import tools
 
 Array: TypeAlias = Annotated[
     NDArray[np.float64],
@@ -84,13 +84,13 @@ class Result(BaseModel):
         return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
     def __str__(self) -> str:
-        return super().__str__() if showing.shown is None else showing.shown(self, "text")
+        return super().__str__() if tools.shown is None else tools.shown(self, "text")
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str | None:
-        return None if showing.shown is None else showing.shown(self, "notebook")
+        return None if tools.shown is None else tools.shown(self, "notebook")
 
 
 class Told(Result):

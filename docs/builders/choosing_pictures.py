@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trihedron.tools.document.theme import (
+from trihedron.tools.reports.pictures import (
     ALERT,
     BAND,
     FIRST,

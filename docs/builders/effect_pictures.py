@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from trihedron.models.effects import POSITION_EFFECTS, Effect, EffectPlace
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
-from trihedron.tools.document.theme import AXES, DASHES, WIDTH, drawing, svg_text
 from trihedron.tools.evidence.bench_effects import Circumstances, Visits, acted_on, signature_columns
+from trihedron.tools.reports.pictures import AXES, DASHES, WIDTH, drawing, svg_text
 
 POINTS = 181
 COLUMNS = 4

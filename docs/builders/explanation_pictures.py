@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 from numpy.typing import NDArray
 
-from trihedron.tools.document.theme import ALERT, BAND, FIRST, INK, MUTED, SECOND, THIRD, WIDTH, drawing, svg_text
+from trihedron.tools.reports.pictures import ALERT, BAND, FIRST, INK, MUTED, SECOND, THIRD, WIDTH, drawing, svg_text
 
 ROWS = np.array([[1.0, 0.15], [0.25, 1.0], [0.75, -0.85]])
 """How three readings depend on two parameters."""

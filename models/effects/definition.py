@@ -173,7 +173,7 @@ class Effect:
         largest size per unit of the coefficient where it is not told. The signature vanishes there
     formula : str
         what it adds, for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
-        {order} stand in braces (`trihedron.tools.document.equations`); empty where the sentence says it all
+        {order} stand in braces (`trihedron.tools.document.notation`); empty where the sentence says it all
     open_argument : callable or None
         place, rows -> by how much a reading [g] may differ per unit of the size of the coefficients, within what is
         told of the quantity that the effect depends on; None where that is exact

@@ -11,7 +11,7 @@ import pytest
 
 import trihedron as th
 from trihedron.tools import cli, library
-from trihedron.tools.document.text import table_html
+from trihedron.tools.document.blocks import table_html
 from trihedron.tools.result import Result
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -30,14 +30,14 @@ def hidden():
 
 
 def test_importing_it_imports_nothing():
-    """No library, and of our own modules the one that holds how results are shown: all else comes when it is used."""
+    """No library, and of our own modules the one that knows how results are shown: all else comes when it is used."""
     said = subprocess.run(
         [sys.executable, "-c", "import sys; before = set(sys.modules); import trihedron; "
          "print(*(set(sys.modules) - before))"],
         capture_output=True, text=True, check=True, timeout=60,
     ).stdout.split()  # fmt: skip
     assert [name for name in said if name.partition(".")[0] not in {"trihedron", *sys.stdlib_module_names}] == []
-    assert {name for name in said if name.startswith("trihedron.")} == {"trihedron.tools", "trihedron.tools.showing"}
+    assert {name for name in said if name.startswith("trihedron.")} == {"trihedron.tools"}
 
 
 def test_every_name_is_there_and_none_is_that_of_a_module():

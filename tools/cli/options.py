@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import Parameter
 
-from ..document.pdf import report_file
+from .. import document
 from ..errors import InputError
 from ..files import ordinary_file, ordinary_folder
 
@@ -31,6 +31,12 @@ def distinct_files(files: dict[str, Path | None]) -> None:
         for other, before in given[:k]:
             if os.path.realpath(path) == os.path.realpath(before):
                 raise InputError(f"{name} {path}: is {other} too; give another name")
+
+
+def report_file(_: object, path: Path | None) -> None:
+    """Check the name of a report before anything is computed."""
+    if path is not None:
+        document.report_file(path)
 
 
 File = Annotated[Path | None, Parameter(validator=ordinary_file)]

@@ -1,14 +1,15 @@
-"""What a result has to say, as blocks: verdict, figures, prose, tables, pictures, equations, downloads."""
+"""What a result has to say, as blocks: verdict, figures, prose, tables, pictures, equations, files; and as text."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from .numbers import Cell
-
 if TYPE_CHECKING:
     from polars import DataFrame
+
+    from .notation import Cell
 
 Tone = Literal["good", "attention", "neutral"]
 
@@ -47,7 +48,7 @@ class Table:
     """
 
     header: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
+    rows: "Sequence[Sequence[Cell]]"
     caption: str = ""
 
     def __post_init__(self) -> None:
@@ -78,7 +79,7 @@ class Section:
     files : sequence of Path
         linked relative to the page's folder
     equations : sequence of str
-        MathML of `trihedron.tools.document.equations`
+        MathML of `trihedron.tools.document.notation`
     download : Download or None
         a file that the page carries
     """
@@ -145,3 +146,37 @@ class Document:
     lines: Sequence[str]
     table: "Callable[[], DataFrame | None]" = lambda: None
     page: Callable[[], Page] | None = None
+
+
+MOST_ROWS = 40
+"""Rows of a result's table that a notebook shows."""
+
+
+def text(document: Document) -> str:
+    """What a terminal shows."""
+    return "\n".join(document.lines)
+
+
+def notebook(document: Document) -> str:
+    """What a notebook shows: the verdict, and the table where there is one (HTML)."""
+    frame = document.table()
+    said = f"<p><strong>{escape(document.lines[0])}</strong></p>" if document.lines else ""
+    return f"<div>{said}{'' if frame is None else table_html(frame)}</div>"
+
+
+def table_html(frame: "DataFrame") -> str:
+    """A table as HTML; numbers with seven digits, empty where there is none."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in frame.columns)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(_cell(value))}</td>" for value in row) + "</tr>"
+        for row in frame.head(MOST_ROWS).iter_rows()
+    )
+    left = frame.height - MOST_ROWS
+    more = f"<p>... and {left} rows more</p>" if left > 0 else ""
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return f"{value:.7g}" if isinstance(value, float) else str(value)

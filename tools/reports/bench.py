@@ -1,8 +1,7 @@
 """What was measured on a bench, what proves its model false, what to measure next; what results rest on."""
 
-import sys
+import re
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +9,17 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from ...fmus import version
+from ...models.bench import TARGETS
 from ..calibration import Calibration
+from ..calibration.correction import Correction
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
-from ..diagnosis.result import Diagnosis
+from ..diagnosis.result import Cause, Diagnosis
 from ..document.blocks import Download, Section, Table
-from ..document.numbers import Cell, Written, minus, typeset
+from ..document.notation import Cell, Written, effect_formula, equation, minus, signed, to_bound, typeset
 from ..records import PositionRecord
+from .makers import matrix_text, versions
 from .pictures.records import bench_tour, next_directions
-
-LIBRARIES = ("numpy", "scipy", "highspy", "fmpy")
-
 
 VERDICTS = {
     "consistent": "consistent: the model explains the record within the noise bound",
@@ -236,111 +234,161 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
     return given | dict(more or {}) | versions()
 
 
-def matrix_text(matrix: Sequence[Sequence[float]]) -> str:
-    """A matrix in a line."""
-    return minus("; ".join(" ".join(f"{value:.6g}" for value in row) for row in matrix))
+# The model of bench and block, with its numbers
+
+Value = tuple[float | None, float | None]
+"""A target's value, None where it is open, and the bound of its error, None where there is none."""
+
+OPEN = "?"
+"""In place of a number that the readings do not determine."""
+
+SCALE = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
+CROSS: tuple[tuple[str, ...], ...] = ((), ("X6+X8",), ("X7+X12", "X11+X13"))
+BIAS = ("X16", "X17", "X18")
 
 
-def versions() -> dict[str, object]:
-    """Of the program and of what it computes with."""
-    python = ".".join(str(part) for part in sys.version_info[:3])
-    libraries = ", ".join(f"{name} {metadata.version(name)}" for name in LIBRARIES)
-    return {"trihedron": version(), "computed with": f"Python {python}, {libraries}"}
+PHYSICAL_WORDS = (
+    (r"scale-factor-error-plus-(\d)", r"scale factor of accelerometer \1 for positive input"),
+    (r"scale-factor-error-minus-(\d)", r"scale factor of accelerometer \1 for negative input"),
+    (r"scale-factor-asymmetry-(\d)", r"scale-factor asymmetry of accelerometer \1"),
+    (r"misalignment-(\d)(\d)", r"misalignment of accelerometer \1 towards axis \2"),
+    (r"mounting-error-(\d)", r"mounting error about axis \1"),
+    (r"bias-(\d)", r"bias of accelerometer \1"),
+    (r"outer-axis-tilt", "tilt of the outer axis"),
+    (r"outer-angle-offset", "zero of the outer angle"),
+    (r"axis-nonorthogonality", "non-orthogonality of the axes"),
+)
+"""A target's name, and what an engineer calls it."""
 
 
-SOURCES = {
-    "guaranteed": (
-        "Model of bench and block, targets, guaranteed estimates: A. A. Golovan, A. I. Matasov, I. E. Tarygin. "
-        "Calibration of an accelerometer block with asymmetric models of its sensors. Izvestiya RAN, Teoriya i sistemy "
-        "upravleniya, 2022, no. 2, pp. 107–119 (in Russian)."
-    ),
-    "simplex": (
-        "Linear programmes, by HiGHS: Q. Huangfu, J. A. J. Hall. Parallelizing the dual revised simplex method. "
-        "Mathematical Programming Computation 10 (2018), pp. 119–142. doi 10.1007/s12532-017-0130-5."
-    ),
-    "chebyshev": (
-        "Least largest residual, and the few readings that decide it: E. W. Cheney. Introduction to Approximation "
-        "Theory. McGraw-Hill, 1966, chapter 2."
-    ),
-    "lawson": (
-        "Sets of effects refused by weighted least squares: C. L. Lawson. Contributions to the theory of linear least "
-        "maximum approximation. Thesis, University of California, Los Angeles, 1961."
-    ),
-    "allan": (
-        "Noise from the scatter within rests: D. W. Allan. Statistics of atomic frequency standards. Proceedings "
-        "of the IEEE 54 (1966), pp. 221–230. doi 10.1109/PROC.1966.4634."
-    ),
-    "left-out": (
-        "Parts of the record left out and predicted: M. Stone. Cross-validatory choice and assessment of statistical "
-        "predictions. Journal of the Royal Statistical Society B 36 (1974), pp. 111–147."
-    ),
-    "angles": (
-        "What could be taken for what, by angles between subspaces: Å. Björck, G. H. Golub. Numerical methods for "
-        "computing angles between linear subspaces. Mathematics of Computation 27 (1973), pp. 579–594."
-    ),
-    "gyros": (
-        "Model of the gyro block: P. Groves. Principles of GNSS, inertial, and multisensor integrated navigation "
-        "systems. 2nd edition, Artech House, 2013, section 4.4."
-    ),
-    "attitude": (
-        "Attitude from increments: Yu. N. Chelnokov, S. E. Perelyaev, L. A. Chelnokova. Investigation of algorithms "
-        "for the inertial orientation of a moving object. Izvestiya of Saratov University, Mathematics. Mechanics. "
-        "Informatics 16 (2016), no. 1, pp. 80–95 (in Russian). doi 10.18500/1816-9791-2016-16-1-80-95."
-    ),
-    "norm": (
-        "Accelerometers by the size of gravity at rest: J. C. Lötters, J. Schipper, P. H. Veltink, W. Olthuis, "
-        "P. Bergveld. Procedure for in-use calibration of triaxial accelerometers in medical applications. Sensors and "
-        "Actuators A 68 (1998), pp. 221–228."
-    ),
-    "shuffles": "Shuffled effects as a control: R. A. Fisher. The Design of Experiments. Oliver and Boyd, 1935.",
-    "fmi": (
-        "Simulation by FMUs: Modelica Association. Functional Mock-up Interface for Model Exchange and "
-        "Co-Simulation, version 2.0. 2014."
-    ),
-    "columns": (
-        "Optimal plans by generated columns: P. C. Gilmore, R. E. Gomory. A linear programming approach to the "
-        "cutting-stock problem. Operations Research 9 (1961), pp. 849–859. doi 10.1287/opre.9.6.849."
-    ),
-    "branches": (
-        "Proof that no plan is better: A. H. Land, A. G. Doig. An automatic method of solving discrete programming "
-        "problems. Econometrica 28 (1960), pp. 497–520. doi 10.2307/1910129."
-    ),
-}
-"""Methods, each with what it does here and where it is from."""
+def physical_words(name: str) -> str:
+    """A target's name in words: "bias-1" is "bias of accelerometer 1"; the name of a mounting stays behind it."""
+    for pattern, words in PHYSICAL_WORDS:
+        name = re.sub(pattern, words, name)
+    return name
 
 
-def cited(*names: str | Any) -> list[str]:
-    """The sources of some methods; what is false is passed over."""
-    return [SOURCES[name] for name in names if name]
+MOST_NAMED = 5
+"""So many targets that are open are named in a sentence."""
 
 
-def calibration_sources(result: Calibration) -> list[str]:
-    """Of a calibration."""
-    falsified, allan = result.verdict == "falsified", "Allan" in result.noise_bound_basis
-    return cited("guaranteed", "simplex", falsified and "chebyshev", allan and "allan")
+def open_targets(result: Calibration) -> str:
+    """What the measurements leave open, in a sentence."""
+    gaps = result.missing
+    if not gaps:
+        return "whether an error that holds over a rest is in them" if result.radius > 1.0 else "more than they have"
+    if len(gaps) == len(result.parameters):
+        return "any of the targets"
+    if len(gaps) > MOST_NAMED:
+        return f"{len(gaps)} of the {len(result.parameters)} targets"
+    return ", ".join(physical_words(gap.name) for gap in gaps)
 
 
-def diagnosis_sources(result: Diagnosis) -> list[str]:
-    """Of a diagnosis, whatever the record."""
-    own = result.witness
-    if of_bench(result):
-        first = calibration_sources(result.evidence.calibration)
-        shuffled, left_out = own and own.shuffles, own and (own.folds or own.blocks)
-        gained = result.gain
-    else:
-        found, carried = result.evidence.found, bool(result.evidence.parts)
-        norm = found.accelerometers is not None and found.accelerometers.least_squares is not None
-        first = cited(norm and "norm", found.gyros is not None and "allan")
-        first += cited("gyros", "attitude", "simplex", result.tried and "chebyshev") if carried else []
-        shuffled = left_out = result.judgement
-        gained = carried
-    return [
-        *first,
-        *cited(
-            result.tried and "lawson",
-            len(result.tried) > 1 and "angles",
-            shuffled and "shuffles",
-            left_out and "left-out",
-            gained and "fmi",
-        ),
+def missing_lines(result: Calibration) -> list[str]:
+    """What the measurements leave open, in words."""
+    if not result.missing:
+        return []
+    if len(result.missing) == len(result.parameters):
+        return ["The readings determine no target. Measure the positions named, or say what is known by --prior."]
+    named = ", ".join(f"{physical_words(gap.name)} ({gap.symbol})" for gap in result.missing)
+    return [f"The readings do not determine: {named}. Measure the positions named, or say what is known by --prior."]
+
+
+def bench_section(result: Calibration, values: Mapping[str, Value], causes: Sequence[Cause] = ()) -> Section:
+    """The model of bench and block with its numbers; an extended one with its effects.
+
+    Parameters
+    ----------
+    result : Calibration
+    values : mapping
+        target of case (A1) -> value
+    causes : sequence of Cause
+        effects of the extended model
+    """
+    scales = "of either sign" if result.baseline == "asymmetric" else "the same for both signs"
+    said = [
+        "The bench: a block of three accelerometers with biases, misalignments and scale factors "
+        f"{scales}, mounted on a table whose axes are not quite horizontal and perpendicular. n is what the "
+        "accelerometers feel, in units of g; angles are in radians. Numbers are rounded to what their guaranteed "
+        "errors justify.",
     ]
+    if any(value is None for value, _ in values.values()):
+        said.append("A question mark stands for what the readings do not determine.")
+    if len(result.linearised.parametrisation.mountings) > 1:
+        said.append(f"Table and mounting as in {result.linearised.parametrisation.mountings[0]}.")
+    turn = ", ".join(number(values[symbol]) for symbol in ("X13", "-X12", "X8"))
+    table = [
+        "n = exp(ϑ) Q up(α − Δα, β; κ, ε)",
+        f"κ = {number(values['X1'])}, Δα = {number(values['X2'])}, ε = {number(values['X3'])}",
+        f"ϑ = ({turn})",
+    ]
+    return section_of_model(said, [*_block(values), *table], causes)
+
+
+def calibrated_values(result: Calibration) -> dict[str, Value]:
+    """The targets of case (A1): estimates where there are such, else the fit."""
+    here = result.linearised
+    at_fit = dict(zip(TARGETS, (here.parametrisation.selection[0] @ here.point).tolist(), strict=True))
+    found = {e.symbol: (e.estimate, e.guaranteed_error) for e in result.parameters if e.estimate is not None}
+    values: dict[str, Value] = {symbol: (value, None) for symbol, value in at_fit.items()}
+    return values | found | {gap.symbol: (None, None) for gap in result.missing}
+
+
+def _block(values: Mapping[str, Value]) -> list[str]:
+    """The three accelerometers."""
+    lines = []
+    for p in range(3):
+        n = f"n_{p + 1}"
+        plus, minus = (number(values[symbol]) for symbol in SCALE[p])
+        choice = f"{{{plus} {n} ; 'where' {n} > 0 | {minus} {n} ; 'where' {n} < 0}}"
+        terms = [f"f_{p + 1}/g = {n} +", f"({plus}) {n}" if plus == minus != OPEN else choice]
+        for symbol, of in (*((s, f"n_{k + 1}") for k, s in enumerate(CROSS[p])), (BIAS[p], "")):
+            text = number(values[symbol])
+            terms.append(f"{'−' if text.startswith('−') else '+'} {text.lstrip('−')} {of}")
+        lines.append(" ".join(terms))
+    return lines
+
+
+def section_of_model(said: Sequence[str], lines: Sequence[str], causes: Sequence[Cause]) -> Section:
+    more = ["The last lines are the effects by which the simulation was extended."] if causes else []
+    return Section("What was simulated", [*said, *more], equations=[*map(equation, lines), *cause_lines(causes)])
+
+
+def cause_lines(causes: Sequence[Cause]) -> list[str]:
+    """What each effect adds, as MathML; none for an effect without a formula."""
+    lines = []
+    for cause in causes:
+        texts = {
+            parameter.name: number((value, 0.5 * (high - low)))
+            for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True)
+        }
+        formula = effect_formula(cause.place, texts)
+        if formula is not None:
+            lines.append(equation(formula))
+    return lines
+
+
+def correction_lines(correction: Correction, digits: int) -> list[str]:
+    """The correction of readings as MathML, with so many decimals."""
+    terms = correction_terms(correction, f".{digits}f", "_")
+    return [
+        equation(f"{n} = {t} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}") for n, t, plus, minus in terms
+    ]
+
+
+def correction_terms(correction: Correction, form: str, below: str = "") -> list[tuple[str, str, str, str]]:
+    """For each accelerometer its input, the reading less what is known of it, and the scales of either sign."""
+    found = []
+    for p in range(3):
+        terms = [f"f{below}{p + 1}/g", signed(-correction.bias[p], f"{abs(correction.bias[p]):{form}}")]
+        for c, g in enumerate(correction.gamma[p, :p].tolist(), start=1):
+            terms.append(signed(-g, f"{abs(g):{form}} n{below}{c}"))
+        plus, minus = (f"{scale[p]:{form}}" for scale in (correction.plus, correction.minus))
+        found.append((f"n{below}{p + 1}", f"({' '.join(terms)})", plus, minus))
+    return found
+
+
+def number(value: Value) -> str:
+    """A number as its bound justifies it, or the sign for one that is open."""
+    written = to_bound(*value)
+    return OPEN if written is None else written.text

@@ -11,7 +11,7 @@ from ..calibration import Calibration
 from ..calibration.correction import ARCSEC, Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.numbers import (
+from ..document.notation import (
     Bar,
     Cell,
     bars,
@@ -27,7 +27,8 @@ from ..document.numbers import (
 )
 from ..errors import InputError
 from ..records import PositionRecord
-from . import bench, model
+from . import bench
+from .makers import cited
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
 
@@ -38,7 +39,7 @@ def page(result: Calibration, record: PositionRecord) -> Page:
     """Verdict, record, model, residuals, targets, evidence, what next, provenance."""
     sections = [
         bench.measured_section(record, result),
-        model.bench_section(result, model.calibrated_values(result)),
+        bench.bench_section(result, bench.calibrated_values(result)),
         residual_section(result, record.position),
         target_section(result),
         bench.proof_section(result, record.position),
@@ -54,7 +55,7 @@ def page(result: Calibration, record: PositionRecord) -> Page:
         tone=TONES.get(result.verdict, "attention"),
         key=bench.key_figures(result),
         provenance=bench.provenance(result),
-        sources=bench.calibration_sources(result),
+        sources=sources(result),
     )
 
 
@@ -66,7 +67,7 @@ def verdict_sentence(result: Calibration) -> str:
             f"{result.radius:.3g} σ, and {len(result.witness)} readings alone prove it."
         )
     if result.verdict == "insufficient":
-        return f"Insufficient: the readings do not determine {model.open_targets(result)}."
+        return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
     worst = [e for e in result.parameters if e.estimate is not None and e.guaranteed_error is not None]
     told = ""
     if worst:
@@ -133,7 +134,7 @@ def levelling_section(result: Calibration) -> Section | None:
             "The errors below are those of the block at rest; the readings' own errors come on top.",
             "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
         ],
-        equations=model.correction_lines(correction, places_of(result.noise_bound)),
+        equations=bench.correction_lines(correction, places_of(result.noise_bound)),
         table=Table(header, rows),
     )
 
@@ -172,7 +173,7 @@ def calibration_section(
             sentence(bench.VERDICTS[result.verdict]),
             f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
             f"({result.noise_bound_basis}); least possible largest residual {result.radius:.3f} σ.",
-            *model.missing_lines(result),
+            *bench.missing_lines(result),
         ],
         table=target_table(result, truth),
         files=files or [],
@@ -217,7 +218,7 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     for e, error, bar in zip(result.parameters, errors, drawn, strict=True):
         row: list[Cell] = [
             symbol_text(e.symbol),
-            model.physical_words(e.name),
+            bench.physical_words(e.name),
             to_bound(e.estimate, e.guaranteed_error),
         ]
         ends = (None, None) if falsified else outwards(e.low, e.high, e.guaranteed_error)
@@ -254,7 +255,7 @@ def lines(result: Calibration) -> list[str]:
             f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {error:>11} "
             f"{ends[0]:>13} {ends[1]:>13}  {unit_of(row.unit)}".rstrip()
         )
-    said += [*levelling_lines(result), *bench.proof_lines(result), *model.missing_lines(result)]
+    said += [*levelling_lines(result), *bench.proof_lines(result), *bench.missing_lines(result)]
     said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
     return said + [f"warning: {warning}" for warning in result.warnings]
 
@@ -312,6 +313,12 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
 def correction_equation(correction: Correction) -> list[str]:
     """The correction as equations with their numbers, readings f to inputs n."""
     lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
-    for n, terms, plus, minus in model.correction_terms(correction, ".12g"):
+    for n, terms, plus, minus in bench.correction_terms(correction, ".12g"):
         lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")
     return lines
+
+
+def sources(result: Calibration) -> list[str]:
+    """Of a calibration."""
+    falsified, allan = result.verdict == "falsified", "Allan" in result.noise_bound_basis
+    return cited("guaranteed", "simplex", falsified and "chebyshev", allan and "allan")

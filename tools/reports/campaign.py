@@ -13,12 +13,12 @@ from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
 from ..campaign.summary import CampaignResult, Results, rate, summarise
 from ..document.blocks import Page, Section, Table
-from ..document.numbers import Cell, minus, significant
+from ..document.notation import Cell, minus, significant
 from ..document.page import write_page
 from ..files import write_text
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Detection, Suite, cases_csv, confusion, named_suite
-from .bench import versions
+from .makers import versions
 from .pictures.suites import (
     chance_of,
     confusion_picture,

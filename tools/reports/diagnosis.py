@@ -8,12 +8,13 @@ import numpy as np
 from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOfEffects, Witness
 from ..diagnosis.search import is_stable
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.numbers import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
+from ..document.notation import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
 from ..files import write_text
 from ..records import PositionRecord
-from . import bench, calibration, evidence, model
+from . import bench, calibration, evidence
 from .bench import of_bench
-from .inspection import record_sections
+from .inspection import carried_section, record_sections
+from .makers import cited, versions
 from .pictures.residuals import gain_picture, held_out, order_picture
 
 FEW_RIVALS = 3
@@ -242,7 +243,7 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
     if of_bench(result):
         assert record is not None
         name, nominal = record.path.name, result.evidence.calibration
-        first = [bench.measured_section(record, nominal), model.bench_section(nominal, extended_values(result), named)]
+        first = [bench.measured_section(record, nominal), bench.bench_section(nominal, extended_values(result), named)]
         key = bench.key_figures(nominal)
         if result.findings:
             key |= {f"with {evidence.first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"}
@@ -253,7 +254,7 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
         forces = not any(p.name.startswith("accelerometer") for p in own)
         first = record_sections(result.evidence.found, result.warnings, forces=forces, told=bool(result.missing))
-        first += [model.carried_section(result)] if result.evidence.parts else []
+        first += [carried_section(result)] if result.evidence.parts else []
         key, rests_on = _key_of_carried(result), _provenance_of_carried(result)
     return Page(
         f"Diagnosis of {name}",
@@ -262,13 +263,13 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         tone=TONES.get(result.verdict, "attention"),
         key=key,
         provenance=rests_on,
-        sources=bench.diagnosis_sources(result),
+        sources=sources(result),
     )
 
 
-def extended_values(result: Diagnosis) -> dict[str, model.Value]:
+def extended_values(result: Diagnosis) -> dict[str, bench.Value]:
     """The targets with the effects that were found, else those of the nominal model."""
-    values = model.calibrated_values(result.evidence.calibration)
+    values = bench.calibrated_values(result.evidence.calibration)
     for target in result.targets or ():
         if target["symbol"] in values:
             values[target["symbol"]] = target["after"], half_width(target["low"], target["high"])
@@ -299,7 +300,7 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
         given["bounds from"] = result.noise_bound_from
     if witnesses_of(result):
         given["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
-    return given | bench.versions()
+    return given | versions()
 
 
 def verdict_sentence(result: Diagnosis) -> str:
@@ -317,7 +318,7 @@ def verdict_sentence(result: Diagnosis) -> str:
                 "set of up to three effects mends it."
             )
         if result.verdict == "insufficient":
-            open_ones = model.open_targets(nominal)
+            open_ones = bench.open_targets(nominal)
             return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
         return sentence(bench.VERDICTS[result.verdict])
     if result.verdict == "unexplained":
@@ -412,7 +413,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
         said,
         table=Table(header, rows).told(),
         files=files,
-        equations=() if named else model.cause_lines([cause for finding in shown for cause in finding.causes]),
+        equations=() if named else bench.cause_lines([cause for finding in shown for cause in finding.causes]),
     )
 
 
@@ -454,3 +455,29 @@ def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
     for name, svg in found.items():
         write_text(folder / f"{stem}-{name}.svg", svg)
     return [folder / f"{stem}-{name}.svg" for name in found]
+
+
+def sources(result: Diagnosis) -> list[str]:
+    """Of a diagnosis, whatever the record."""
+    own = result.witness
+    if of_bench(result):
+        first = calibration.sources(result.evidence.calibration)
+        shuffled, left_out = own and own.shuffles, own and (own.folds or own.blocks)
+        gained = result.gain
+    else:
+        found, carried = result.evidence.found, bool(result.evidence.parts)
+        norm = found.accelerometers is not None and found.accelerometers.least_squares is not None
+        first = cited(norm and "norm", found.gyros is not None and "allan")
+        first += cited("gyros", "attitude", "simplex", result.tried and "chebyshev") if carried else []
+        shuffled = left_out = result.judgement
+        gained = carried
+    return [
+        *first,
+        *cited(
+            result.tried and "lawson",
+            len(result.tried) > 1 and "angles",
+            shuffled and "shuffles",
+            left_out and "left-out",
+            gained and "fmi",
+        ),
+    ]

@@ -11,7 +11,7 @@ from ...models.effects.definition import ACCELEROMETERS, AXES
 from ..diagnosis.result import Diagnosis, Witness
 from ..diagnosis.search import compared_places, likeness
 from ..document.blocks import Section, Table
-from ..document.numbers import (
+from ..document.notation import (
     Bar,
     Cell,
     Written,
@@ -24,8 +24,8 @@ from ..document.numbers import (
     unit_text,
     upwards,
 )
-from .bench import of_bench, proved
-from .model import own_words, physical_words
+from .bench import of_bench, physical_words, proved
+from .inspection import own_words
 from .pictures.residuals import (
     candidates,
     errors_over_quantities,

@@ -1,20 +1,23 @@
 """What strapdown records say: what they support, the attitude that their gyros give, how algorithms compare."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ...models.effects.gyro import matrix_formula
 from ...models.turntable import EARTH_RATE
+from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section, Table
-from ..document.numbers import Cell, Written, interval, minus, sentence, significant, unit_text, upwards
+from ..document.notation import Cell, Written, half_width, interval, minus, sentence, significant, unit_text, upwards
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
-from ..motion.norm import NormCalibration
+from ..motion.norm import COLUMNS, ROWS, NormCalibration
 from ..motion.rests import rest_warnings
-from .model import own_words
+from .bench import Value, number, section_of_model
 from .pictures.records import allan_picture, attitude_picture
 
 DIGITS_OF_STAMPS = 1e-6
@@ -247,3 +250,80 @@ def comparison_lines(found: AttitudeComparison) -> list[str]:
             angles = "  ".join((degrees(row.apart, 20), degrees(row.rms, 9), degrees(row.maximum, 9)))
             lines.append(f"{start}  {row.updates:7d}  {angles}")
     return lines
+
+
+# The model of a block that is carried
+
+AXES = ("1", "2", "3")
+_OWN = re.compile(r"(?P<sensor>accelerometer|gyro) (?P<kind>gamma|bias)_(?P<first>\d)(?P<second>\d?)")
+
+
+def own_words(name: str) -> str:
+    """A parameter of the block in words: "gyro gamma_12" is the misalignment of gyro 1 towards axis 2."""
+    match = _OWN.fullmatch(name)
+    if match is None:
+        return name
+    sensor = f"{match['sensor']} {match['first']}"
+    if match["kind"] == "bias":
+        return f"bias of {sensor}"
+    same = match["first"] == match["second"]
+    return f"scale factor of {sensor}" if same else f"misalignment of {sensor} towards axis {match['second']}"
+
+
+def carried_section(result: Diagnosis) -> Section:
+    """The model of a block that is carried: block, attitude and effects, where the result names them."""
+    values: dict[str, Value] = {
+        p.name: (p.estimate, half_width(p.low, p.high)) for p in result.baseline.parameters or ()
+    }
+    gravity = result.reference == "gravity"
+    free = "biases, scale factors and misalignments" if result.baseline_model == "calibrated" else "biases"
+    own = f"whose {free} are free to be what the record says"
+    if result.bias_at_rest is not None:
+        own = "taken as delivered: their mean at rest is taken out, and nothing else"
+    said = [
+        f"A block of three gyros{' and three accelerometers' if gravity else ''}, {own}. Its readings "
+        "are taken back to rates by the inverse of these equations, and the rates carry the attitude q. n is the "
+        "specific force in units of g, ω the rate in rad/s, both in the block's axes."
+    ]
+    if values:
+        said.append("Numbers are rounded to what their intervals justify.")
+    forces = f"f/g = n + {_triangle(values)} n + {_vector('accelerometer bias', values)} + Δf/g"
+    lines = [_read(result, values), "dq/dt = q ∘ ω / 2"]
+    if gravity:
+        lines = [forces, *lines, "n 'at rest' = q⁻ ∘ up ∘ q"]
+    return section_of_model(said, lines, result.causes if result.verdict == "explained" else ())
+
+
+def _read(result: Diagnosis, values: Mapping[str, Value]) -> str:
+    """What the gyros read."""
+    terms = ["ω_read = ω"]
+    if "gyro gamma_11" in values:
+        own = {f"gamma_{p}{q}": number(values[f"gyro gamma_{p}{q}"]) for p in AXES for q in AXES}
+        terms.append(f"+ {matrix_formula('gamma', AXES).format(**own)} ω")
+    if result.bias_at_rest is not None:
+        bounds = result.evidence.found.rests.rate_bound
+        near = [None] * 3 if bounds is None else [float(b) for b in np.median(bounds, axis=0)]
+        # It is no parameter that is fitted: the noise at rest says how well it is known.
+        at_rest = {f"gyro bias_{p + 1}": (float(result.bias_at_rest.radps[p]), near[p]) for p in range(3)}
+        terms.append(f"+ {_vector('gyro bias', at_rest)}")
+    elif "gyro bias_1" in values:
+        terms.append(f"+ {_vector('gyro bias', values)}")
+    return " ".join([*terms, "+ Δω"])
+
+
+def _vector(name: str, values: Mapping[str, Value]) -> str:
+    """Three numbers, one for each axis."""
+    return f"({', '.join(number(values.get(f'{name}_{p}', (None, None))) for p in AXES)})"
+
+
+def _triangle(values: Mapping[str, Value]) -> str:
+    """The accelerometers' matrix: its first axis is the first accelerometer's, so that nothing stands above."""
+    below = {(int(r), int(c)) for r, c in zip(ROWS, COLUMNS, strict=True)}
+    rows = (
+        " ; ".join(
+            number(values.get(f"accelerometer gamma_{r + 1}{c + 1}", (None, None))) if (r, c) in below else "0"
+            for c in range(3)
+        )
+        for r in range(3)
+    )
+    return f"[{' | '.join(rows)}]"

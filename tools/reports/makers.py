@@ -1,10 +1,14 @@
-"""A document for each kind of result; what a kind needs is imported when its document is made."""
+"""A document for each kind of result, its maker imported when it is made; versions and sources that pages name."""
 
-from importlib import import_module
+import sys
+from collections.abc import Sequence
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...fmus import version
 from ..document.blocks import Document
+from ..document.notation import minus
 from ..document.page import write_page
 from ..result import Result
 
@@ -105,3 +109,86 @@ def simulation_lines(result: "Simulation") -> list[str]:
     elif result.no_positions:
         lines.append(f"no position record: {result.no_positions}")
     return lines + [str(file) for file in result.files]
+
+
+# What pages rest on
+
+LIBRARIES = ("numpy", "scipy", "highspy", "fmpy")
+
+
+def matrix_text(matrix: Sequence[Sequence[float]]) -> str:
+    """A matrix in a line."""
+    return minus("; ".join(" ".join(f"{value:.6g}" for value in row) for row in matrix))
+
+
+def versions() -> dict[str, object]:
+    """Of the program and of what it computes with."""
+    python = ".".join(str(part) for part in sys.version_info[:3])
+    libraries = ", ".join(f"{name} {metadata.version(name)}" for name in LIBRARIES)
+    return {"trihedron": version(), "computed with": f"Python {python}, {libraries}"}
+
+
+SOURCES = {
+    "guaranteed": (
+        "Model of bench and block, targets, guaranteed estimates: A. A. Golovan, A. I. Matasov, I. E. Tarygin. "
+        "Calibration of an accelerometer block with asymmetric models of its sensors. Izvestiya RAN, Teoriya i sistemy "
+        "upravleniya, 2022, no. 2, pp. 107–119 (in Russian)."
+    ),
+    "simplex": (
+        "Linear programmes, by HiGHS: Q. Huangfu, J. A. J. Hall. Parallelizing the dual revised simplex method. "
+        "Mathematical Programming Computation 10 (2018), pp. 119–142. doi 10.1007/s12532-017-0130-5."
+    ),
+    "chebyshev": (
+        "Least largest residual, and the few readings that decide it: E. W. Cheney. Introduction to Approximation "
+        "Theory. McGraw-Hill, 1966, chapter 2."
+    ),
+    "lawson": (
+        "Sets of effects refused by weighted least squares: C. L. Lawson. Contributions to the theory of linear least "
+        "maximum approximation. Thesis, University of California, Los Angeles, 1961."
+    ),
+    "allan": (
+        "Noise from the scatter within rests: D. W. Allan. Statistics of atomic frequency standards. Proceedings "
+        "of the IEEE 54 (1966), pp. 221–230. doi 10.1109/PROC.1966.4634."
+    ),
+    "left-out": (
+        "Parts of the record left out and predicted: M. Stone. Cross-validatory choice and assessment of statistical "
+        "predictions. Journal of the Royal Statistical Society B 36 (1974), pp. 111–147."
+    ),
+    "angles": (
+        "What could be taken for what, by angles between subspaces: Å. Björck, G. H. Golub. Numerical methods for "
+        "computing angles between linear subspaces. Mathematics of Computation 27 (1973), pp. 579–594."
+    ),
+    "gyros": (
+        "Model of the gyro block: P. Groves. Principles of GNSS, inertial, and multisensor integrated navigation "
+        "systems. 2nd edition, Artech House, 2013, section 4.4."
+    ),
+    "attitude": (
+        "Attitude from increments: Yu. N. Chelnokov, S. E. Perelyaev, L. A. Chelnokova. Investigation of algorithms "
+        "for the inertial orientation of a moving object. Izvestiya of Saratov University, Mathematics. Mechanics. "
+        "Informatics 16 (2016), no. 1, pp. 80–95 (in Russian). doi 10.18500/1816-9791-2016-16-1-80-95."
+    ),
+    "norm": (
+        "Accelerometers by the size of gravity at rest: J. C. Lötters, J. Schipper, P. H. Veltink, W. Olthuis, "
+        "P. Bergveld. Procedure for in-use calibration of triaxial accelerometers in medical applications. Sensors and "
+        "Actuators A 68 (1998), pp. 221–228."
+    ),
+    "shuffles": "Shuffled effects as a control: R. A. Fisher. The Design of Experiments. Oliver and Boyd, 1935.",
+    "fmi": (
+        "Simulation by FMUs: Modelica Association. Functional Mock-up Interface for Model Exchange and "
+        "Co-Simulation, version 2.0. 2014."
+    ),
+    "columns": (
+        "Optimal plans by generated columns: P. C. Gilmore, R. E. Gomory. A linear programming approach to the "
+        "cutting-stock problem. Operations Research 9 (1961), pp. 849–859. doi 10.1287/opre.9.6.849."
+    ),
+    "branches": (
+        "Proof that no plan is better: A. H. Land, A. G. Doig. An automatic method of solving discrete programming "
+        "problems. Econometrica 28 (1960), pp. 497–520. doi 10.2307/1910129."
+    ),
+}
+"""Methods, each with what it does here and where it is from."""
+
+
+def cited(*names: str | Any) -> list[str]:
+    """The sources of some methods; what is false is passed over."""
+    return [SOURCES[name] for name in names if name]

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..document.blocks import Download, Page, Section, Table
-from ..document.equations import math, signed
-from ..document.numbers import Cell, Written, minus, symbol_text
+from ..document.notation import Cell, Written, equation, minus, signed, symbol_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning.check import SettingCheck
 from ..planning.plan import Curve, Plan, PlannedPosition, Plans, PositionPlan
 from ..planning.positions import DWELL_S, checked_dwell
-from .bench import cited, matrix_text, next_positions_csv, versions
-from .model import physical_words
+from .bench import next_positions_csv, physical_words
+from .makers import cited, matrix_text, versions
 from .pictures.records import curve_picture, plan_picture, positions_picture
 
 UNCERTAIN = 1e-8
@@ -147,7 +146,7 @@ def plan_page(plans: Plans) -> Page:
                 "bias, these cost least; no others cost less by more than the gap.",
             ],
             table=Table(["target", "meaning", "cost [σ]", "proven gap", "readings"], rows),
-            equations=[math("z = f/g − Q up(α, β)"), math("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
+            equations=[equation("z = f/g − Q up(α, β)"), equation("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
         ),
         *map(target_section, plans),
     ]
@@ -194,7 +193,7 @@ def target_section(plan: Plan) -> Section:
         svg=plan_picture(plan),
         caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
         table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
-        equations=[math(" ".join(terms[k : k + 3])) for k in range(0, len(terms), 3)],
+        equations=[equation(" ".join(terms[k : k + 3])) for k in range(0, len(terms), 3)],
         download=Download(name, content, f"{name}, to take to the table"),
     )
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from trihedron.tools.document.equations import effect_formula
-from trihedron.tools.document.equations import math as mathml
-from trihedron.tools.document.numbers import (
+from trihedron.tools.document.notation import (
     Bar,
     Written,
     bars,
+    effect_formula,
     interval,
     minus,
     outwards,
@@ -22,6 +21,7 @@ from trihedron.tools.document.numbers import (
     typeset,
     upwards,
 )
+from trihedron.tools.document.notation import equation as mathml
 
 
 @pytest.mark.parametrize(

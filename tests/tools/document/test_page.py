@@ -10,7 +10,7 @@ import pytest
 from page_text import html_of
 from trihedron.tools.cli import main
 from trihedron.tools.document.blocks import Page, Section, Table
-from trihedron.tools.document.pdf import without_times, write_html
+from trihedron.tools.document.page import without_times, write_html
 from trihedron.tools.errors import InputError
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
@@ -159,7 +159,7 @@ def test_writing_the_page(tmp_path: Path) -> None:
 
 
 def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("trihedron.tools.document.pdf.converter", lambda: None)
+    monkeypatch.setattr("trihedron.tools.document.page.converter", lambda: None)
     assert main(["calibrate", "no-such-record.csv", "--report", str(tmp_path / "out.pdf")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "no program here makes PDF" in line
@@ -168,7 +168,7 @@ def test_without_a_converter_a_pdf_is_refused_before_anything_is_done(tmp_path, 
 
 
 def test_a_converter_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("trihedron.tools.document.pdf.converter", lambda: shutil.which("false"))
+    monkeypatch.setattr("trihedron.tools.document.page.converter", lambda: shutil.which("false"))
     with pytest.raises(InputError, match="false did not print it"):
         write_html(tmp_path / "out.pdf", "<!DOCTYPE html><title>t</title>")
     assert list(tmp_path.iterdir()) == []

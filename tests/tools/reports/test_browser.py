@@ -7,7 +7,7 @@ import pytest
 
 from browser import browser, browser_program
 from page_text import text_of
-from trihedron.tools.document.pdf import write_html
+from trihedron.tools.document.page import write_html
 
 PAGES = (
     "calibration, consistent",

@@ -17,12 +17,11 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
-from trihedron.tools.document.blocks import Page, Section
-from trihedron.tools.document.numbers import to_bound, typeset
-from trihedron.tools.document.text import notebook, text
+from trihedron.tools.document.blocks import Page, Section, notebook, text
+from trihedron.tools.document.notation import to_bound, typeset
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
-from trihedron.tools.reports import bench, calibration, diagnosis, evidence, model
+from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection
 from trihedron.tools.reports.plan import decimals_of
 from trihedron.tools.trials.bench import NOISE_BOUND
 
@@ -273,7 +272,7 @@ def test_pages_of_several_mountings_whatever_they_are_called():
 
 def without_pictures(result: Calibration) -> str:
     """The model and the targets of a calibration."""
-    sections = [model.bench_section(result, model.calibrated_values(result)), calibration.target_section(result)]
+    sections = [bench.bench_section(result, bench.calibrated_values(result)), calibration.target_section(result)]
     return html_of(Page, "t", "v", sections)
 
 
@@ -302,10 +301,10 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
 @pytest.mark.parametrize(
     ("words", "given", "said"),
     [
-        (model.own_words, "gyro gamma_11", "scale factor of gyro 1"),
-        (model.own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
-        (model.own_words, "accelerometer bias_3", "bias of accelerometer 3"),
-        (model.own_words, "something else", "something else"),
+        (inspection.own_words, "gyro gamma_11", "scale factor of gyro 1"),
+        (inspection.own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
+        (inspection.own_words, "accelerometer bias_3", "bias of accelerometer 3"),
+        (inspection.own_words, "something else", "something else"),
         (evidence.in_words, "rate_2", ("rate", "2")),
         (evidence.in_words, "gamma_12", ("gamma, axis 2", "1")),
         (evidence.in_words, "coefficient_1_23", ("coefficient, axes 2 3", "1")),

@@ -14,8 +14,8 @@ from scipy import stats
 
 from explanation_pictures import interval_picture, strips_picture
 from trihedron.tools.calibration.model import Positions
-from trihedron.tools.document.theme import COLOURS
 from trihedron.tools.motion.attitude import AttitudeRun
+from trihedron.tools.reports.pictures import COLOURS
 from trihedron.tools.reports.pictures.records import (
     MOST_POINTS,
     attitude_picture,

@@ -1,17 +1,204 @@
-"""How pictures are drawn: sheets of panels, marks that mean something, rows with names, legends; SVG by matplotlib."""
+"""How pictures are drawn: colours, typography, sheets of panels, marks that mean something, rows with names, legends.
 
-from collections.abc import Callable, Iterable, Sequence
+A figure of matplotlib becomes SVG text: the same bytes each time.
+"""
+
+import hashlib
+import io
+import re
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import wraps
+from html import escape
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...document.theme import ALERT, BAND, FIRST, INK, MUTED, SECOND, WIDTH, drawing, say_empty, svg_text
+from ...document.notation import plain, raised
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Colour:
+    """A colour by its part in a picture: on a light and on a dark page."""
+
+    light: str
+    dark: str
+
+
+INK = Colour("#22272e", "#dde3ea")
+MUTED = Colour("#5b6672", "#9ca8b4")
+GRID = Colour("#dce1e6", "#343c46")
+QUIET = Colour("#b9c2cb", "#505c69")
+BAND = Colour("#dfeaf4", "#22344a")
+FIRST = Colour("#0b63b0", "#66b5f6")
+SECOND = Colour("#b35a00", "#f0a24d")
+THIRD = Colour("#0b7a5b", "#4ccba2")
+ALERT = Colour("#bd2560", "#ff80ab")
+
+COLOURS = (INK, MUTED, GRID, QUIET, BAND, FIRST, SECOND, THIRD, ALERT)
+AXES = (FIRST, SECOND, THIRD)
+"""Colours of the three axes or accelerometers."""
+
+DASHES = ("solid", (0, (5, 1.6)), (0, (1.4, 1.2)))
+"""Lines of the three axes: the pictures can be read without colours."""
+
+WIDTH = 7.2
+"""Width of every picture [in]."""
+
+FONTS = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+"""What a browser sets the text in; laid out with DejaVu Sans, which is wider than all of them."""
+
+STYLE: dict[str, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "trihedron",
+    "text.parse_math": False,
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 5.0,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": MUTED.light,
+    "axes.labelcolor": INK.light,
+    "axes.titlecolor": INK.light,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.facecolor": "none",
+    "axes.unicode_minus": True,
+    "axes.formatter.use_mathtext": False,
+    "axes.formatter.useoffset": False,
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "grid.color": GRID.light,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "legend.labelcolor": INK.light,
+    "legend.handlelength": 2.4,
+    "legend.columnspacing": 1.6,
+    "lines.linewidth": 1.3,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.25,
+    "text.color": INK.light,
+    "xtick.color": MUTED.light,
+    "xtick.labelcolor": MUTED.light,
+    "xtick.labelsize": 8.5,
+    "ytick.color": MUTED.light,
+    "ytick.labelcolor": MUTED.light,
+    "ytick.labelsize": 8.5,
+}
+"""Settings of matplotlib, over its defaults."""
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Within it, figures take the house style whatever the user's own settings are."""
+    import matplotlib
+
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        matplotlib.rcdefaults()
+        settings: Any = matplotlib.rcParams
+        settings.update(STYLE)
+        yield
+
+
+def svg_text(figure: "Figure", label: str) -> str:
+    """The figure as an `<svg>` element.
+
+    Parameters
+    ----------
+    figure : Figure
+        drawn with the colours of the theme, inside `drawing`
+    label : str
+        what the picture shows, for those who cannot see it
+
+    Returns
+    -------
+    str
+        well-formed XML without prologue, transparent, with its own rule for dark pages; its ids are its own, so that
+        several pictures can stand in one page
+    """
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = stream.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = text.replace("'DejaVu Sans'", FONTS).replace(">*{", ">.trihedron-picture *{")
+    # Copies of a marker carry their own colours; those of the original would hide them from the rules of dark pages.
+    text = re.sub(r'(<path id="[^"]*" d="[^"]*" style=")([^"]*)(?=")', _without_colours, text)
+    text = re.sub(r'(?<= )(?:d|x|y)="[^"]*"', _shortened, text)
+    head, _, body = text.partition(">")
+    box = re.search(r'viewBox="[^"]*"', head)
+    assert box is not None
+    names = f'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" {box.group()}'
+    head = f'<svg {names} class="trihedron-picture" role="img" aria-label="{escape(plain(label), quote=True)}">'
+    return f"{head}\n<style>{_dark_rules()}</style>{_own_ids(body)}".rstrip() + "\n"
+
+
+def _without_colours(match: re.Match[str]) -> str:
+    return match[1] + re.sub(r"(?:fill|stroke): #[0-9a-f]{6}(?:; )?", "", match[2])
+
+
+def _shortened(match: re.Match[str]) -> str:
+    """Coordinates to a hundredth of a point: finer cannot be seen."""
+    return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", match[0])
+
+
+def _dark_rules() -> str:
+    rules = [
+        f'.trihedron-picture [style*="{name}: {colour.light}"]{{{name}:{colour.dark}!important}}'
+        for colour in COLOURS
+        for name in ("fill", "stroke")
+    ]
+    return "@media screen and (prefers-color-scheme: dark){" + "".join(rules) + "}"
+
+
+def _own_ids(text: str) -> str:
+    """Drop the ids that nothing refers to, and make the others this picture's own."""
+    mark = hashlib.sha256(text.encode()).hexdigest()[:10]
+    used = dict.fromkeys(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
+    fresh = {name: f"p{mark}-{number}" for number, name in enumerate(used)}
+
+    def renamed(match: re.Match[str]) -> str:
+        return f' id="{fresh[match[1]]}"' if match[1] in fresh else ""
+
+    text = re.sub(r' id="([^"]*)"', renamed, text)
+    return re.sub(r'(url\(#|href="#)([^)"]+)', lambda m: m[1] + fresh[m[2]], text)
+
+
+def say_empty(axes: "Axes", text: str = "no data") -> None:
+    """Say in the middle of the axes that there is nothing to show."""
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=MUTED.light)
+
+
+def column(values: object) -> np.ndarray:
+    """Values as a flat array of doubles; what is not finite as NaN."""
+    array = np.array(values, dtype=np.float64).reshape(-1)
+    array[~np.isfinite(array)] = np.nan
+    return array
+
+
+def three_columns(values: object) -> np.ndarray:
+    """Values as an (N, 3) array of doubles; what is not finite as NaN."""
+    return column(values).reshape(-1, 3)
+
+
+def power_of_ten(value: float, _: object = None) -> str:
+    """A label of a logarithmic axis."""
+    return raised(round(float(np.log10(value))))
+
 
 P = ParamSpec("P")
 Drawn: TypeAlias = "tuple[Figure, str]"

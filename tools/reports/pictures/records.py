@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from ....fmus.units import STANDARD_GRAVITY
 from ....models.bench import up
-from ...document.theme import (
+from ...document.notation import plain
+from ...motion.attitude import AttitudeRun
+from ...motion.inspect import Inspection
+from ...motion.rests import rates_of
+from ...planning.forms import clearance, sheets
+from ...planning.plan import Curve, Plan, PositionPlan
+from ...records import RawRecord
+from ...records.noise import allan_deviation
+from ...records.rests import Rest, without_turns
+from . import (
     ALERT,
     AXES,
     BAND,
@@ -21,21 +30,17 @@ from ...document.theme import (
     QUIET,
     SECOND,
     WIDTH,
+    Drawn,
     column,
-    plain,
+    drawn,
+    legend,
+    legend_beside,
+    one_turn,
     power_of_ten,
     say_empty,
+    sheet,
     three_columns,
 )
-from ...motion.attitude import AttitudeRun
-from ...motion.inspect import Inspection
-from ...motion.rests import rates_of
-from ...planning.forms import clearance, sheets
-from ...planning.plan import Curve, Plan, PositionPlan
-from ...records import RawRecord
-from ...records.noise import allan_deviation
-from ...records.rests import Rest, without_turns
-from . import Drawn, drawn, legend, legend_beside, one_turn, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

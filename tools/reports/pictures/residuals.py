@@ -9,26 +9,35 @@ from numpy.typing import ArrayLike, NDArray
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
 from ...diagnosis.result import OrderOfEffects
-from ...document.theme import (
+from ...document.notation import plain, short
+from ...evidence.gain import ARCMIN
+from . import (
+    AFTER,
     ALERT,
     AXES,
     BAND,
+    BEFORE,
     DASHES,
     FIRST,
     INK,
     MUTED,
+    PROOF,
     QUIET,
     SECOND,
     THIRD,
     WIDTH,
+    Drawn,
     column,
-    plain,
+    drawn,
+    farthest,
+    legend,
+    named_rows,
+    one_turn,
     say_empty,
-    short,
+    sheet,
     three_columns,
+    zero_line,
 )
-from ...evidence.gain import ARCMIN
-from . import AFTER, BEFORE, PROOF, Drawn, drawn, farthest, legend, named_rows, one_turn, sheet, zero_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

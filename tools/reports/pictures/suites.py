@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...document.theme import (
+from ...document.notation import short
+from ...papers.attitude import TABLES, Reproduction
+from . import (
     ALERT,
     AXES,
     BAND,
@@ -17,13 +19,17 @@ from ...document.theme import (
     MUTED,
     QUIET,
     SECOND,
+    Drawn,
     column,
+    drawn,
+    legend,
+    legend_beside,
+    log_ticks,
+    named_rows,
     power_of_ten,
     say_empty,
-    short,
+    sheet,
 )
-from ...papers.attitude import TABLES, Reproduction
-from . import Drawn, drawn, legend, legend_beside, log_ticks, named_rows, sheet
 
 LEAST_SHADE, MOST_SHADE = 0.15, 0.5
 """Of a cell with few and with all of its row's cases: numbers can be read on both."""
