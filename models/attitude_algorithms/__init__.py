@@ -8,11 +8,10 @@ vector φ e. The coefficients of the paper's algorithms are not printed in it; t
 Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """
 
-from . import adaptive_degree, coning_optimised, four_sample, functional_iteration, one_sample, two_sample
+from . import formulas, iteration
 from .definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
 
 __all__ = ["ALGORITHMS", "MAX_INCREMENT", "RANGE_ERROR", "Algorithm"]
 
-FAMILIES = (one_sample, two_sample, four_sample, coning_optimised, functional_iteration, adaptive_degree)
-ALGORITHMS = tuple(sorted((a for family in FAMILIES for a in family.ALGORITHMS), key=lambda a: a.number))
+ALGORITHMS = tuple(sorted(formulas.ALGORITHMS + iteration.ALGORITHMS, key=lambda algorithm: algorithm.number))
 """The algorithms, by number."""

@@ -1,19 +1,18 @@
 """One update by whichever algorithm is chosen: the one entry that the attitude computer, tests and comparisons use."""
 
 from ..restricted import Vector
-from .adaptive_degree import WINDOW, adaptive_degree
-from .coning_optimised import five_sample_coning, four_sample_coning, three_sample_coning
-from .four_sample import four_sample_rotation_vector, panov, panov_cut_off, panov_series
-from .functional_iteration import (
-    EXTRA_NODES,
-    FEWEST_INCREMENTS,
-    LARGEST_TABLE,
-    MOST_INCREMENTS,
-    functional_iteration,
-    prepare_functional_iteration,
-)
-from .one_sample import mean_rate, one_sample_quaternion, one_sample_rodrigues, one_sample_rodrigues_symmetric
-from .two_sample import (
+from .formulas import (
+    five_sample_coning,
+    four_sample_coning,
+    four_sample_rotation_vector,
+    mean_rate,
+    one_sample_quaternion,
+    one_sample_rodrigues,
+    one_sample_rodrigues_symmetric,
+    panov,
+    panov_cut_off,
+    panov_series,
+    three_sample_coning,
     two_sample_fifth_power,
     two_sample_quaternion,
     two_sample_rodrigues,
@@ -22,6 +21,16 @@ from .two_sample import (
     two_sample_rotation_vector,
     two_sample_textbook,
     two_sample_textbook_as_run,
+)
+from .iteration import (
+    EXTRA_NODES,
+    FEWEST_INCREMENTS,
+    LARGEST_TABLE,
+    MOST_INCREMENTS,
+    WINDOW,
+    adaptive_degree,
+    functional_iteration,
+    prepare_functional_iteration,
 )
 
 STEP_SIZE = 3 * MOST_INCREMENTS

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from named import Named
 from trihedron.fmus import components
 from trihedron.models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, RANGE_ERROR, Algorithm
-from trihedron.models.attitude_algorithms.adaptive_degree import supported_degree
+from trihedron.models.attitude_algorithms.iteration import supported_degree
 
 COMPUTER = components()["AttitudeComputer"]
 BY_NAME = {a.name: a for a in ALGORITHMS}

@@ -15,8 +15,7 @@ from ...fmus.gyros import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
-from ...models.attitude_algorithms.adaptive_degree import adaptive_degree
-from ...models.attitude_algorithms.functional_iteration import functional_iteration
+from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration
 from ...models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ..compiled import compile_callee, compiled
 from ..errors import InputError
