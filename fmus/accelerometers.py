@@ -1,6 +1,6 @@
 """AccelerometerBlock, whose scale factors depend on the sign of the input; AccelerometerCompensation, its inverse."""
 
-from ..models import accelerometer, accelerometer_compensation
+from ..models import accelerometer
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
 from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work
@@ -74,7 +74,7 @@ ACCELEROMETER_BLOCK = Component(
         work("added", "what effects add", 3),
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),
     ),
-    model=accelerometer,
+    model=(accelerometer.initialise, accelerometer.step, accelerometer.respond),
     messages=(
         "gravity must be positive",
         "specific_force is not finite",
@@ -111,7 +111,7 @@ ACCELEROMETER_COMPENSATION = Component(
         work("diagonal", "scale factors for these signs", 3),
         work("n", "inputs [g] for these signs", 3),
     ),
-    model=accelerometer_compensation,
+    model=(accelerometer.initialise_inverse, accelerometer.step_inverse, accelerometer.respond_inverse),
     messages=(
         "gravity must be positive",
         "the errors are too large for one inverse: 1 + Γ± of each accelerometer must exceed its |Γ| of the two others",

@@ -80,7 +80,7 @@ ATTITUDE_COMPUTER = Component(
         state("before", "the increment before", 3),
         work("added", "what effects add to an increment", 3),
     ),
-    model=attitude,
+    model=(attitude.initialise, attitude.step),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period: one increment for each sample is needed",

@@ -4,7 +4,6 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from types import ModuleType
 from typing import Literal
 
 from ..models.effects import CATALOGUE, EffectPlace, parameter_name
@@ -104,10 +103,10 @@ class Component:
     name, description : str
     variables : tuple of Variable
         the table; value references count its scalars from 1 (0 is the time)
-    model : module
-        with the kernels ``initialise`` and ``step``; each takes what it names: variables of the table, ``time``,
-        ``step``, ``effect``; returns 0 or the number of a message. Its ``respond``, where it has one, recomputes the
-        outputs that follow the inputs at once
+    model : tuple of callable
+        the kernels that initialise, step and, where there is a third, respond: that recomputes the outputs that follow
+        the inputs at once. Each takes what it names: variables of the table, ``time``, ``step``, ``effect``; returns 0
+        or the number of a message
     messages : tuple of str
         what message 1, 2, ... of the kernels says
     equations : tuple of str
@@ -125,7 +124,7 @@ class Component:
     name: str
     description: str
     variables: tuple[Variable, ...]
-    model: ModuleType
+    model: tuple[Callable[..., int | None], ...]
     messages: tuple[str, ...]
     equations: tuple[str, ...]
     source: str
@@ -137,8 +136,7 @@ class Component:
     @property
     def kernels(self) -> dict[str, Callable[..., int | None]]:
         """The kernels by their names: initialise, step and, where there is one, respond."""
-        names = ("initialise", "step", "respond")
-        return {name: getattr(self.model, name) for name in names if hasattr(self.model, name)}
+        return dict(zip(("initialise", "step", "respond"), self.model, strict=False))
 
     @property
     def interface(self) -> tuple[Variable, ...]:

@@ -1,6 +1,6 @@
 """GyroBlock, three gyros that read increments, and GyroCompensation, its inverse: increments of the body."""
 
-from ..models import gyro, gyro_compensation
+from ..models import gyro
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
 from .component import GRAVITY, Component, fixed, input_, output, seed, state, tunable, work
@@ -62,7 +62,7 @@ GYRO_BLOCK = Component(
         work("added", "what effects add", 3),
         work("own", "what each gyro's own input adds to its reading [rad/s]", 3),
     ),
-    model=gyro,
+    model=(gyro.initialise, gyro.step),
     messages=(
         "gravity must be positive",
         "specific_force is not finite",
@@ -111,7 +111,7 @@ GYRO_COMPENSATION = Component(
         work("right", "right side of the equations", 3),
         work("n", "their solution", 3),
     ),
-    model=gyro_compensation,
+    model=(gyro.initialise_inverse, gyro.step_inverse),
     messages=(
         "gravity must be positive",
         "the errors are too large for one inverse: 1 + Γ of each gyro must exceed its |Γ| of the two other axes",

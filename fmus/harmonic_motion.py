@@ -72,7 +72,7 @@ HARMONIC_MOTION = Component(
         work("angle_rate", "rates of the angles", 3),
         work("work", "a quaternion", 4),
     ),
-    model=harmonic_motion,
+    model=(harmonic_motion.initialise, harmonic_motion.step),
     messages=(
         "trapezoid_nodes - 1 is not a multiple of step_samples: the intervals of one increment must be a whole number",
         "the step holds more than 1e6 rad of the motion's phase, or the motion is not finite",

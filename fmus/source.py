@@ -218,8 +218,10 @@ def flat_parts(component: Component) -> tuple[Part, ...]:
             elif not (isinstance(value, ModuleType) and value.__name__ == "math") and name not in PERMITTED:
                 raise TypeError(f"kernel {function.__name__} uses {name}, which is not restricted Python")
 
-    for kernel in component.kernels.values():
-        include(kernel)
+    for name, kernel in component.kernels.items():
+        include_names(kernel)
+        part = source_of(kernel)
+        parts[name] = replace(part, text=part.text.replace(f"def {kernel.__name__}(", f"def {name}(", 1))
     return tuple(parts.values())
 
 

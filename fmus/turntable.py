@@ -2,11 +2,10 @@
 
 import math
 
-from ..models import position_programme, table_controller, turntable
-from ..models.motion import AXIS_PLAN_SIZE
-from ..models.position_programme import POSITIONS
+from ..models import table_commands, turntable
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
+from ..models.table_commands import AXIS_PLAN_SIZE, POSITIONS
 from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, work
 
 ARCSECOND = math.pi / 648000.0
@@ -136,7 +135,7 @@ TURNTABLE_MOTION = Component(
         work("turns", "small turns that effects add", 4),
         work("turn_rates", "their rates", 4),
     ),
-    model=turntable,
+    model=(turntable.initialise, turntable.step),
     messages=(
         "mounting is not a proper orthogonal matrix (rows orthonormal to 1e-6, determinant +1)",
         "max_rate and max_acceleration must be positive",
@@ -216,7 +215,7 @@ POSITION_PROGRAMME = Component(
         state("begins", "step at which each slot begins, and the end of the last", POSITIONS + 1),
         work("plan", "a move of each axis", 2 * AXIS_PLAN_SIZE),
     ),
-    model=position_programme,
+    model=(table_commands.initialise_programme, table_commands.step_programme),
     messages=("a position's move and dwell take more than 1e9 steps",),
     equations=(
         "slot i = ⌈(move from position i − 1 to i + dwell i) / period⌉ periods; "
@@ -259,7 +258,7 @@ TABLE_CONTROLLER = Component(
         ),
         state("held", "commands so far", 2),
     ),
-    model=table_controller,
+    model=(table_commands.initialise_controller, table_commands.step_controller),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "attitude is zero or not finite",

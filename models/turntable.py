@@ -8,10 +8,10 @@ Source: Golovan, Matasov, Tarygin 2022, section 1.
 
 import math
 
-from .motion import AXIS_PLAN_SIZE, follow_move, plan_move
 from .random_numbers import seed_generator, symmetric
 from .restricted import Vector
 from .rotation import is_rotation, quaternion_of_matrix, turn_by_vector
+from .table_commands import AXIS_PLAN_SIZE, follow_move, plan_move
 from .turntable_geometry import integrate_increment, observe
 
 EARTH_RATE = 7.292115e-5

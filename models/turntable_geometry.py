@@ -11,9 +11,9 @@ Source: Golovan, Matasov, Tarygin 2022, section 1; to first order this is (1.3).
 
 import math
 
-from .motion import AXIS_PLAN_SIZE, fastest_rate, follow_move, phase_ends
 from .restricted import ALPHA, BETA, CONTEXT_SIZE, HOURS, SENSE_ALPHA, SENSE_BETA, TEMPERATURE, Vector
 from .rotation import multiply, set_quaternion, to_body, turn, turn_by_vector
+from .table_commands import AXIS_PLAN_SIZE, fastest_rate, follow_move, phase_ends
 
 MAX_ANGLE_PER_QUADRATURE = 0.25
 """Longest turn [rad] that one five-point Gauss rule integrates to rounding."""

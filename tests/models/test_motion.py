@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trihedron.models.motion import AXIS_PLAN_SIZE, follow_move, move_duration, phase_ends, plan_move
+from trihedron.models.table_commands import AXIS_PLAN_SIZE, follow_move, move_duration, phase_ends, plan_move
 
 angles = st.floats(-7.0, 7.0)
 limits = st.floats(0.01, 3.0)

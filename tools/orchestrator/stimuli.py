@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from ...models.motion import move_duration
-from ...models.position_programme import TICK_TOLERANCE
+from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
 from .interface import Interface, Value, Variable, checked, conversion, is_angle, refer_to, spread
 from .load import Loaded, Sources, interfaces_of

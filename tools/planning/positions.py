@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...models.motion import move_duration
+from ...models.table_commands import move_duration
 from ..calibration.model import Parametrisation, mountings_of, parametrise
 from ..calibration.targets import Target, convention_targets
 from ..errors import InputError

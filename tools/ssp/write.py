@@ -20,7 +20,7 @@ from ...fmus.native.compile import BuildError, chosen_platforms
 from ...fmus.parameters import add_units, parameter_file, xml_bytes
 from ...fmus.units import Unit, number
 from ...models.effects import place_from_mapping
-from ...models.position_programme import POSITIONS
+from ...models.table_commands import POSITIONS
 from ..errors import InputError, said_of
 from ..files import whole_file
 from ..orchestrator.interface import Interface, Value, Variable, spread

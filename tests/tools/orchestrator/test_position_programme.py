@@ -81,7 +81,7 @@ positions = st.lists(st.tuples(angles, angles, st.floats(0.01, 3.0)), min_size=1
 @settings(max_examples=40)
 @given(positions, st.sampled_from([0.1, 0.013, 1.0]), st.sampled_from([0, 1]))
 def test_commands_over_every_step(rows, step, lead):
-    from trihedron.models.motion import move_duration
+    from trihedron.models.table_commands import move_duration
 
     alpha, beta, dwell = (list(column) for column in zip(*rows, strict=True))
     targets = np.radians(np.column_stack([alpha, beta])).tolist()
