@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trihedron.models.bench import ELEMENTARY, elementary_reading
 from trihedron.tools.calibration import Calibration
-from trihedron.tools.calibration.result import Estimate
+from trihedron.tools.calibration.calibration import Estimate
 from trihedron.tools.records import PositionRecord
 
 GRAVITY = 9.80665

@@ -19,7 +19,7 @@ from .calibration import Calibration, calibrate
 from .diagnosis import Diagnosis, diagnose
 from .document.blocks import Page, Section
 from .document.page import html
-from .evidence.gain import export_extended
+from .evidence.fit import export_extended
 from .files import write_text
 from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table

@@ -19,7 +19,7 @@ from ..files import whole_file
 from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
-from .result import Calibration
+from .calibration import Calibration
 from .targets import corners
 
 if TYPE_CHECKING:

@@ -1,16 +1,46 @@
-"""What readings leave possible, at the fit: radius, values, guaranteed errors, exact intervals, pairs of targets."""
+"""The exact model fitted to readings, and what they leave possible there.
 
-from dataclasses import dataclass
+Radius, values, guaranteed errors, exact intervals, pairs of targets.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench import (
+    admissible,
+    nominal_input,
+    sign_margin,
+)
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
+from ..errors import InputError
 from ..progress import tracked
-from .model import NOT_OUTSIDE, Linearisation
-from .result import Estimate, FeasibleSet, number_or_none
+from .model import (
+    Linearisation,
+    Parametrisation,
+    Positions,
+    determined,
+    direction_jacobian,
+    linearise,
+    nominal_jacobian,
+    predicted_input,
+    predicted_reading,
+    reading_jacobian,
+)
 from .targets import Target, convention_targets
 
+NOT_OUTSIDE = 1e-4
+"""Component of a unit vector outside the span that is put down to encoder errors."""
+ITERATIONS_BEFORE_SIGNS_REST = 8
+"""From then on the signs of the inputs are kept, so that one at zero cannot keep the fit from converging."""
+MAX_ITERATIONS = 60
+COARSE = 1e-2
+"""Singular values below this fraction of the largest are left out of the first, coarse estimate."""
+MAX_ROUNDS = 30
+ENOUGH = 6000
+"""So many measurements, spread over the record, are weighed: more would tell little more and take long."""
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds."""
 GROUPS = (
@@ -22,6 +52,211 @@ GROUPS = (
 """Targets whose errors hang together: those of each accelerometer, those of the bench."""
 SAME = 1e-6
 """A direction that gains no more than this part of the set's size gives no new vertex."""
+
+
+def fit(
+    parametrisation: Parametrisation,
+    positions: Positions,
+    reading: NDArray,
+    noise_bound: float,
+    bounds: tuple[float, float],
+    extent: NDArray,
+) -> Linearisation:
+    """Fit the exact model by least squares, relinearising to convergence, and linearise at the fit.
+
+    The first estimate is from measurements whose sign is certain by (1.7); then all are used, with the signs of the
+    inputs from the estimate. Where the estimate leaves a sign open the bound is widened by |Γ⁺ − Γ⁻| |n|. Directions
+    of the parameters that the measurements leave open stay at zero, and the bounds are widened by what they may do.
+
+    Parameters
+    ----------
+    parametrisation, positions
+    reading : (N, 3) array
+        readings over g
+    noise_bound : float
+        σ, as a fraction of g
+    bounds : (float, float)
+        u^max and v^0max of (1.7)
+    extent : (P,) array
+        how large each parameter may be where the measurements leave it open
+
+    Raises
+    ------
+    InputError
+        when the fit does not converge
+    """
+    bound = np.full(reading.size, noise_bound)
+    matrices = parametrisation.matrices[positions.mounting]
+    certain = admissible(positions.alpha, positions.beta, matrices, bounds=bounds)
+    nominal_sign = np.where(nominal_input(positions.alpha, positions.beta, matrices) >= 0.0, 1, -1)
+    span = determined(nominal_jacobian(parametrisation, positions), noise_bound)
+    problem = _Problem(parametrisation, positions, reading, span)
+    point = np.zeros(len(parametrisation.symbols))
+    point = point + problem.step(point, certain.ravel().astype(float), nominal_sign, COARSE)
+    for _ in range(5):
+        weight = noise_bound / bound
+        point, sign, settled = problem.minimise(point, weight)
+        here = linearise(parametrisation, positions, reading, point, bound, sign)
+        if here.span.shape[1] < problem.span.shape[1]:
+            problem = replace(problem, span=here.span)
+            point, sign, settled = problem.minimise(np.zeros(len(point)), weight)
+            here = linearise(parametrisation, positions, reading, point, bound, sign)
+        if not settled:
+            raise InputError(
+                "the fit of the bench model does not converge: are the angles in degrees and the mounting right?"
+            )
+        if parametrisation.symmetric:
+            break
+        widened = noise_bound + widening(here, certain & (sign == nominal_sign), noise_bound, bounds)
+        if np.allclose(widened, bound, rtol=1e-6, atol=0.0):
+            break
+        bound = widened
+    if here.deficient:
+        here = replace(here, bound=here.bound + _open_remainder(here, extent))
+    return here
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Weighted least squares of the exact model within the span of what measurements determine."""
+
+    parametrisation: Parametrisation
+    positions: Positions
+    reading: NDArray
+    span: NDArray
+
+    def residual(self, point: NDArray, sign: NDArray | None = None) -> NDArray:
+        """Readings less those predicted at a point (3 N,), fractions of g."""
+        return (self.reading - predicted_reading(self.parametrisation, point, self.positions, sign)).ravel()
+
+    def step(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float | None = None) -> NDArray:
+        """One linear step; directions with singular values below `cut` of the largest are left alone."""
+        jacobian = reading_jacobian(self.parametrisation, point, self.positions, sign).reshape(-1, len(point))
+        rows = (jacobian @ self.span) * weight[:, None]
+        return self.span @ np.linalg.lstsq(rows, self.residual(point, sign) * weight, rcond=cut)[0]
+
+    def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
+        """Norm of the weighted residual at a point."""
+        return float(np.linalg.norm(self.residual(point, sign) * weight))
+
+    def minimise(self, point: NDArray, weight: NDArray) -> tuple[NDArray, NDArray, bool]:
+        """Gauss-Newton from a point; the minimum, the signs of the inputs there, and whether it settled."""
+        sign, last = np.zeros(self.reading.shape), np.inf
+        for iteration in range(MAX_ITERATIONS):
+            resting = iteration > ITERATIONS_BEFORE_SIGNS_REST
+            if not resting:
+                sign = np.where(predicted_input(self.parametrisation, point, self.positions) >= 0.0, 1, -1)
+            step = self.step(point, weight, sign)
+            size = float(np.abs(step).max())
+            if size > 1e-6:
+                signs = sign if resting else None
+                now = self.misfit(point, weight, signs) * (1 + 1e-9)
+                while self.misfit(point + step, weight, signs) > now and np.abs(step).max() > 1e-3 * size:
+                    step = step / 2
+            point = point + step
+            still = size < 1e-11 and size >= 0.5 * last and resting
+            if size < 1e-15 or still:
+                return point, sign, True
+            last = size
+        return point, sign, last < 1e-8
+
+
+def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
+    """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
+
+    At first (1.7) says how far an input may be from its estimate. With the bounds that follow, all measurements
+    together say it better, by any weights that are unbiased (those of least squares are at hand), and so on until
+    nothing is gained: truth is within the bounds of the readings at every step, the fit within its residuals.
+
+    Parameters
+    ----------
+    here : Linearisation
+        at the fit
+    certain : (N, 3) array of bool
+        where the sign was certain before anything was known
+    noise_bound, bounds
+        σ, as a fraction of g; u^max and v^0max of (1.7)
+
+    Returns
+    -------
+    (3 N,) array
+        what to add to the bound of each measurement, as a fraction of g
+    """
+    extra = np.zeros(here.input.shape)
+    if certain.all():
+        return extra.ravel()
+    p = here.parametrisation
+    matrices = p.matrices[here.positions.mounting]
+    margin = sign_margin(here.positions.alpha, here.positions.beta, matrices, bounds=bounds)
+    gradient = direction_jacobian(p, here.point, here.positions)
+    size = np.abs(here.input)
+    uncertainty = np.where(certain, 0.0, np.maximum(margin, size))
+    difference = p.selection[0, 3:9:2] - p.selection[0, 4:9:2]
+    estimate = np.abs(difference @ here.point)
+    asymmetry = np.maximum(estimate, 2.0 * bounds[1])
+    for _ in range(MAX_ROUNDS):
+        still_open = ~certain & (size <= uncertainty)
+        last, extra = extra, np.where(still_open, asymmetry * (size + uncertainty), 0.0)
+        if np.abs(extra - last).max() <= 1e-3 * noise_bound:
+            break
+        spread = _spread(here, noise_bound + extra.ravel())
+        for i, k in zip(*np.nonzero(still_open), strict=True):
+            uncertainty[i, k] = min(uncertainty[i, k], spread(gradient[i, k]))
+        asymmetry = np.minimum(asymmetry, estimate + [spread(row) for row in difference])
+    return extra.ravel()
+
+
+def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], float]:
+    """How far a linear function of the parameters may be from its estimate when readings are within `bound`."""
+    every = len(bound) // ENOUGH + 1
+    # three readings for each position: a stride of a multiple of three would leave accelerometers out
+    every += every % 3 == 0
+    jacobian = here.jacobian[::every] / bound[::every, None]
+    span = determined(jacobian * bound.min(), float(bound.min()))
+    if every > 1 and span.shape[1] < here.span.shape[1]:
+        jacobian = here.jacobian / bound[:, None]
+        span = determined(jacobian * bound.min(), float(bound.min()))
+    weights = span @ np.linalg.pinv(jacobian @ span)
+    excess = 1.0 + min(3.0, float(np.abs(here.residual / bound).max()))
+
+    def spread(direction: NDArray) -> float:
+        if np.linalg.norm(direction - span @ (span.T @ direction)) > NOT_OUTSIDE:
+            return np.inf
+        return excess * float(np.abs(direction @ weights).sum())
+
+    return spread
+
+
+def _open_remainder(here: Linearisation, extent: NDArray) -> NDArray:
+    """How far the parameters that the measurements leave open may move readings (M,), as a fraction of g.
+
+    Truth is within `extent` (P,): the bounds of (1.7), the biases like v, or priors. To first order that moves readings
+    hardly at all; to second order what is left open turns into errors of everything else. The second differences along
+    all pairs of moves are summed in absolute value.
+    """
+    directions = np.linalg.svd(here.span, full_matrices=True)[0][:, here.span.shape[1] :].T
+    # as far as truth may be from the fit, which is where it is
+    moves = directions * (np.abs(directions) @ extent + np.abs(directions @ here.point))[:, None]
+
+    def shift(move: NDArray) -> NDArray:
+        return here.residual_at(here.point + move) - here.residual
+
+    moved = np.zeros(len(here.bound))
+    single = [shift(move) for move in moves]
+    for j, move in enumerate(moves):
+        moved += np.maximum(np.abs(single[j]), np.abs(shift(-move)))
+        for k in range(j):
+            moved += np.abs(shift(move + moves[k]) - single[j] - single[k])
+    return moved
+
+
+@dataclass(frozen=True)
+class FeasibleSet:
+    """Everything that the readings leave possible: what `estimates.feasible_set` needs."""
+
+    linearised: Linearisation
+    centre: NDArray
+    slack: float
 
 
 def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
@@ -48,13 +283,9 @@ def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
     return radius, best, duals
 
 
-def estimate_targets(here: Linearisation, wanted: list[Target], intervals: NDArray) -> list[Estimate]:
-    """Each target's estimate and guaranteed error, with its exact interval (T, 2), NaN where there is none.
-
-    None stands for what the measurements do not determine.
-    """
-    numbers = np.full((len(wanted), 4), np.nan)
-    numbers[:, 2:] = intervals[: len(wanted)]
+def estimated_values(here: Linearisation, wanted: list[Target]) -> NDArray:
+    """Each target's estimate and guaranteed error (T, 2), NaN where the measurements do not determine it."""
+    values = np.full((len(wanted), 2), np.nan)
     known = [k for k, target in enumerate(wanted) if _is_determined(here, target.weights)]
     reduced = Polytope(here.jacobian @ here.span, here.bound)
     if known:
@@ -62,12 +293,8 @@ def estimate_targets(here: Linearisation, wanted: list[Target], intervals: NDArr
     for k in tracked(known, "guaranteed errors", show=_takes_long(here)):
         weights = wanted[k].weights
         error, _, phi = reduced.maximise(here.span.T @ weights)
-        numbers[k, :2] = weights @ here.point + phi @ here.residual, error
-    keys = ("estimate", "guaranteed_error", "low", "high")
-    return [
-        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(number_or_none, row), strict=True)))
-        for t, row in zip(wanted, numbers, strict=True)
-    ]
+        values[k] = weights @ here.point + phi @ here.residual, error
+    return values
 
 
 def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bounded.possible import Possible, largest_length
-from ..bounded.programmes import SolverError
+from ..bounded.programmes import Possible, SolverError, largest_length
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.carried_record import carried_evidence
-from ..evidence.evidence import Channel, Evidence, Fit
+from ..evidence.evidence import Channel, Evidence
+from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
 from .result import Cause, Diagnosis, EffectWitness, Finding, NamedEffect, Witness
 from .search import equivalence_groups, of_lengths, only_at_one_length, search, single_radii

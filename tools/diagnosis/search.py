@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.sets import MAX_SET
-from ..bounded.spaces import cosine, same_space, spaces_beyond
-from ..evidence.evidence import Evidence, Fit, largest_size, rms_size
-from ..evidence.gain import ARCMIN
+from ..bounded.sets import MAX_SET, cosine, same_space, spaces_beyond
+from ..evidence.evidence import Evidence, largest_size, rms_size
+from ..evidence.fit import ARCMIN, Fit
 from ..progress import tracked
 from .result import Length, NamedEffect, OrderedEffect, OrderOfEffects
 

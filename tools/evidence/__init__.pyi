@@ -1,1 +1,1 @@
-from .gain import export_extended as export_extended
+from .fit import export_extended as export_extended

@@ -12,13 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ..bounded.possible import Interval
-from ..bounded.programmes import chebyshev_radius
-from ..bounded.sets import Problem, sets_of_size
-from ..bounded.spaces import column_space
-from ..calibration.model import Linearisation, linearise, predicted_input, widening
-from ..calibration.procedure import STANDARD_BOUNDS, calibrate, radius_limit, reading_uncertainty, repeats
-from ..calibration.result import Calibration
+from ..bounded.programmes import Interval, chebyshev_radius
+from ..bounded.sets import Problem, column_space, sets_of_size
+from ..calibration.calibration import (
+    STANDARD_BOUNDS,
+    Calibration,
+    calibrate,
+    radius_limit,
+    reading_uncertainty,
+    repeats,
+)
+from ..calibration.estimates import widening
+from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
 from .bench_effects import (
     Circumstances,
@@ -28,10 +33,19 @@ from .bench_effects import (
     readings_at,
     signature_columns,
 )
-from .bench_model import Cast, Readings, Relaxation, centre_of, fitted, usual_misfit, with_possible_sizes
-from .bench_probe import dense_spaces, helpful_mounting, second_mounting, separating_positions
-from .evidence import Channel, Classes, Errors, Evidence, Fit, Gain, Trial
-from .gain import measure_gain, predicted_errors
+from .bench_model import (
+    Cast,
+    Readings,
+    Relaxation,
+    centre_of,
+    fitted,
+    predicted_errors,
+    usual_misfit,
+    with_possible_sizes,
+)
+from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
+from .evidence import Channel, Errors, Evidence, Trial
+from .fit import Classes, Fit, Gain
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""

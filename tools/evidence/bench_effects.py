@@ -10,15 +10,9 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.restricted import CONTEXT_SIZE, INPUT
-from ..calibration.model import (
-    Linearisation,
-    Parametrisation,
-    Positions,
-    predicted_input,
-    predicted_reading,
-)
+from ..calibration.model import Linearisation, Parametrisation, Positions, predicted_input, predicted_reading
 from ..records import PositionRecord
-from .evidence import Fit
+from .fit import Fit
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""

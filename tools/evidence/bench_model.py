@@ -11,7 +11,7 @@ from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.rows import Variant
 from ..bounded.programmes import chebyshev_radius
-from ..bounded.spaces import least_squares
+from ..bounded.sets import least_squares
 from ..calibration.model import (
     Linearisation,
     Positions,
@@ -21,7 +21,7 @@ from ..calibration.model import (
     reading_jacobian,
 )
 from .bench_effects import Circumstances, Visits, acts_on_table, added_bound, is_linear, readings_at, signature_columns
-from .evidence import Fit, coefficient_count
+from .fit import Fit, coefficient_count
 
 MAX_ITERATIONS, MAX_MOVES = 12, 8
 ATTAINED = 1e-10
@@ -34,6 +34,8 @@ USUAL = 0.9
 """The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""
 ROUNDS = 12
 """Steps to a centre that few readings cannot draw."""
+MAX_LEVERAGE = 1.0
+"""A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
 
 
 @dataclass(frozen=True)
@@ -390,3 +392,32 @@ def _coefficient_limits(fit: Fit) -> tuple[NDArray, NDArray]:
                 high[at] = parameter.largest
                 low[at] = -parameter.largest if parameter.smallest is None else parameter.smallest
     return low, high
+
+
+# Of a bench
+
+
+def leverages(jacobian: NDArray, kept: NDArray, held: NDArray) -> NDArray | None:
+    """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
+    scale = np.abs(jacobian).max(axis=0, initial=0.0)
+    unit = jacobian / np.where(scale > 0.0, scale, 1.0)
+    rank = _rank(unit)
+    if len(kept) <= rank or _rank(unit[kept]) < rank:
+        return None
+    return np.linalg.norm(unit[held] @ np.linalg.pinv(unit[kept], rcond=1e-8), axis=1)
+
+
+def _rank(matrix: NDArray) -> int:
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int(np.count_nonzero(values > 1e-8 * values.max(initial=0.0)))
+
+
+def predicted_errors(
+    jacobian: NDArray, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
+) -> tuple[NDArray, NDArray] | None:
+    """Errors (H,) of readings that were left out, and whether their leverage is bounded; None where rank is lost."""
+    leverage = leverages(jacobian, kept, held)
+    if leverage is None:
+        return None
+    step = least_squares(jacobian[kept] / bound[kept, None], residual[kept] / bound[kept])
+    return residual[held] - jacobian[held] @ step, leverage <= MAX_LEVERAGE

@@ -4,6 +4,7 @@ The simulation, FMUs of gyro block and attitude computer, carries the attitude t
 ends of moves or windows is the evidence.
 """
 
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,8 +18,8 @@ from ..motion.carry import GyroModel, Motion, carried_attitude, reads
 from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
-from .evidence import Channel, Evidence, Fit, Trial, coefficient_count, rms_size
-from .gain import ARCMIN, Gain, export_extended, gain_by_folds
+from .evidence import Channel, Evidence, Trial, estimated, rms_size
+from .fit import ARCMIN, Fit, Gain, coefficient_count, export_extended, gain_of
 from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
@@ -386,3 +387,47 @@ def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArr
         else:
             scale, at = scale + step[at : at + 9], at + 9
     return GyroModel(bias, scale, model.effects)
+
+
+def gain_by_folds(
+    evidence: Evidence,
+    places: Sequence[EffectPlace],
+    count: int,
+    simulated: Callable[[Sequence[EffectPlace], Path], Callable[[NDArray, Sequence[NDArray]], list[NDArray]]],
+    unit: float,
+) -> list[Gain]:
+    """The gain on each scored kind of pieces, cut into blocks in time.
+
+    For each block the parameters are estimated on the others, without the effects and with them; the exported FMUs
+    are run with these; the errors of the block's own pieces count.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    places : sequence of EffectPlace
+        the effects that were named
+    count : int
+        of blocks
+    simulated : callable
+        effects, an empty folder for FMUs -> (solution (P + k,), numbers of some pieces of each kind -> their errors)
+    unit : float
+        in which sizes of errors are quoted
+    """
+    folds, results = evidence.folds(count), []
+    with tempfile.TemporaryDirectory(prefix="trihedron-extended-", ignore_cleanup_errors=True) as name:
+        for number, chosen in enumerate(((), tuple(places))):
+            folder = Path(name) / str(number)
+            folder.mkdir()
+            simulate, matrix = simulated(chosen, folder), evidence.matrix(chosen)
+            errors = [np.full(evidence.parts[k].error.shape, np.nan) for k in evidence.scored]
+            for fold in range(folds.count):
+                used = folds.of_row != fold
+                solution = estimated(matrix[used], evidence.residual[used])
+                held = [np.flatnonzero(folds.of_piece[k] == fold) for k in evidence.scored]
+                for error, at, mine in zip(errors, held, simulate(solution, held), strict=True):
+                    error[at] = mine
+            results.append(errors)
+    return [
+        gain_of(before, after, unit, over=evidence.parts[k].label, pieces=len(before))
+        for k, before, after in zip(evidence.scored, *results, strict=True)
+    ]

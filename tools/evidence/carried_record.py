@@ -20,19 +20,22 @@ from ..motion.norm import LARGEST, NAMES, inputs_of
 from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
 from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
-from .carried_bounds import force_deviation, gyro_noise, rest_lengths
-from .evidence import Evidence, coefficient_count, estimated
+from .evidence import Evidence, estimated
+from .fit import coefficient_count
 from .references import (
     FEWEST_WINDOWS,
     LENGTHS,
     Gravity,
     Run,
     Truth,
+    force_deviation,
     gravity_pieces,
+    gyro_noise,
     has_truth,
     integrals,
     known_rows,
     means_at_rest,
+    rest_lengths,
     truth_windows,
     usable_in,
     windows_of,

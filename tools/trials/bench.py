@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import ELEMENTARY, elementary, elementary_reading
 from ...models.effects import POSITION_EFFECTS
+from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
-from ..calibration.procedure import Asked, fit_record
 from ..evidence.bench_effects import Circumstances, circumstances_of
-from ..evidence.bench_probe import dense_spaces
-from ..evidence.evidence import Classes
-from ..evidence.gain import composed
+from ..evidence.bench_predictions import dense_spaces
+from ..evidence.fit import Classes, composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, RawRecord

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.harmonic_motion import HARMONICS
-from ..evidence.gain import composed
+from ..evidence.fit import composed
 from ..motion.compare import sample_motion
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario

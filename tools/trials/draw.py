@@ -18,7 +18,8 @@ from ..diagnosis.result import NamedEffect
 from ..errors import InputError, nearest
 from ..evidence.bench_effects import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried_record import linear_evidence
-from ..evidence.evidence import Classes, Evidence, coefficient_count
+from ..evidence.evidence import Evidence
+from ..evidence.fit import Classes, coefficient_count
 from ..motion.inspect import inspect_record
 from .bench import (
     DWELL_S,

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from ...models.effects import CATALOGUE, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius
-from ..bounded.sets import sharpened
-from ..bounded.spaces import column_space, spread_directions
+from ..bounded.sets import column_space, sharpened, spread_directions
 from ..calibration.model import Linearisation
 from ..diagnosis.result import NamedEffect
 from ..evidence.bench_effects import Circumstances, Visits, acted_on, added_bound, signature_columns

@@ -16,7 +16,8 @@ from trihedron.tools.calibration.correction import (
     levelling,
     remaining_error,
 )
-from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise, widening
+from trihedron.tools.calibration.estimates import widening
+from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.calibration.targets import corners, error_weights
 
 SIGMA = 1e-7

@@ -9,12 +9,12 @@ import pytest
 
 from bench_cases import bench_case
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.tools.bounded.spaces import same_space
+from trihedron.tools.bounded.sets import same_space
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.bench_probe import dense_spaces
-from trihedron.tools.evidence.gain import export_extended
+from trihedron.tools.evidence.bench_predictions import dense_spaces
+from trihedron.tools.evidence.fit import export_extended
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.trials.bench import NOISE_BOUND, plain_bench
 from trihedron.tools.trials.draw import draw_alone

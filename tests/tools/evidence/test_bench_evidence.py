@@ -13,8 +13,8 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import excluded_sizes
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.bench_probe import second_mounting
-from trihedron.tools.evidence.gain import predicted_errors
+from trihedron.tools.evidence.bench_model import predicted_errors
+from trihedron.tools.evidence.bench_predictions import second_mounting
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 

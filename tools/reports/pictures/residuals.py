@@ -10,7 +10,7 @@ from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
 from ...diagnosis.result import OrderOfEffects
 from ...document.notation import plain, short
-from ...evidence.gain import ARCMIN
+from ...evidence.fit import ARCMIN
 from . import (
     AFTER,
     ALERT,

@@ -1,4 +1,8 @@
-"""What to measure so that candidate causes of a bench's misfit can be told apart: positions, and a second mounting."""
+"""What fits of a bench predict elsewhere: positions that were held out, and positions that might be measured.
+
+The extended FMUs are run at positions that were held out, without and with the effects: the gain. Of positions, and of
+a second mounting, those are named that tell candidate causes apart.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from ...models.bench import admissible
+from ...fmus.parameters import component_parameters
+from ...models.bench import TARGETS, admissible
 from ...models.effects import EffectPlace
-from ..bounded.possible import Possible
-from ..bounded.programmes import least_largest
-from ..bounded.spaces import column_space, cosine, spaces_beyond
+from ..bounded.programmes import Possible, least_largest
+from ..bounded.sets import column_space, cosine, spaces_beyond
 from ..calibration.model import PRESETS, Parametrisation, Positions, parametrise, predicted_input, reading_jacobian
-from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, signature_columns
-from .bench_model import Cast, Readings
-from .evidence import Fit
+from ..orchestrator import simulate
+from ..orchestrator.scenario import Scenario
+from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, readings_at, signature_columns
+from .bench_model import MAX_LEVERAGE, Cast, Readings, fitted, leverages
+from .fit import Fit, Gain, composed
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
 MOST_CANDIDATES = 10
@@ -26,6 +32,16 @@ MOST_FOR_A_PAIR = 4
 """So many new positions are proposed to decide between two candidates."""
 WORTH_IT = 0.6
 """A mounting is proposed when it makes the correlation of two causes at most so many times what it was."""
+FAST = 1e3
+"""Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
+APPROACH = 0.02
+"""From so far [rad] the simulated table comes to a position in the sense of the record."""
+STEPS_PER_GAP = 16
+HELD_OUT_EVERY = 4
+"""One position in so many is held out."""
+FEWEST_SCORED = 3
+MAX_STEPS = 100_000
+"""A record whose rows crowd together within a long time is not simulated again."""
 
 
 def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
@@ -310,3 +326,188 @@ def helpful_mounting(
         if found is not None:
             return found
     return None
+
+
+def held_out_rows(fit: Fit) -> tuple[NDArray, NDArray] | None:
+    """Positions to hold out and which of their readings (H, 3) can be scored; None where the others would not do.
+
+    Of the ways to hold out every fourth position the one with most scored readings is taken: the others must keep the
+    rank of the extended model.
+    """
+    count = len(fit.residual) // 3
+    best: tuple[NDArray, NDArray] | None = None
+    # The first position is never held out: the simulation begins there, and no move leads to it.
+    for offset in range(1, HELD_OUT_EVERY + 1):
+        out = np.arange(offset, count, HELD_OUT_EVERY)
+        held = readings_at(out)
+        leverage = leverages(fit.jacobian, np.setdiff1d(np.arange(3 * count), held), held)
+        if len(out) and leverage is not None:
+            scored = leverage.reshape(-1, 3) <= MAX_LEVERAGE
+            if best is None or scored.sum() > best[1].sum():
+                best = (out, scored)
+    return None if best is None or best[1].sum() < FEWEST_SCORED else best
+
+
+def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -> Gain | None:
+    """Fit without every fourth position, simulate those by the orchestrator without and with the effect, compare.
+
+    Parameters
+    ----------
+    readings : Readings
+    start : (P,) array
+        parameters of the bench where fits begin
+    fit : Fit
+        the model with effects that have kernels
+    gravity : float
+        the model's g [m/s²]
+
+    Returns
+    -------
+    Gain or None
+        None where too few positions remain to judge
+    """
+    chosen, circumstances = held_out_rows(fit), readings.circumstances
+    if chosen is None or 3600.0 * circumstances.hours[-1] * STEPS_PER_GAP > MAX_STEPS * smallest_gap(circumstances):
+        return None
+    out, scored = chosen
+    others = readings.selected(np.setdiff1d(np.arange(len(readings)), out))
+    errors = []
+    for places in ((), fit.places):
+        trained = fitted_like(others, places, start, fit)
+        if trained is None:
+            return None
+        errors.append(readings.reading[out] - simulate_rows(readings, trained, out, gravity))
+        scored = scored & ~undecided(readings, trained)[out]
+    if scored.sum() < FEWEST_SCORED:
+        return None
+    figures: dict[str, Any] = {"rows": out}
+    for name, error in zip(("before", "after"), errors, strict=True):
+        counted = error[scored]
+        figures |= {f"held_out_rms_{name}": float(np.sqrt(np.mean(counted**2)))}
+        figures |= {f"held_out_max_{name}": float(np.abs(counted).max()), name: np.where(scored, error, np.nan)}
+    return Gain(**figures)
+
+
+def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArray, like: Fit) -> Fit | None:
+    """Fit effects to other readings; what is not linear acts in the way whose parameters are nearest to `like`'s."""
+    rows, ways = readings.rows(like.point), {}
+    wanted = dict(zip(like.places, like.values(), strict=True))
+    for place in places:
+        if is_linear(place):
+            continue
+        seen = readings.variants(place, rows)
+        if not seen:
+            return None
+        value, limits = wanted[place][0], [variant.limits[0] for variant in seen]
+        ways[place] = int(np.argmin([max(low - value, value - high, 0.0) for low, high in limits]))
+    return fitted(readings, Cast(tuple(places), ways), start)
+
+
+def undecided(readings: Readings, fit: Fit) -> NDArray:
+    """Readings (N, 3) of bool of which a fit leaves open what its effects do to them: no simulation can tell."""
+    rows = readings.rows_with(fit)
+    found = added_bound(fit.places, rows).reshape(-1, 3) > 0.0
+    for _, _, variant in fit.ways:
+        if variant is not None:
+            found |= variant.undecided(rows, float(readings.bound.min()))
+    return found
+
+
+def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -> NDArray:
+    """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
+    simulated = np.zeros((len(readings), 3))
+    bench, coefficients = np.split(fit.estimate, [len(fit.point)])
+    at = readings.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])
+    commands = np.stack((at.alpha, at.beta), axis=1)
+    moved = np.stack(readings.moved_axes(), axis=1)
+    p = readings.parametrisation
+    for index in range(len(p.mountings)):
+        mine = np.flatnonzero(at.mounting == index)
+        if np.isin(mine, rows).any():
+            values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
+            parameters = component_parameters(values, gravity, p.matrices[index])
+            circumstances = readings.circumstances.selected(mine)
+            scenario = extended_scenario(parameters, effect_entries(fit), commands[mine], moved[mine], circumstances)
+            run = simulate(scenario).table
+            time, seconds = run["time_s"].to_numpy(), 3600.0 * circumstances.hours
+            for axis in range(3):
+                simulated[mine, axis] = np.interp(seconds, time, run[f"f{axis + 1}_mps2"].to_numpy()) / gravity
+    return simulated[rows]
+
+
+def effect_entries(fit: Fit) -> list[dict[str, object]]:
+    """Effects of a fit, with the sizes of least squares, as a scenario writes them."""
+    estimated_values = fit.values(fit.estimate[len(fit.point) :])
+    entries = []
+    for (place, _, variant), linear, stated in zip(fit.ways, estimated_values, fit.values(), strict=True):
+        parameters = place.definition.parameters
+        values = linear if variant is None else stated
+        entries.append({**place.entry, **{p.name: value for p, value in zip(parameters, values, strict=True)}})
+    return entries
+
+
+def extended_scenario(
+    parameters: Mapping[str, Mapping[str, object]],
+    effects: Sequence[Mapping[str, object]],
+    commands: NDArray,
+    moved: NDArray,
+    circumstances: Circumstances,
+) -> Scenario:
+    """A scenario in which table and block, calibrated and extended, stand at each position at its time.
+
+    The table comes to each position in the sense of the record's last move, and its temperature is the record's.
+
+    Parameters
+    ----------
+    parameters : mapping
+        component -> variable -> value
+    effects : sequence of mapping
+        as in a scenario file
+    commands : (n, 2) array
+        commanded angles [rad]
+    moved : (n, 2) array of bool
+        whether the outer and the inner axis turned on the way: one that did not must not decide the inputs' senses
+    circumstances : Circumstances
+        of the n rows
+    """
+    seconds = 3600.0 * circumstances.hours
+    gap = smallest_gap(circumstances)
+    step = gap / STEPS_PER_GAP
+    # The table arrives half a gap before each reading, so that the steps about it are at rest there.
+    before = np.maximum(seconds - 0.5 * gap, 0.0)
+    after = np.maximum(seconds - 0.25 * gap, 0.25 * step)
+    away = commands - APPROACH * np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1) * moved
+    temperature = np.full(len(seconds), 20.0) if circumstances.temperature is None else circumstances.temperature
+    rows = {
+        "time_s": np.stack((before, after), axis=1).ravel(),
+        "alpha_rad": np.stack((away, commands), axis=1)[:, :, 0].ravel(),
+        "beta_rad": np.stack((away, commands), axis=1)[:, :, 1].ravel(),
+        "temperature_degC": np.repeat(temperature, 2),
+    }
+    rows["time_s"][0] = 0.0
+    table = {
+        "encoder_fluctuation_bound": 0.0,
+        "earth_rotation": False,
+        "max_rate": [FAST, FAST],
+        "max_acceleration": [FAST, FAST],
+        "initial_angle": away[0].tolist(),
+    }
+    driven = {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"}
+    driven |= dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC")
+    return composed(
+        "the positions of a record, simulated again",
+        {
+            "table": ("TurntableMotion", {**parameters["TurntableMotion"], **table}),
+            "block": ("AccelerometerBlock", {**parameters["AccelerometerBlock"], "noise_bound": 0.0}),
+        },
+        effects,
+        {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
+        run={"step_s": step, "stop_s": (int(np.ceil(seconds[-1] / step)) + 1) * step},
+        connections=[{"from": "table.specific_force", "to": "block.specific_force"}],
+        stimuli=[{"table": {name: values.tolist() for name, values in rows.items()}, "columns": driven}],
+    )
+
+
+def smallest_gap(circumstances: Circumstances) -> float:
+    """Shortest time [s] between two rows."""
+    return float(np.diff(3600.0 * circumstances.hours).min()) if len(circumstances.hours) > 1 else 8.0

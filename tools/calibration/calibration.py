@@ -1,33 +1,25 @@
-"""From a position record to values with guaranteed errors: the procedure of `trihedron calibrate`."""
+"""From a position record to values with guaranteed errors: the procedure of `trihedron calibrate` and its result."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import ConfigDict, Field, model_serializer, model_validator
+from typing_extensions import TypedDict
 
+from ...fmus import version
 from ...fmus.parameters import GRAVITIES
 from ...models.bench import SYMMETRIC_PAIRS, admissible
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
-from .estimates import chebyshev_centre, estimate_targets, exact_intervals
-from .model import Linearisation, Parametrisation, Positions, fit, mountings_for, parametrise, reading_jacobian
-from .result import (
-    Calibration,
-    Estimate,
-    FeasibleSet,
-    KnownBefore,
-    OpenTarget,
-    Provenance,
-    Reading,
-    ReadingError,
-    TablePosition,
-    number_or_none,
-)
+from ..result import Result
+from .estimates import FeasibleSet, chebyshev_centre, estimated_values, exact_intervals, fit
+from .model import Linearisation, Parametrisation, Positions, mountings_for, parametrise, reading_jacobian
 from .targets import (
     Target,
     asked_priors,
@@ -39,6 +31,22 @@ from .targets import (
     with_priors,
 )
 
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+Accelerometer = Annotated[int, Field(ge=1, le=3)]
+UNITS_OF_RESULT = {
+    "noise_bound": "g",
+    "gravity_mps2": "m/s2",
+    "radius": "1",
+    "parameters": "of estimate, guaranteed_error, low, high: as each says",
+    "reading_errors": "g",
+}
+"""Units of the numbers of the published object; g is its own `gravity_mps2`."""
 STANDARD_BOUNDS = (3e-3, 1e-2)
 SCALE_FACTORS = (0.5, 1.5)
 """What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
@@ -50,6 +58,173 @@ GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
 MAX_POSITIONS = 24
+
+
+def number_or_none(value: float) -> float | None:
+    """None in place of NaN, as JSON has it."""
+    return None if value != value else float(value)
+
+
+class _Part(Result):
+    model_config = ConfigDict(strict=True)
+
+
+class Reading(_Part):
+    """A reading that proves something: the record's number of its position, and the accelerometer."""
+
+    position: Annotated[int, Field(ge=1)]
+    accelerometer: Accelerometer
+
+
+class Estimate(_Part):
+    """One target's value.
+
+    Attributes
+    ----------
+    symbol, name, unit : str
+        as the paper writes it, in words, and its unit
+    estimate : float or None
+        None where the measurements cannot determine it
+    guaranteed_error : float or None
+        a priori: σ times the l1 norm of the weights
+    low, high : float or None
+        the exact ends of what the measurements leave possible; None where they falsify the model
+    """
+
+    symbol: str
+    name: str
+    unit: str
+    estimate: Number | None
+    guaranteed_error: Size | None
+    low: Number | None
+    high: Number | None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Estimate":
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low = {self.low!r} is above high = {self.high!r}")
+        return self
+
+
+class ReadingError(_Part):
+    """What an accelerometer reads beyond its input [g] at that input (3,) [g], at least and at most.
+
+    None where the readings do not determine it.
+    """
+
+    accelerometer: Accelerometer
+    input: list[int]
+    low: Number | None
+    high: Number | None
+
+
+class OpenTarget(_Part):
+    """A target that the measurements cannot determine."""
+
+    symbol: str
+    name: str
+
+
+class KnownBefore(_Part):
+    """A prior, |expression| ≤ limit."""
+
+    expression: str
+    limit: Number
+
+
+class Provenance(_Part):
+    """What a calibration was made from: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
+
+    trihedron: str = Field(default_factory=version)
+    record: str
+    sha256: str = Field(alias="record_sha256")
+    bounds: list[Number]
+
+
+class TablePosition(TypedDict):
+    """Angles of the table, and the mounting where there are several."""
+
+    alpha_deg: Number
+    beta_deg: Number
+    mounting: NotRequired[str]
+
+
+class Calibration(_Part):
+    """A calibration of the bench.
+
+    Attributes
+    ----------
+    verdict : str
+        "consistent", "falsified" or "insufficient"
+    noise_bound, noise_bound_basis
+        σ as a fraction of g, and on what it rests
+    gravity : float
+        [m/s²]
+    convention, baseline : str
+        "A1" or "A2"; "asymmetric" or "symmetric"
+    mountings : dict
+        Q by name
+    positions, measurements : int
+        N and M
+    radius : float
+        least max |z − f(X)| / bound
+    witness : list of Reading
+        the measurements that prove a falsification
+    parameters : list of Estimate
+    units : dict
+        of the numbers here
+    priors : list of KnownBefore
+    reading_errors : list of ReadingError
+        what the readings may be off by at the corners of the input
+    provenance : Provenance or None
+    missing : list of OpenTarget
+        what the measurements cannot determine
+    next_positions : list of TablePosition
+        table positions that would determine it
+    warnings : list of str
+    linearised : Linearisation
+        the fit, for the diagnosis; not published
+    feasible : FeasibleSet or None
+        not published; None where the measurements contradict the model
+    """
+
+    schema_: Literal["trihedron.calibration/1"] = Field(default="trihedron.calibration/1", alias="schema")
+    verdict: Literal["consistent", "falsified", "insufficient"]
+    noise_bound: Annotated[float, Field(gt=0.0, lt=1.0)]
+    noise_bound_basis: str = ""
+    gravity: Annotated[float, Field(ge=GRAVITIES[0], le=GRAVITIES[1])] = Field(alias="gravity_mps2")
+    convention: Literal["A1", "A2"]
+    baseline: Literal["asymmetric", "symmetric"]
+    mountings: dict[str, list[list[Number]]] = Field(default={})
+    positions: Count
+    measurements: Count
+    radius: Size
+    witness: list[Reading]
+    parameters: Annotated[list[Estimate], Field(min_length=1)]
+    units: dict[str, str] = UNITS_OF_RESULT
+    priors: list[KnownBefore] = Field(default=[])
+    reading_errors: list[ReadingError] = Field(default=[])
+    provenance: Provenance | None = None
+    missing: list[OpenTarget] = Field(default=[])
+    next_positions: list[TablePosition] = Field(default=[])
+    warnings: list[str] = Field(default=[])
+    linearised: Linearisation = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    feasible: FeasibleSet | None = Field(default=None, exclude=True)
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        content = handler(self)
+        absent = {"provenance"} if self.provenance is None else set()
+        if self.verdict != "insufficient":
+            absent |= {"missing", "next_positions"}
+        return {key: value for key, value in content.items() if key not in absent}
+
+    def to_polars(self) -> "DataFrame":
+        """A row for each target: symbol, name, unit, estimate, guaranteed_error, low, high."""
+        import polars as pl
+
+        numbers: Any = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"), pl.Float64)
+        return pl.DataFrame([e.to_json() for e in self.parameters], schema_overrides=numbers)
 
 
 @dataclass(frozen=True)
@@ -108,9 +283,14 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         feasible = None if contradicted else FeasibleSet(bounded, centre, slack)
         if feasible is not None:
             intervals = exact_intervals(feasible, weights)
-        estimates = estimate_targets(bounded, wanted, intervals)
+        values = np.hstack((estimated_values(bounded, wanted), intervals[: len(wanted)]))
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
+    keys = ("estimate", "guaranteed_error", "low", "high")
+    estimates = [
+        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(number_or_none, row), strict=True)))
+        for t, row in zip(wanted, values, strict=True)
+    ]
     _check_scale_factors(record, estimates)
     missing = [estimate for estimate in estimates if estimate.estimate is None]
     # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.

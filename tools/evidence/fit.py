@@ -1,0 +1,350 @@
+"""A model with a set of effects, fitted: what is possible of their sizes, their classes, FMUs and gain."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ...fmus import build
+from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects.rows import Variant
+from ..bounded.programmes import Interval, Possible, Reach, polar_intervals
+from ..bounded.sets import column_space, same_space
+from ..orchestrator.scenario import Scenario
+from ..result import Told
+
+NAMED_FOR = {"GyroCompensation": "GyroBlock"}
+"""The component whose effects another one takes out."""
+ARCMIN = np.pi / 180.0 / 60.0
+"""[rad]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model with a set of effects, fitted to evidence, and linear where it was fitted.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+        the effects
+    blocks : tuple of slice
+        the coefficients of each
+    at : (P + K,) array
+        parameters of the model and coefficients of the effects about which it is linear
+    step : (P + K,) array
+        from there to where the radius is attained, a Chebyshev centre
+    residual, bound : (M,) array
+        there, and how large it may be
+    jacobian : (M, P + K) array
+        derivatives by parameters and coefficients
+    radius : float
+        least possible largest error over its bound, with coefficients of possible size
+    estimate : (P + K,) array
+        parameters and coefficients of least squares
+    stated : (K,) array
+        the coefficients that are said to be found
+    variants : tuple of (Variant or None)
+        the way in which each effect acts that is not linear
+    """
+
+    places: tuple[EffectPlace, ...]
+    blocks: tuple[slice, ...]
+    at: NDArray[np.float64]
+    step: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    radius: float
+    estimate: NDArray[np.float64]
+    stated: NDArray[np.float64]
+    variants: tuple[Variant | None, ...] = ()
+
+    @property
+    def point(self) -> NDArray[np.float64]:
+        """Parameters (P,) of the model about which it is linear."""
+        return self.at[: len(self.at) - len(self.stated)]
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """Coefficients (K,) of the effects about which it is linear."""
+        return self.at[len(self.point) :]
+
+    @property
+    def central(self) -> NDArray[np.float64]:
+        """Parameters and coefficients (P + K,) where the radius is attained."""
+        return self.at + self.step
+
+    @cached_property
+    def left(self) -> NDArray[np.float64]:
+        """Errors (M,) where the radius is attained."""
+        return self.residual - self.jacobian @ self.step
+
+    @property
+    def ways(self) -> tuple[tuple[EffectPlace, slice, Variant | None], ...]:
+        """Each effect with its coefficients and the way in which it acts."""
+        return tuple(zip(self.places, self.blocks, self.variants or (None,) * len(self.places), strict=True))
+
+    @property
+    def linear(self) -> bool:
+        """Whether every effect is linear in its coefficients."""
+        return all(variant is None for _, _, variant in self.ways)
+
+    @property
+    def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
+        """Each effect with the coefficients about which the fit is linear."""
+        return [(place, self.coefficients[block]) for place, block, _ in self.ways]
+
+    @property
+    def title(self) -> str:
+        """The effects in words."""
+        return " and ".join(place.title for place in self.places)
+
+    def values(self, coefficients: NDArray | None = None) -> tuple[tuple[float, ...], ...]:
+        """Parameters of each effect, by default those that are said to be found."""
+        given = self.stated if coefficients is None else coefficients
+        return tuple(
+            place.definition.from_coefficients(given[block]) if variant is None else variant.values(given[block])
+            for place, block, variant in self.ways
+        )
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the sizes that are stated are possible."""
+        return all(
+            parameter.possible(value)
+            for place, values in zip(self.places, self.values(), strict=True)
+            for parameter, value in zip(place.definition.parameters, values, strict=True)
+        )
+
+    def possible(self, room: float = 0.0, further: NDArray | None = None, most_rows: int | None = None) -> Possible:
+        """The steps from the Chebyshev centre that keep every error within its bound.
+
+        Parameters
+        ----------
+        room : float
+            what is added to every bound
+        further : (M, C) array, optional
+            columns of more effects, at zero in the fit
+        most_rows : int, optional
+            as for `Possible`
+        """
+        jacobian = self.jacobian if further is None else np.hstack((self.jacobian, further))
+        return Possible(jacobian, self.left, self.bound + room, most_rows)
+
+    def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
+        """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.
+
+        Arguments as for `possible`.
+        """
+        possible, count = self.possible(room, None, most_rows), len(self.point)
+        found = []
+        for place, block, variant in self.ways:
+            columns = count + np.arange(block.start, block.stop)
+            middle, step = self.central[columns], possible.among(columns)
+
+            def reach(direction: NDArray, middle: NDArray = middle, step: Reach = step) -> float:
+                return float(direction @ middle + step(direction))
+
+            found.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
+        return tuple(found)
+
+
+def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
+    """Intervals of an effect's parameters: amplitudes and phases in pairs, others one by one."""
+    parameters = place.definition.parameters
+    found: list[Interval] = []
+    for k, unit in enumerate(np.eye(len(parameters))):
+        if parameters[k].name.endswith("phase"):
+            continue
+        if parameters[k].name.endswith("amplitude"):
+            pair = np.eye(len(parameters))[k : k + 2]
+
+            def in_plane(direction: NDArray, pair: NDArray = pair) -> float:
+                return reach(direction @ pair)
+
+            found += polar_intervals(in_plane)
+        else:
+            least = parameters[k].smallest
+            low = -reach(-unit)
+            found.append((low if least is None else max(least, low), reach(unit)))
+    return tuple(found)
+
+
+def _variant_intervals(variant: Variant, reach: Reach) -> tuple[Interval, ...]:
+    """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
+    if variant.columns.shape[2] == 0:
+        return variant.limits
+    low, high = variant.limits[0]
+    unit = np.ones(1)
+    return ((max(low, -reach(-unit)), min(high, reach(unit))),)
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """Effects that can be told apart at all, and what each stands for.
+
+    Attributes
+    ----------
+    places : tuple of EffectPlace
+        one of each class, in the order of the catalogue; effects that lie wholly in the model are left out
+    members : tuple of tuple of EffectPlace
+        the others of each class
+    spaces : tuple of array
+        what each adds to the model, as orthonormal columns
+    """
+
+    places: tuple[EffectPlace, ...]
+    members: tuple[tuple[EffectPlace, ...], ...]
+    spaces: tuple[NDArray[np.float64], ...]
+
+    @staticmethod
+    def of(places: Sequence[EffectPlace], spaces: Sequence[NDArray]) -> "Classes":
+        """Effects sorted by the spaces that they add to the model."""
+        firsts: list[EffectPlace] = []
+        kept: list[NDArray] = []
+        members: list[list[EffectPlace]] = []
+        for place, space in zip(places, spaces, strict=True):
+            if space.shape[1] == 0:
+                continue
+            same = next((k for k, other in enumerate(kept) if same_space(space, other)), None)
+            if same is None:
+                firsts.append(place)
+                kept.append(space)
+                members.append([])
+            else:
+                members[same].append(place)
+        return Classes(tuple(firsts), tuple(tuple(m) for m in members), tuple(kept))
+
+    def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
+        """What cannot be told from the effect at `place`."""
+        return tuple(other for other in self.whole_class(place) if other != place)
+
+    def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
+        """The class of an effect; it alone where it is in none."""
+        every = ((first, *members) for first, members in zip(self.places, self.members, strict=True))
+        return next((members for members in every if place in members), (place,))
+
+    def joint_space(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """What a set of effects adds to the model together."""
+        spaces = [self.spaces[self.places.index(self.whole_class(place)[0])] for place in places]
+        return column_space(np.hstack(spaces)) if spaces else np.zeros((1, 0))
+
+
+class Gain(Told):
+    """Errors of what was not used to estimate anything, without and with the effects.
+
+    Attributes
+    ----------
+    over : str or None
+        the kind of moves or windows, in words
+    pieces : int or None
+        how many
+    held_out_rms_before, held_out_rms_after, held_out_max_before, held_out_max_after : float
+        over the sizes of the errors: fractions of g, or arcminutes of turns
+    others : list of Gain or None
+        the same of every other kind
+    before, after : (S, d) array
+        the errors themselves, in g or rad; NaN where they do not count
+    rows : (S,) array of int or None
+        rows of the record that they are of
+    """
+
+    over: str | None = None
+    pieces: int | None = None
+    held_out_rms_before: float
+    held_out_rms_after: float
+    held_out_max_before: float
+    held_out_max_after: float
+    others: list["Gain"] | None = None
+    before: Any = Field(default=None, exclude=True)
+    after: Any = Field(default=None, exclude=True)
+    rows: Any = Field(default=None, exclude=True)
+
+    @property
+    def improves(self) -> bool:
+        """Whether what was held out is predicted better with the effects, on the whole."""
+        return self.held_out_rms_after < self.held_out_rms_before
+
+
+def blocks_of(places: Sequence[EffectPlace]) -> tuple[slice, ...]:
+    """The columns of each effect, one after the other."""
+    ends = np.cumsum([0, *(coefficient_count(place) for place in places)]).tolist()
+    return tuple(slice(start, stop) for start, stop in pairwise(ends))
+
+
+def coefficient_count(place: EffectPlace) -> int:
+    """How many coefficients an effect has."""
+    return len(place.definition.parameters)
+
+
+def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> Gain:
+    """The gain by errors (S, d) without and with the effects, whose sizes are quoted in a unit."""
+    figures = {}
+    for name, errors in (("before", before), ("after", after)):
+        sizes = np.linalg.norm(errors, axis=1) / unit
+        figures |= {f"held_out_rms_{name}": float(np.sqrt(np.mean(sizes**2))), f"held_out_max_{name}": sizes.max()}
+    return Gain(before=before, after=after, **figures, **more)
+
+
+def export_extended(
+    places: Sequence[EffectPlace], folder: Path, components: Sequence[str] = (), flavour: str = "python"
+) -> dict[str, Path]:
+    """Write FMUs that are extended by effects into a folder: component -> file.
+
+    Parameters
+    ----------
+    places : sequence of EffectPlace
+    folder : Path
+    components : sequence of str
+        by default those that the effects extend, and the compensation that takes the gyros' out
+    flavour : str
+        as for `trihedron.fmus.build`
+    """
+    extended = {c for place in places if (c := place.definition.component) is not None}
+    if "GyroBlock" in extended:
+        extended.add("GyroCompensation")
+    of = {name: NAMED_FOR.get(name, name) for name in components or sorted(extended)}
+    return {
+        name: build(name, folder, [p for p in places if p.definition.component == own], flavour=flavour)
+        for name, own in of.items()
+    }
+
+
+def composed(
+    title: str,
+    fmus: Mapping[str, tuple[str, Mapping[str, Any]]],
+    effects: Sequence[Mapping[str, object]],
+    columns: Mapping[str, str],
+    **parts: Any,
+) -> Scenario:
+    """A scenario of components, each with those of the effects composed in that extend it.
+
+    Parameters
+    ----------
+    title : str
+    fmus : mapping
+        name -> component and its parameters
+    effects : sequence of mapping
+        as in a scenario file
+    columns : mapping
+        of the record
+    **parts
+        other parts of a scenario file: ``run``, ``connections``, ``stimuli``
+    """
+    entries = [(CATALOGUE[str(entry["effect"])].component, dict(entry)) for entry in effects]
+    described = {
+        name: {
+            "component": component,
+            "effects": [entry for extended, entry in entries if extended == component],
+            "parameters": values,
+        }
+        for name, (component, values) in fmus.items()
+    }
+    said = {"schema": "trihedron.scenario/1", "title": title, "fmus": described, "record": {"columns": columns}}
+    return Scenario.model_validate(said | parts)
