@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from trihedron.tools.planning.positions import Places, Request, Task, stored_positions, task_of
+from trihedron.tools.planning.common import stored_positions
+from trihedron.tools.planning.positions import Places, Request, Task, task_of
 
 SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
 OPTIMA = np.array([SINGLE, SINGLE, THIRD, *[SCALE] * 6, *[SUM] * 3, *[SINGLE] * 3, *[ZERO] * 3])

@@ -25,7 +25,8 @@ from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
 from ..orchestrator.stimuli import read_table
 from ..planning.check import read_angles
-from ..planning.plan import Plan, Plans, PositionPlan
+from ..planning.common import PositionPlan
+from ..planning.plan import Plan, Plans
 from ..records.columns import ANGLES, FORCE, RAW, Columns, extra_warning, warnings
 from ..records.kinds import RawRecord
 from ..records.read import MAGIC, all_faults, read_record

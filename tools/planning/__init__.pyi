@@ -1,11 +1,11 @@
 from .check import check_settings as check_settings
 from .check import read_angles as read_angles
+from .common import DWELL_S as DWELL_S
+from .common import PositionPlan as PositionPlan
+from .common import checked_dwell as checked_dwell
+from .common import plan_curve as plan_curve
+from .common import plan_positions as plan_positions
 from .plan import Plans as Plans
-from .plan import PositionPlan as PositionPlan
-from .plan import plan_curve as plan_curve
-from .plan import plan_positions as plan_positions
 from .plan import plan_targets as plan_targets
-from .positions import DWELL_S as DWELL_S
 from .positions import Request as Request
-from .positions import checked_dwell as checked_dwell
 from .positions import task_of as task_of

@@ -1,4 +1,4 @@
-"""What proves that no plan costs less: a dual vector, and a bound of |F'y| over the continuous admissible set.
+"""Programme and proof of an optimal plan: columns of readings, a dual vector, a bound of |F'y| over all positions.
 
 A dual y with |F'y| ≤ 1 on all readings proves that every estimator costs a'y at least. Of all duals that satisfy what
 is asked, the quietest has the least |F'y| in the mean square: a vertex of the dual programme touches ±1 at as many
@@ -10,16 +10,20 @@ cancel the gradient, h is bounded by its quadratic expansion about the centre pl
 Every bound is raised by more than the rounding errors of its evaluation can amount to: it is proven, not estimated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import highspy
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from .forms import MOST_TERMS, Sheet, dual_forms, padded_terms
+from ..bounded.programmes import PRIMAL_SIMPLEX, SolverError, solver
+from .forms import MOST_TERMS, ROUNDING, Sheet, dual_forms, padded_terms
 
+ARTIFICIAL_COST = 1e4
+"""Cost of an artificial column, in units of σ: a plan that costs more is of no use."""
 NO_WEIGHT = 1e-9
 """A weight so small is the solver's tolerance."""
 RANK = 1e-9
@@ -35,8 +39,6 @@ FLIPS: list[tuple[tuple[int, ...], tuple[int, ...]]] = [
 """Of which absolute values the sign is the other one in c_1 and in c_2, relative to the box's centre."""
 SMALLEST = 1e-9
 """Half-width [rad] below which a box is not divided."""
-ROUNDING = 64 * np.finfo(float).eps
-"""A form of nine terms, sines and cosines included, is evaluated to within this times the sum of its coefficients."""
 
 
 class UndeterminedError(ArithmeticError):
@@ -85,6 +87,12 @@ class Optimum:
     def times(self, factor: float) -> "Optimum":
         """The optimum of the target times a positive factor."""
         return replace(self, weights=factor * self.weights, lower_bound=factor * self.lower_bound * (1.0 - 1e-15))
+
+
+def scaled_optimum(optimum: Callable[[NDArray], Optimum], target: NDArray) -> Optimum:
+    """The optimum for a target a (P,) of any size, by what finds it for one of size 1."""
+    size = float(np.abs(target).max())
+    return optimum(target / size).times(size)
 
 
 def settled(
@@ -317,3 +325,72 @@ def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
     square = h[:, 1] ** 2 * h[:, 5] - 2.0 * h[:, 1] * h[:, 2] * h[:, 4] + h[:, 2] ** 2 * h[:, 3]
     whole = h[:, 0] + 0.5 * np.abs(square) / safe * (1.0 + 1e-9)
     return np.where(concave, np.minimum(separate, whole), separate)
+
+
+class Columns:
+    """The restricted programme of column generation: min Σ|Φ| with Σ Φ F = a, over the columns found so far.
+
+    One warm HiGHS model to which columns are added; a new target only changes the right-hand side. `regressors` (K, P)
+    are F of the columns in the order in which they were added, for P parameters.
+    """
+
+    def __init__(self, size: int):
+        self._size = size
+        self.regressors = np.zeros((0, size))
+        self._highs = solver()
+        zero = np.zeros(size)
+        empty = np.zeros(0, dtype=np.int32)
+        self._highs.addRows(size, zero, zero, 0, np.zeros(size, dtype=np.int32), empty, np.zeros(0))  # pyright: ignore
+        self._add_columns(ARTIFICIAL_COST, np.eye(size))
+
+    def add(self, regressors: NDArray) -> None:
+        """Add columns F (K, P); each may have a weight of either sign."""
+        self._add_columns(1.0, regressors)
+        self.regressors = np.vstack([self.regressors, regressors])
+
+    def _add_columns(self, cost: float, regressors: NDArray) -> None:
+        matrix = np.repeat(regressors, 2, axis=0)
+        matrix[1::2] *= -1.0
+        count = len(matrix)
+        columns, rows = np.nonzero(matrix)
+        self._highs.addCols(
+            count,
+            np.full(count, cost),  # pyright: ignore[reportArgumentType]
+            np.zeros(count),  # pyright: ignore[reportArgumentType]
+            np.full(count, highspy.kHighsInf),  # pyright: ignore[reportArgumentType]
+            len(rows),
+            np.searchsorted(columns, np.arange(count)).astype(np.int32),  # pyright: ignore[reportArgumentType]
+            rows.astype(np.int32),  # pyright: ignore[reportArgumentType]
+            matrix[columns, rows],  # pyright: ignore[reportArgumentType]
+        )
+
+    def close(self, columns: NDArray, *, closed: bool = True) -> None:
+        """Keep columns (n,) out of every plan, or let them in again."""
+        pairs = (2 * (self._size + np.asarray(columns))[:, None] + np.arange(2)).ravel().astype(np.int32)
+        upper = np.full(len(pairs), 0.0 if closed else highspy.kHighsInf)
+        self._highs.changeColsBounds(len(pairs), pairs, np.zeros(len(pairs)), upper)  # pyright: ignore
+
+    def aim(self, target: NDArray) -> None:
+        """Set the weights a (P,) of the target."""
+        rows = np.arange(self._size, dtype=np.int32)
+        self._highs.changeRowsBounds(self._size, rows, target, target)  # pyright: ignore
+
+    def solve(self) -> tuple[NDArray, NDArray, bool]:
+        """Φ (K,) of each column, at most P of them not zero; y (P,) with |F'y| ≤ 1 on the columns and a'y the cost.
+
+        Last, whether the columns can determine the target.
+        """
+        self._highs.run()
+        if self._highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+            self._highs.clearSolver()
+            self._highs.setOptionValue("simplex_strategy", PRIMAL_SIMPLEX)
+            self._highs.run()
+            self._highs.setOptionValue("simplex_strategy", 0)
+        status = self._highs.getModelStatus()
+        if status != highspy.HighsModelStatus.kOptimal:
+            raise SolverError(f"a linear programme was not solved: {self._highs.modelStatusToString(status)}")
+        solution = self._highs.getSolution()
+        values = np.array(solution.col_value)
+        pairs = values[0::2] - values[1::2]
+        possible = bool(np.abs(pairs[: self._size]).max() <= 1e-9)
+        return pairs[self._size :], np.array(solution.row_dual), possible

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from .certificate import Optimum, UndeterminedError, ceiling, quietest, settled
-from .forms import INSIDE, Ridges, Sheet, clearance, dual_forms, value
-from .grid import Columns, Grid, Lines
+from .certificate import Columns, Optimum, UndeterminedError, ceiling, quietest, settled
+from .forms import INSIDE, Lines, Ridges, Sheet, clearance, dual_forms, value
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
@@ -240,12 +239,6 @@ class Continuum:
         alpha, beta = np.mod(found.alpha, 2 * np.pi), np.mod(found.beta, 2 * np.pi)
         places = accelerometer, alpha, beta, np.degrees(alpha), np.degrees(beta)
         return settled(target, dual, bound, found.regressors, found.weights, places)
-
-
-def scaled_optimum(search: Grid | Continuum, target: NDArray) -> Optimum:
-    """The optimum for a target a (P,) of any size, computed for one of size 1."""
-    size = float(np.abs(target).max())
-    return search.optimum(target / size).times(size)
 
 
 def _above(peaks: NDArray, limit: float) -> NDArray:

@@ -34,6 +34,11 @@ INSIDE = 1e-13
 OUTSIDE = -1e-12
 """Margin [g] for bounds that are to hold on the admissible set in spite of rounding."""
 FAN = 17
+TOLERANCE = 1e-10
+"""|F'y| may exceed one by this on the grid: the cost is then optimal to this."""
+ROWS_AT_ONCE = 64
+ROUNDING = 64 * np.finfo(float).eps
+"""A form of nine terms, sines and cosines included, is evaluated to within this times the sum of its coefficients."""
 
 
 @dataclass(frozen=True)
@@ -264,3 +269,64 @@ class Ridges:
             alpha = np.where(better, trial.reshape(-1, FAN)[n, pick], alpha)
             reach *= 2.0 / (FAN - 1)
         return alpha, beta, best
+
+
+class Lines:
+    """A grid that is priced whole: every admissible position of the given lines of both angles (n,) [rad]."""
+
+    def __init__(self, sheets: Sequence[Sheet], angle: NDArray, lines: NDArray):
+        self._lines, self._basis = lines, basis(angle[lines])
+        here = angle[lines]
+        self._inside = [(clearance(s, here[:, None], here[None, :]) > 0.0).astype(float) for s in sheets]
+
+    def price(self, forms: NDArray) -> tuple[float, NDArray]:
+        """The greatest |F'y|, rounding included, and the worst positions (K, 3) (sheet, row, column) above one."""
+        slack = _rounding(forms)
+        found, ceiling = [], 0.0
+        for k, (form, inside) in enumerate(zip(forms, self._inside, strict=True)):
+            values = (self._basis @ form @ self._basis.T) * inside
+            for worst in (int(values.argmax()), int(values.argmin())):
+                ceiling = max(ceiling, abs(values.flat[worst]))
+                if abs(values.flat[worst]) > 1.0 + TOLERANCE:
+                    i, j = divmod(worst, len(self._lines))
+                    found.append((k, self._lines[i], self._lines[j]))
+        return ceiling + slack, np.array(found, dtype=int).reshape(-1, 3)
+
+
+class Rows:
+    """A grid of angles (n,) [rad] that is priced row by row, and only where a row may hold a position above one."""
+
+    def __init__(self, sheets: Sequence[Sheet], angle: NDArray):
+        self._sheets, self._angle, self._basis = sheets, angle, basis(angle)
+        self._ridges = Ridges(sheets, OUTSIDE)
+        self._arcs = [self._ridges.arcs(np.full(len(angle), k), angle) for k in range(len(sheets))]
+
+    def price(self, forms: NDArray, most: int | None) -> tuple[float, NDArray]:
+        """As `Lines.price`; of each sheet and sense at most `most` rows, the most promising, are looked at."""
+        limit, slack = 1.0 + TOLERANCE, _rounding(forms)
+        found, ceiling = [], limit
+        for k, sheet in enumerate(self._sheets):
+            for sense in (1.0, -1.0):
+                height, _ = self._ridges.heights(self._arcs[k], forms, np.full(len(self._angle), sense))
+                rows = np.flatnonzero(height + 2.0 * slack > limit)
+                if most is not None:
+                    rows = rows[np.argsort(-height[rows], kind="stable")[:most]]
+                best, where = limit, None
+                for block in np.array_split(rows, len(rows) // ROWS_AT_ONCE + 1):
+                    values = sense * (self._basis[block] @ forms[k] @ self._basis.T)
+                    i, j = np.nonzero(values + slack > best)
+                    inside = clearance(sheet, self._angle[block[i]], self._angle[j]) > 0.0
+                    i, j = i[inside], j[inside]
+                    if len(i):
+                        worst = int(values[i, j].argmax())
+                        top = float(values[i[worst], j[worst]])
+                        ceiling = max(ceiling, top)
+                        if top > best:
+                            best, where = top, (k, block[i[worst]], j[worst])
+                if where is not None:
+                    found.append(where)
+        return ceiling + slack, np.array(found, dtype=int).reshape(-1, 3)
+
+
+def _rounding(forms: NDArray) -> float:
+    return ROUNDING * float(np.abs(forms).sum(axis=(1, 2)).max())

@@ -1,45 +1,112 @@
-"""Plans with their proofs: the readings that estimate one target best, and one set of positions for all targets."""
+"""The readings that estimate one target best, with the proof: on a grid of any step, or over all angles."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
 from ..calibration.calibration import Accelerometer, Number, Size
 from ..calibration.model import Parametrisation, mountings_of, parametrise
 from ..calibration.targets import asked_targets, convention_targets
 from ..errors import InputError
-from ..progress import shown_status, tracked
+from ..progress import tracked
 from ..result import Result
-from .bounds import Bound, bound_positions, pool_of
-from .certificate import Optimum, UndeterminedError
-from .check import EffectDistance, detecting, named_effects
-from .continuum import Continuum, scaled_optimum
-from .forms import sheets
-from .grid import Grid
-from .positions import Places, Request, Task, allowed, costs, measuring_order, stored_positions, task_of, unwound
-from .search import drawn, rounded, search
+from .certificate import Columns, Optimum, UndeterminedError, scaled_optimum, settled
+from .continuum import Continuum
+from .forms import Lines, Rows, Sheet, clearance, dual_forms, sheets, value
+from .positions import Request
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-FEWEST, MOST_POSITIONS = 5, 60
-"""Fewest of a symmetric block, with fifteen parameters."""
+SEEDS = 12
+"""Rows and columns of the coarse grid that the search begins with."""
+BEST_ROWS = 20
+WHOLE = 480
+"""Lines of a grid that is priced whole, at most."""
+FINEST_DEG = 0.01
 
 
 def _plain(value: float) -> int | float:
     return int(value) if float(value).is_integer() else value
 
 
-ASKED = ("criterion", "reserve_deg", "resolution_deg", "keep_out", "order", "seed")
-ASKED += ("admissible", "bounds", "convention", "baseline")
-"""What a plan of positions repeats of its request."""
 Degrees = Annotated[Number, AfterValidator(_plain)]
 """Whole numbers without a decimal point, zero without its sign."""
 Cost = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class Grid:
+    """A grid over [0°, 360°] × [0°, 360°] and the columns found on it so far, shared by all targets.
+
+    Positions that coincide (0° and 360°) count once. A coarse grid is priced whole. Of a fine one no list of positions
+    is ever made: its every n-th line gives the first columns, and then a row of it is looked at only where the greatest
+    |F'y| over its β, known exactly, exceeds one. An InputError for a step that is not between 0.01 and 180 degrees.
+    """
+
+    def __init__(self, sheets: Sequence[Sheet], step_deg: float):
+        if not FINEST_DEG <= step_deg <= 180.0:
+            raise InputError(f"--grid {step_deg:g}: the step must be between {FINEST_DEG:g} and 180 degrees")
+        count = int(360.0 / step_deg + 1e-9) + 1
+        degrees = np.arange(count) * step_deg
+        self._degrees = degrees[degrees < 360.0 - 1e-9 * step_deg]
+        self._angle = np.radians(self._degrees)
+        self._sheets, self._size = sheets, len(self._degrees)
+        self._columns = Columns(sheets[0].regressor.shape[0])
+        self._at = np.zeros((0, 3), dtype=int)
+        lines = np.arange(0, self._size, -(-self._size // WHOLE))
+        self._coarse = Lines(sheets, self._angle, lines)
+        self._fine = Rows(sheets, self._angle) if len(lines) < self._size else None
+        some = lines[np.unique(np.linspace(len(lines) // 90, len(lines) - 1, SEEDS).astype(int))]
+        for k, sheet in enumerate(sheets):
+            i, j = (g.ravel() for g in np.meshgrid(some, some, indexing="ij"))
+            inside = clearance(sheet, self._angle[i], self._angle[j]) > 0.0
+            self._add(np.column_stack([np.full(inside.sum(), k), i[inside], j[inside]]))
+
+    def _add(self, places: NDArray) -> None:
+        if len(places):
+            angle = self._angle
+            columns = [value(self._sheets[k].regressor, angle[i], angle[j]) for k, i, j in places]
+            self._columns.add(np.array(columns))
+            self._at = np.vstack([self._at, places])
+
+    def ceiling(self, dual: NDArray) -> float:
+        """What |F'y| does not exceed on the grid, rounding included."""
+        forms = dual_forms(self._sheets, dual)
+        return (self._fine.price(forms, None) if self._fine is not None else self._coarse.price(forms))[0]
+
+    def _price(self, dual: NDArray) -> tuple[float, NDArray]:
+        """As `Lines.price`, of the whole grid once its coarser lines and its best rows hold nothing above one."""
+        forms = dual_forms(self._sheets, dual)
+        bound, places = self._coarse.price(forms)
+        if self._fine is not None:
+            for most in (BEST_ROWS, None):
+                if not len(places):
+                    bound, places = self._fine.price(forms, most)
+        return bound, places
+
+    def optimum(self, target: NDArray) -> Optimum:
+        """The plan of least cost for a target a (P,), with the dual that proves it.
+
+        An UndeterminedError when the grid's positions cannot determine the target.
+        """
+        self._columns.aim(target)
+        while True:
+            weights, dual, possible = self._columns.solve()
+            bound, places = self._price(dual)
+            if not len(places):
+                break
+            self._add(places)
+        if not possible:
+            raise UndeterminedError
+        used = np.flatnonzero(weights)
+        sheet, i, j = self._at[used].T
+        accelerometer = np.array([self._sheets[k].accelerometer for k in sheet])
+        places = accelerometer, self._angle[i], self._angle[j], self._degrees[i], self._degrees[j]
+        return settled(target, dual, bound, self._columns.regressors[used], weights[used], places)
 
 
 class PlannedReading(Result):
@@ -156,7 +223,7 @@ def plan_targets(
     plans = []
     for target in tracked(wanted, "plans", show=progress):
         try:
-            best = scaled_optimum(everywhere, target.weights)
+            best = scaled_optimum(everywhere.optimum, target.weights)
         except UndeterminedError:
             where = "the admissible positions" if grid is None else f"the positions of --grid {grid:g}"
             hint = "" if grid is None else "; give a finer grid"
@@ -185,233 +252,3 @@ def plan_targets(
             )
         )
     return Plans(plans=tuple(plans))
-
-
-class PlannedPosition(Result):
-    """Angles as commands to the table [deg], and the mounting where there are several."""
-
-    omitted = frozenset({"mounting"})
-
-    alpha_deg: Degrees
-    beta_deg: Degrees
-    mounting: str | None = None
-
-
-class PositionPlan(Result):
-    """One set of positions for all targets, and in which order they are measured.
-
-    Attributes
-    ----------
-    positions : tuple of PlannedPosition
-        in the order in which they are measured first
-    programme : tuple of int
-        every measurement: which position, from 1
-    worst_ratio, mean_ratio : float
-        of the targets' costs to their optima
-    lower_bound, lower_bound_on : float, str
-        proven: no set of so many positions of this pool has a lower worst ratio; None where it is not asked for, where
-        extra positions are, or after an interruption
-    costs, optima : dict
-        of each target [σ]: with this set, and with its own optimal plan over all angles
-    readings : int
-        how many count
-    criterion, reserve_deg, resolution_deg, keep_out, order, seed, admissible, bounds, convention, baseline
-        as in the request
-    starts : int
-        local improvements that were made
-    interrupted : bool
-        whether Ctrl-C ended search or bound
-    mountings : dict
-        Q (3, 3) by name
-    detection : tuple of EffectDistance
-        how well the effects that were named show
-    task, bound : Task, Bound or None
-        what was asked, what is proven; for programs
-    duration : float
-        time of the programme's moves [s], for programs
-    searched : int
-        positions of the set without the extra ones, for programs
-    """
-
-    omitted = frozenset({"detection"})
-
-    schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
-    positions: Annotated[tuple[PlannedPosition, ...], Field(min_length=1)]
-    programme: tuple[int, ...]
-    worst_ratio: Annotated[float, Field(ge=1.0 - 1e-9, allow_inf_nan=False)]
-    mean_ratio: Number
-    lower_bound: Number | None
-    lower_bound_on: str | None
-    costs: dict[str, Number]
-    optima: dict[str, Number]
-    readings: int
-    criterion: str
-    reserve_deg: float
-    resolution_deg: float | None
-    keep_out: tuple[str, ...]
-    order: str
-    seed: int
-    starts: int
-    interrupted: bool
-    admissible: str
-    bounds: tuple[float, float]
-    convention: str
-    baseline: str
-    mountings: dict[str, list[list[float]]]
-    detection: tuple[EffectDistance, ...] = ()
-    task: Task = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
-    bound: Bound | None = Field(default=None, exclude=True)
-    duration: float = Field(default=0.0, exclude=True)
-    searched: int = Field(default=0, exclude=True)
-
-    def to_polars(self) -> "DataFrame":
-        """The programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings, mounting."""
-        import polars as pl
-
-        rows = [{"order": k, **self.positions[at - 1].to_json()} for k, at in enumerate(self.programme, start=1)]
-        return pl.DataFrame(rows, schema_overrides={"alpha_deg": pl.Float64, "beta_deg": pl.Float64})
-
-
-def plan_positions(count: int, request: Request, *, stored: bool = True, progress: bool = False) -> PositionPlan:
-    """One set of positions for all targets, with what is proven of every other set.
-
-    It begins with the plan that the package holds for so many positions, where `stored` says so and it fits. The same
-    for the same arguments; the best found where Ctrl-C ended the search. An InputError for options that cannot be used,
-    and for so few positions that no set was found.
-    """
-    if not FEWEST <= count <= MOST_POSITIONS:
-        raise InputError(f"--positions {count}: must be between {FEWEST} and {MOST_POSITIONS}")
-    if not 0 <= request.repeat <= count:
-        raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
-    effects = named_effects(request.detect)
-    task = task_of(request, progress=progress)
-    p, size = task.parametrisation, task.weights.shape[1]
-    if count < -(-size // 3):
-        raise InputError(
-            f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
-        )
-    given = starting_positions(task, count) if stored else []
-    found, starts, interrupted = search(task, count, given=given, progress=progress)
-    if found is None:
-        less = ", or leave more angles by --keep-out" if request.keep_out else ""
-        raise InputError(
-            f"--positions {count}: no set was found that determines every target; give more, or --starts{less}"
-        )
-    if request.resolution_deg is not None:
-        found = rounded(task, found)
-        if not (found.determined.all() and allowed(task, found.places.angle).all()):
-            where = " outside the keep-outs" if request.keep_out else ""
-            raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
-    bound, detection = None, ()
-    if request.cuts and not interrupted and not (effects and request.extra):
-        try:
-            with shown_status("lower bound", show=progress):
-                bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
-        except KeyboardInterrupt:
-            interrupted = True
-    if effects:
-        places, detection = detecting(task, found.places, effects)
-        found = costs(task, places)
-    commands = unwound(found.places.angle, task.keep_out)
-    rows, duration = measuring_order(found.places, commands, request)
-    order = list(dict.fromkeys(rows.tolist()))
-    number = {row: place for place, row in enumerate(order, start=1)}
-    mounting = found.places.mounting if len(p.mountings) > 1 else None
-    symbols = [target.symbol for target in task.targets]
-    return PositionPlan(
-        positions=tuple(
-            PlannedPosition(
-                alpha_deg=alpha,
-                beta_deg=beta,
-                mounting=None if mounting is None else p.mountings[int(mounting[row])],
-            )
-            for row, (alpha, beta) in zip(order, np.round(np.degrees(commands[order]), 9).tolist(), strict=True)
-        ),
-        programme=tuple(number[row] for row in rows.tolist()),
-        worst_ratio=found.worst,
-        mean_ratio=found.mean,
-        lower_bound=None if bound is None else bound.ratio,
-        lower_bound_on=None if bound is None else bound.on,
-        costs=dict(zip(symbols, (found.ratio * task.best).tolist(), strict=True)),
-        optima=dict(zip(symbols, task.best.tolist(), strict=True)),
-        readings=len(found.readings.position),
-        **{name: getattr(request, name) for name in ASKED},
-        starts=starts,
-        interrupted=interrupted,
-        mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
-        detection=detection,
-        task=task,
-        bound=bound,
-        duration=duration,
-        searched=count,
-    )
-
-
-def starting_positions(task: Task, count: int) -> list[Places]:
-    """The set of so many positions that the package holds, where it is for this mounting and in no keep-out."""
-    p = task.parametrisation
-    places = stored_positions(count)
-    if places is None or len(p.mountings) != 1 or not np.array_equal(p.matrices[0], np.eye(3)):
-        return []
-    return [places] if allowed(task, places.angle).all() else []
-
-
-class CurvePoint(Result):
-    """What N positions cost, ratios of the best set found; no N of the pool have a worst ratio below the bound."""
-
-    positions: int
-    readings: int
-    worst: float
-    mean: float
-    bound: float
-    pool: int
-
-
-class Curve(Result):
-    """Cost against the number of positions: how many positions are worth their time."""
-
-    schema_: Literal["trihedron.plan-curve/1"] = Field(default="trihedron.plan-curve/1", alias="schema")
-    points: tuple[CurvePoint, ...]
-
-
-def plan_curve(low: int, high: int, request: Request, *, progress: bool = False) -> Curve:
-    """The best sets of `low` to `high` positions, each begun with the one before and a position more.
-
-    Ctrl-C ends the curve where it is. An InputError for a range that is empty or too wide, and for options that cannot
-    be used.
-    """
-    if not 1 <= low <= high <= MOST_POSITIONS:
-        raise InputError(f"--curve {low} {high}: must be a range of numbers of positions up to {MOST_POSITIONS}")
-    task = task_of(request, progress=progress)
-    before: Places | None = None
-    points: list[CurvePoint] = []
-    for count in range(low, high + 1):
-        given = starting_positions(task, count)
-        if before is not None:
-            given = [*given, before.joined(drawn(task, 1, np.random.default_rng(request.seed)))]
-        try:
-            best, _, interrupted = search(task, count, given=given, progress=progress)
-            if best is None:
-                continue
-            before = best.places
-            pool = pool_of(task, before)
-            bound = bound_positions(task, pool, count, best.worst)
-        except KeyboardInterrupt:
-            if not points:
-                raise
-            break
-        points.append(
-            CurvePoint(
-                positions=count,
-                readings=len(best.readings.position),
-                worst=best.worst,
-                mean=best.mean,
-                bound=bound.ratio,
-                pool=len(pool.places),
-            )
-        )
-        if interrupted:
-            break
-    if not points:
-        raise InputError(f"--curve {low} {high}: no set was found that determines every target; give more, or --starts")
-    return Curve(points=tuple(points))

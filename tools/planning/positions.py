@@ -1,42 +1,33 @@
-"""What is asked of a common set of positions, the readings that such a set gives, what they cost, and their order.
+"""What is asked of a common set of positions, the readings that such a set gives, and what they cost.
 
 One set serves all targets and all accelerometers at once: a reading counts where the sign of its input is certain by
 the admissible set, at every angle that an error of setting may lead to. The cost of a target is the least guaranteed
-error with the readings that count. Positions are measured at random against drift, or on the shortest tour.
+error with the readings that count.
 """
 
-import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib import resources
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...models.table_commands import move_duration
 from ..calibration.model import Parametrisation, mountings_of, parametrise
 from ..calibration.targets import Target, convention_targets
 from ..errors import InputError
 from ..progress import shown_status
-from .certificate import UndeterminedError
-from .continuum import Continuum, scaled_optimum
+from .certificate import Columns, UndeterminedError, scaled_optimum
+from .continuum import Continuum
 from .forms import DEFAULT_BOUNDS, basis, padded_terms, sheets
-from .grid import Columns
 
-EXACT = 10
-"""Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
-TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
-"""Limits [rad/s], [rad/s²] of both axes by which tours are timed."""
-DWELL_S = 20.0
-"""Time at each position, where none is given."""
-SAME_PLACE = np.radians(0.02)
-"""Positions as near as this [rad] make one rest where one follows the other: the table hardly moves between them."""
 CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
 TURN = 2.0 * np.pi
 MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 """More searches, cuts or positions would not end within days."""
+SAMPLES = 40
+"""Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
+EQUAL = 1e-11
 NOT_DETERMINED = 1e3
 """A ratio above this says that the positions do not determine the target."""
 
@@ -251,7 +242,7 @@ def _optima(
     p = parametrise(matrices, symmetric=symmetric)
     everywhere = Continuum(sheets(p, bounds=bounds, rule=admissible))
     try:
-        optima = [scaled_optimum(everywhere, target.weights) for target in convention_targets(p, convention)]
+        optima = [scaled_optimum(everywhere.optimum, target.weights) for target in convention_targets(p, convention)]
     except UndeterminedError:
         raise InputError("the admissible positions cannot determine every target; give smaller --bounds") from None
     best = np.array([optimum.cost for optimum in optima])
@@ -383,184 +374,67 @@ def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray
     return np.maximum(down - 1e-12, 0.0), np.maximum(up - 1e-12, 0.0)
 
 
-def stored_positions(count: int) -> Places | None:
-    """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
-    angle = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in _stored_rows() if int(r["positions"]) == count]
-    return Places(np.radians(angle), np.zeros(count, dtype=int)) if angle else None
+@dataclass(frozen=True)
+class Symmetry:
+    """θ → sense θ + shift, for both angles: senses (2,) ±1 and shifts (2,) 0 or π [rad]."""
+
+    sense: NDArray
+    shift: NDArray
+
+    def of(self, angle: NDArray) -> NDArray:
+        """Images (N, 2) of positions (N, 2) [rad]."""
+        return np.mod(self.sense * angle + self.shift, TURN)
 
 
-def stored_counts() -> list[int]:
-    """For how many positions the package holds a plan."""
-    return sorted({int(row["positions"]) for row in _stored_rows()})
+def symmetries(task: Task) -> list[Symmetry]:
+    """Of the sixteen candidates, those that map readings to readings and targets to targets, up to signs.
 
-
-def _stored_rows() -> Iterator[dict[str, str]]:
-    text = resources.files("trihedron.tools.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
-    return csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-
-
-def measuring_order(places: Places, commands: NDArray, request: Request) -> tuple[NDArray, float]:
-    """The rows of the set in the order of measurement, one mounting after the other, and the time of the moves [s].
-
-    Tour or random order, its seed, and how many positions are measured twice are of the request; the commands (N, 2)
-    are the angles of the places [rad].
+    The cost of every target on a set of positions and on its image under one of these is then that of a target with
+    the same optimum: what is proven of a set holds for its images. Keep-outs are not looked at.
     """
-    rng = np.random.default_rng(request.seed)
-    whole, duration = [], 0.0
-    for mounting in np.unique(places.mounting):
-        rows = np.flatnonzero(places.mounting == mounting)
-        times = move_times(commands[rows])
-        order = shortest_tour(times) if request.order == "tour" else rng.permutation(len(rows))
-        share = round(request.repeat * len(rows) / len(places))
-        order = apart(repeated(order, share), commands[rows])
-        duration += tour_duration(times, order)
-        whole.append(rows[order])
-    return np.concatenate(whole), duration
+    angle = np.random.default_rng(1).uniform(0.0, TURN, (SAMPLES, 2))
+    here, clear = _regressors_and_clearances(task, angle)
+    found = []
+    for senses in product((1.0, -1.0), repeat=2):
+        for shifts in product((0.0, np.pi), repeat=2):
+            symmetry = Symmetry(np.array(senses), np.array(shifts))
+            there, moved = _regressors_and_clearances(task, symmetry.of(angle))
+            if np.abs(clear - moved).max() <= EQUAL and _holds(task, here, there):
+                found.append(symmetry)
+    return found
 
 
-def checked_dwell(dwell_s: float) -> float:
-    """The time at each position [s], or an InputError for one that is not positive."""
-    if not (np.isfinite(dwell_s) and dwell_s > 0.0):
-        raise InputError(f"--dwell {dwell_s:g}: must be a positive number of seconds")
-    return dwell_s
+def _regressors_and_clearances(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
+    """F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
+    places = on_all_mountings(angle, len(task.parametrisation.mountings))
+    clear = clearances(task, places)
+    a, b = basis(places.angle[:, 0]), basis(places.angle[:, 1])
+    f = np.einsum("spij,ni,nj->nsp", task.regressor, a, b, optimize=True)
+    clear = np.stack([np.where(task.accelerometer == p, clear, -np.inf) for p in range(3)], axis=1)
+    best = clear.argmax(axis=2)[..., None]
+    return np.take_along_axis(f, best, axis=1), np.take_along_axis(clear, best, axis=2)[..., 0]
 
 
-def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> NDArray:
-    """Angles (N, 2) [rad] as commands within one turn of each axis, cut where no position lies.
-
-    The cut is in the axis's widest keep-out, which no move then crosses, or else in the widest gap between positions.
-    The turn is the one about zero that leaves the commands as small as possible.
-    """
-    commands = np.mod(angle, TURN)
-    for axis in (0, 1):
-        own = np.sort(commands[:, axis])
-        gaps = np.append(np.diff(own), own[0] + TURN - own[-1])
-        widest = int(gaps.argmax())
-        cut = own[widest] + 0.5 * gaps[widest]
-        if keep_out[axis]:
-            low, high = max(keep_out[axis], key=lambda interval: interval[1] - interval[0])
-            cut = 0.5 * (low + high)
-        start = cut + 1e-12
-        turned = start + np.mod(commands[:, axis] - start, TURN)
-        turned -= TURN * np.round(0.5 * (turned.max() + turned.min()) / (TURN))
-        commands[:, axis] = turned
-    return commands
+def _holds(task: Task, here: NDArray, there: NDArray) -> bool:
+    """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order."""
+    for signs in product((1.0, -1.0), repeat=2):
+        turned = there * np.array([1.0, *signs])[None, :, None]
+        mixed = _permutation(here.reshape(-1, here.shape[2]), turned.reshape(-1, here.shape[2]))
+        if mixed is not None:
+            moved = (task.weights @ mixed)[:, None]
+            near = np.minimum(np.abs(task.weights - moved).max(axis=2), np.abs(task.weights + moved).max(axis=2))
+            if near.min(axis=1).max() <= EQUAL:
+                return True
+    return False
 
 
-def move_times(commands: NDArray) -> NDArray:
-    """Times [s] of all moves: (N + 1, N), the first row from (0, 0); both axes move at once."""
-    starts = np.vstack([np.zeros((1, 2)), commands])
-    way = np.abs(starts[:, None] - commands[None]).max(axis=2)
-    return np.vectorize(lambda distance: move_duration(float(distance), TABLE_RATE, TABLE_ACCELERATION))(way)
-
-
-def tour_duration(times: NDArray, order: NDArray) -> float:
-    """Time [s] of the moves of a programme that begins at (0, 0)."""
-    before = np.concatenate([[0], order[:-1] + 1])
-    return float(times[before, order].sum())
-
-
-def shortest_tour(times: NDArray) -> NDArray:
-    """The order (N,) with the least time of all moves from (0, 0) on, not back."""
-    count = times.shape[1]
-    if count <= EXACT:
-        return _exact(times)
-    tours = []
-    for first in range(count):
-        order, left = [first], set(range(count)) - {first}
-        while left:
-            order.append(min(left, key=lambda k, last=order[-1]: (times[last + 1, k], k)))
-            left.remove(order[-1])
-        tours.append(_exchanged(times, np.array(order)))
-    return min(tours, key=lambda order: (round(tour_duration(times, order), 9), order.tolist()))
-
-
-def _exact(times: NDArray) -> NDArray:
-    """Held and Karp's recursion over sets of positions."""
-    count = times.shape[1]
-    best = np.full((1 << count, count), np.inf)
-    came = np.zeros((1 << count, count), dtype=int)
-    for last in range(count):
-        best[1 << last, last] = times[0, last]
-    for members in range(1, 1 << count):
-        inside = [k for k in range(count) if members >> k & 1]
-        for new in range(count):
-            if members >> new & 1:
-                continue
-            ways = best[members, inside] + times[np.array(inside) + 1, new]
-            k = int(ways.argmin())
-            if ways[k] < best[members | 1 << new, new]:
-                best[members | 1 << new, new] = ways[k]
-                came[members | 1 << new, new] = inside[k]
-    members, last = (1 << count) - 1, int(best[-1].argmin())
-    order = [last]
-    while members != 1 << last:
-        members, last = members ^ 1 << last, int(came[members, last])
-        order.append(last)
-    return np.array(order[::-1])
-
-
-def _exchanged(times: NDArray, order: NDArray) -> NDArray:
-    """Reverse parts of a tour, and move short parts, while that shortens it."""
-    best, count = tour_duration(times, order), len(order)
-    improved = True
-    while improved:
-        improved = False
-        for i in range(count):
-            for j in range(i + 1, count + 1):
-                reversed_part = np.concatenate([order[:i], order[i:j][::-1], order[j:]])
-                trials = [reversed_part]
-                if j - i <= 3:
-                    rest, part = np.concatenate([order[:i], order[j:]]), order[i:j]
-                    trials += [np.concatenate([rest[:k], part, rest[k:]]) for k in range(len(rest) + 1) if k != i]
-                for trial in trials:
-                    duration = tour_duration(times, trial)
-                    if duration < best - 1e-9:
-                        order, best, improved = trial, duration, True
-    return order
-
-
-def repeated(order: NDArray, count: int) -> NDArray:
-    """The order with `count` of its positions measured again, spread over it, half the programme after the first time.
-
-    Half a programme apart, the two readings of a position tell drift and repeatability as well as any can.
-    """
-    if not count:
-        return order
-    size = len(order)
-    chosen = np.unique(np.linspace(0, size - 1, count).round().astype(int))
-    after: dict[int, list[int]] = {}
-    for row in chosen:
-        after.setdefault((int(row) + size // 2) % size, []).append(int(order[row]))
-    programme: list[int] = []
-    for row, position in enumerate(order):
-        programme.append(int(position))
-        programme += after.get(row, [])
-    return np.array(programme)
-
-
-def apart(order: NDArray, commands: NDArray) -> NDArray:
-    """The order with no position right after one in the same place, where others can come between.
-
-    A position that a plan has twice, for its weight, would make one long rest. The second one goes to where the first
-    is half a programme away, or as near to that as it can. The order (M,) holds rows of the commands (N, 2) [rad].
-    """
-    programme = [int(row) for row in order]
-
-    def same(a: int, b: int) -> bool:
-        return bool(np.abs(commands[a] - commands[b]).max() < SAME_PLACE)
-
-    def places_for(row: int) -> list[int]:
-        around = (programme[max(k - 1, 0) : k + 1] for k in range(len(programme) + 1))
-        return [k for k, neighbours in enumerate(around) if not any(same(row, other) for other in neighbours)]
-
-    half = len(order) // 2
-    for _ in order:
-        twice = [at for at in range(1, len(programme)) if same(programme[at - 1], programme[at])]
-        if not twice:
-            break
-        row = programme.pop(twice[0])
-        free = places_for(row) or [twice[0]]
-        wanted = (twice[0] + half) % len(order)
-        programme.insert(min(free, key=lambda k, wanted=wanted: (abs(k - wanted), k)), row)
-    return np.array(programme, dtype=int)
+def _permutation(here: NDArray, there: NDArray) -> NDArray | None:
+    """D (P, P), a permutation with signs, with there = here D; None where there is none."""
+    size = here.shape[1]
+    mixed = np.zeros((size, size))
+    for column in range(size):
+        for sign in (1.0, -1.0):
+            same = np.abs(here - sign * there[:, column : column + 1]).max(axis=0) < EQUAL
+            if same.sum() == 1:
+                mixed[int(same.argmax()), column] = sign
+    return mixed if (np.abs(mixed).sum(axis=0) == 1).all() and (np.abs(mixed).sum(axis=1) == 1).all() else None

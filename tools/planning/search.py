@@ -1,4 +1,6 @@
-"""The search for a common set of positions: many starts, each improved locally, and the best ones changed in part.
+"""The best common set of positions, and what no set of so many can reach.
+
+Many starts are improved locally, and the best ones changed in part.
 
 Local improvement is sequential linear programming in the angles and all weights at once. Unknown are the angles θ and
 the weights Φ of every target's estimator: least r with Σ Φ F(θ) = a and Σ|Φ| ≤ r c. About the present weights the
@@ -6,21 +8,44 @@ products Φ F(θ) are linear in dθ and the new Φ, to second order; readings th
 when the exact costs fall, and the region of trust follows what the steps are worth.
 
 Random numbers come from the seed, and the budget is counted in starts: the same options find the same plan.
+
+Lower bounds come from an implicit hitting set on a pool of table positions. A set reaches the ratio r only if, for
+every target k and every y with a'y = c_k, one of its positions has |F'y| ≥ 1/r: at least one position of that region
+must be in the set. A linear programme over such cuts bounds the number of positions from below. Cuts are found where
+the programme's present answer violates them: positions are gathered, the heaviest first, while they cannot reach r
+together; the dual that proves that is the cut. Each cut holds for all images under the symmetries of the problem, and
+the programme has one variable for each group of images. The bound is proven for positions of a stated pool, not of the
+continuum: that would need regions of whole cells.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import highspy
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 from ..bounded.programmes import linear_programme
 from ..progress import progress_bar
-from .certificate import NO_WEIGHT
+from .certificate import NO_WEIGHT, Columns
 from .forms import basis, slopes
-from .positions import NOT_DETERMINED, Costs, Places, Task, allowed, costs, free_arcs, freedom
+from .positions import (
+    NOT_DETERMINED,
+    Costs,
+    Places,
+    Readings,
+    Task,
+    allowed,
+    costs,
+    free_arcs,
+    freedom,
+    on_all_mountings,
+    readings,
+    symmetries,
+)
 
 ELITE = 6
 """So many of the best sets are kept and changed."""
@@ -48,6 +73,19 @@ SMALL_GAIN, SMALL_STEPS = 1e-6, 4
 """An improvement ends after so many steps in a row that gain so little."""
 MENDINGS = 6
 SWEEPS = 6
+OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
+"""Distances of the pool's lines from the multiples of 90° of both axes."""
+SAFE = 1e-9
+"""A position this little below 1/r is counted into a region."""
+COVERED = 1e-6
+BATCH = 24
+"""Columns that are added to a programme at once."""
+COARSE, FINE = 16, 1
+"""Least size of the groups of positions without and with weight in the present answer that are tried together."""
+NOISE = 0.3
+RATIO_STEPS = 24
+NEAREST = 0.1
+"""Least part of what is open between bound and set that is aimed at."""
 
 
 def search(
@@ -356,3 +394,207 @@ def rounded(task: Task, found: Costs) -> Costs:
         if merit(task, best) >= before:
             break
     return best
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
+
+    places: Places
+    orbit: NDArray
+    readings: Readings
+
+    def heights(self, dual: NDArray) -> NDArray:
+        """The greatest |F'y| (n,) over the readings of each position."""
+        first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
+        return np.maximum.reduceat(np.abs(self.readings.regressor @ dual[:, None])[:, 0], first)
+
+
+def pool_of(task: Task, extra: Places | None = None) -> Pool:
+    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
+
+    Positions in a keep-out, and those where no reading counts, are left out.
+    """
+    offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
+    lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
+    grid = np.radians(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1).reshape(-1, 2))
+    given = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings))
+    if extra is not None:
+        given = given.joined(extra)
+    group = symmetries(task)
+    images = np.stack([np.round(np.mod(np.degrees(s.of(given.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
+    mounting = np.broadcast_to(given.mounting[:, None, None], (*images.shape[:2], 1))
+    keys = np.concatenate([mounting, images], axis=2)
+    least = np.array([min(map(tuple, of_one)) for of_one in keys])
+    _, orbit = np.unique(least, axis=0, return_inverse=True)
+    every, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
+    places = Places(np.radians(every[:, 1:]), every[:, 0].astype(int))
+    orbit = np.repeat(orbit.ravel(), len(group))[first]
+    read = np.unique(readings(task, places).position)
+    read = read[allowed(task, places.angle[read])]
+    _, orbit = np.unique(orbit[read], return_inverse=True)
+    places = places.chosen(read)
+    return Pool(places, orbit.ravel(), readings(task, places))
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What is proven: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
+
+    `cuts` is how many prove it, images not counted.
+    """
+
+    ratio: float
+    count: int
+    on: str
+    cuts: int
+
+
+class HittingSet:
+    """The cuts found so far on a pool, for any ratio and any number of positions."""
+
+    def __init__(self, task: Task, pool: Pool):
+        self._task, self._pool = task, pool
+        self._rng = np.random.default_rng(task.request.seed)
+        self._height = np.zeros((len(pool.places), 0))
+        self._size = np.bincount(pool.orbit)
+        self._whole = np.array([self._cost_of_all(k) for k in range(len(task.targets))])
+
+    def __len__(self) -> int:
+        """The number of cuts."""
+        return self._height.shape[1]
+
+    def least_count(self, ratio: float) -> tuple[float, NDArray]:
+        """A proven lower bound of how many positions reach the ratio, and the programme's answer (n,) by position."""
+        if (self._whole > ratio).any():
+            return np.inf, np.zeros(len(self._pool.places))
+        if not len(self):
+            return 0.0, np.full(len(self._pool.places), 1.0 / len(self._pool.places))
+        inside, orbit = self._height >= 1.0 / ratio - SAFE, self._pool.orbit
+        share = np.stack([np.bincount(orbit, column, len(self._size)) for column in inside.T]) / self._size
+        solved = linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-np.ones(len(share)), method="highs")
+        if solved.x is None:
+            return 0.0, np.zeros(len(self._pool.places))
+        prices = np.maximum(-solved.ineqlin.marginals, 0.0)
+        proven = float(prices.sum() / max(1.0, (share.T @ prices).max()))
+        return proven * (1.0 - SAFE), (solved.x / self._size)[self._pool.orbit]
+
+    def prove(self, count: int, ratio: float, most: int) -> bool:
+        """Look for cuts that prove that `count` positions cannot reach the ratio; at most `most` new ones."""
+        failures = 0
+        for turn in range(4 * most):
+            least, answer = self.least_count(ratio)
+            if least > count:
+                return True
+            if most <= 0 or failures >= len(self._task.targets):
+                return False
+            found = self._cut(turn % len(self._task.targets), ratio, answer)
+            failures = failures + 1 if found is None else 0
+            if found is not None:
+                self._height = np.column_stack([self._height, self._pool.heights(found)])
+                most -= 1
+        return False
+
+    def bound(self, count: int, ceiling: float) -> Bound:
+        """The greatest ratio below `ceiling` that the cuts exclude for this number of positions."""
+        low, high = 1.0, ceiling
+        for _ in range(RATIO_STEPS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.least_count(middle)[0] > count else (low, middle)
+        return Bound(low, count, f"pool of {len(self._pool.places)} positions", len(self))
+
+    def _cost_of_all(self, k: int) -> float:
+        target, regressor = self._task.weights[k], self._pool.readings.regressor
+        programme = Columns(len(target))
+        programme.aim(target)
+        while True:
+            dual = programme.solve()[1]
+            new = np.argsort(-np.abs(regressor @ dual), kind="stable")[:BATCH]
+            new = new[np.abs(regressor[new] @ dual) > 1.0 + SAFE]
+            if not len(new):
+                return float(dual @ target) / self._task.best[k] * (1.0 - 10 * SAFE)
+            programme.add(regressor[new])
+
+    def _cut(self, k: int, ratio: float, answer: NDArray) -> NDArray | None:
+        """A dual y (P,) whose region the answer covers by less than one; None when the greedy search finds none."""
+        noisy = answer * np.exp(NOISE * self._rng.normal(size=len(answer)))
+        order = np.argsort(-noisy, kind="stable")
+        heavy = order[answer[order] > 0.0]
+        light = self._rng.permutation(np.flatnonzero(answer <= 0.0))
+        gathering = _Gathering(self._task, self._pool, k, ratio)
+        left = 1.0 - COVERED
+        for chunk in np.array_split(heavy, max(1, len(heavy) // COARSE)):
+            left -= gathering.gather(chunk, FINE, answer, left)
+            if left <= 0.0:
+                return None
+        for chunk in np.array_split(light, max(1, len(light) // (8 * COARSE))):
+            gathering.gather(chunk, COARSE, answer, np.inf)
+        return gathering.dual * (self._task.best[k] / float(gathering.dual @ self._task.weights[k]))
+
+
+class _Gathering:
+    """A set of positions that cannot reach the ratio for a target, and the dual that proves it."""
+
+    def __init__(self, task: Task, pool: Pool, k: int, ratio: float):
+        self._limit = ratio * task.best[k] * (1.0 + SAFE)
+        self._target = task.weights[k]
+        self._programme = Columns(len(self._target))
+        self._programme.aim(self._target)
+        self._pool = pool
+        self._inside = np.zeros(len(pool.places), dtype=bool)
+        self._added = np.zeros(len(pool.readings.position), dtype=bool)
+        self._rows = np.zeros(0, dtype=int)
+        self.dual = self._programme.solve()[1]
+
+    def gather(self, chunk: NDArray, least: int, answer: NDArray, room: float) -> float:
+        """Take in as many of these positions as the set can hold; the weight of those that it cannot."""
+        if self._holds(chunk):
+            return 0.0
+        if len(chunk) <= least:
+            return float(answer[chunk].sum())
+        half = len(chunk) // 2
+        lost = self.gather(chunk[:half], least, answer, room)
+        return lost + (self.gather(chunk[half:], least, answer, room - lost) if lost < room else np.inf)
+
+    def _holds(self, chunk: NDArray) -> bool:
+        """Try the set with these positions: kept when it still cannot reach the ratio."""
+        self._inside[chunk] = True
+        self._close(chunk, closed=False)
+        regressor, position = self._pool.readings.regressor, self._pool.readings.position
+        while True:
+            dual = self._programme.solve()[1]
+            if dual @ self._target <= self._limit:
+                break
+            height = np.abs(regressor @ dual)
+            new = np.flatnonzero(self._inside[position] & ~self._added & (height > 1.0 + 0.5 * SAFE))
+            if not len(new):
+                self.dual = dual
+                return True
+            new = new[np.argsort(-height[new], kind="stable")[:BATCH]]
+            self._programme.add(regressor[new])
+            self._added[new] = True
+            self._rows = np.append(self._rows, new)
+        self._inside[chunk] = False
+        self._close(chunk, closed=True)
+        return False
+
+    def _close(self, chunk: NDArray, *, closed: bool) -> None:
+        known = np.flatnonzero(np.isin(self._pool.readings.position[self._rows], chunk))
+        if len(known):
+            self._programme.close(known, closed=closed)
+
+
+def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
+    """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
+
+    That is the worst ratio of the best set known.
+    """
+    hitting, share = HittingSet(task, pool), 0.5
+    known = hitting.bound(count, reached).ratio
+    while (left := task.request.cuts - len(hitting)) > 0 and share > NEAREST:
+        aim = known + share * (reached - known)
+        if hitting.prove(count, aim, left):
+            known = max(aim, known)
+        else:
+            share *= 0.5
+    return hitting.bound(count, reached)

@@ -9,10 +9,10 @@ import numpy as np
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 from .kinds import PositionRecord, RawRecord, Rest
-from .noise import dwell_noise
-from .settling import (
+from .noise import (
     BLOCKS,
     Trend,
+    dwell_noise,
     mean_of,
     scatter_about_line,
     scatter_of_mean,

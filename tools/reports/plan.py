@@ -8,8 +8,8 @@ from ..document.notation import Cell, Written, equation, minus, signed, symbol_t
 from ..document.page import html
 from ..files import whole_folder
 from ..planning.check import SettingCheck
-from ..planning.plan import Curve, Plan, PlannedPosition, Plans, PositionPlan
-from ..planning.positions import DWELL_S, checked_dwell
+from ..planning.common import DWELL_S, Curve, PlannedPosition, PositionPlan, checked_dwell
+from ..planning.plan import Plan, Plans
 from .bench import next_positions_csv, physical_words
 from .makers import cited, matrix_text, versions
 from .pictures.records import curve_picture, plan_picture, positions_picture

@@ -10,7 +10,7 @@ from numpy import arange
 
 from ..errors import InputError, nearest
 from ..files import write_text
-from ..planning.positions import apart, stored_counts, stored_positions
+from ..planning.common import apart, stored_counts, stored_positions
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]

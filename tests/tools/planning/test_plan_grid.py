@@ -12,8 +12,7 @@ from planning_reference import COSTS, random_mounting
 from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.planning.forms import sheets
-from trihedron.tools.planning.grid import Grid
-from trihedron.tools.planning.plan import Plans, plan_targets
+from trihedron.tools.planning.plan import Grid, Plans, plan_targets
 
 
 def costs(plans: Plans) -> np.ndarray:

@@ -11,26 +11,28 @@ from scipy.optimize import linprog
 
 from planning_tasks import OPTIMA, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, regressors
-from trihedron.tools.planning.bounds import bound_positions, pool_of, symmetries
-from trihedron.tools.planning.forms import x_from_targets
-from trihedron.tools.planning.positions import (
+from trihedron.tools.planning.common import (
     SAME_PLACE,
-    Places,
-    Task,
-    allowed,
     apart,
-    clearances,
-    costs,
-    freedom,
     move_times,
-    parsed_keep_out,
     repeated,
     shortest_tour,
     stored_counts,
     tour_duration,
     unwound,
 )
-from trihedron.tools.planning.search import drawn, improve, rounded, search
+from trihedron.tools.planning.forms import x_from_targets
+from trihedron.tools.planning.positions import (
+    Places,
+    Task,
+    allowed,
+    clearances,
+    costs,
+    freedom,
+    parsed_keep_out,
+    symmetries,
+)
+from trihedron.tools.planning.search import bound_positions, drawn, improve, pool_of, rounded, search
 
 EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 

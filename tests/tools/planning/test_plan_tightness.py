@@ -11,13 +11,11 @@ from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.calibration.targets import expression_weights
-from trihedron.tools.planning.bounds import HittingSet, Pool, bound_positions
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
-from trihedron.tools.planning.grid import Grid
-from trihedron.tools.planning.plan import Plan, plan_targets
+from trihedron.tools.planning.plan import Grid, Plan, plan_targets
 from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings
-from trihedron.tools.planning.search import drawn
+from trihedron.tools.planning.search import HittingSet, Pool, bound_positions, drawn
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:

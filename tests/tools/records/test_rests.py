@@ -10,8 +10,8 @@ from scipy.special import stdtrit
 from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, RawRecord, read_record, write_record
+from trihedron.tools.records.noise import scatter_of_mean, student_quantile
 from trihedron.tools.records.rests import average_rests, find_rests, without_turns
-from trihedron.tools.records.settling import scatter_of_mean, student_quantile
 
 
 def test_a_run_without_errors_gives_its_positions_exactly():

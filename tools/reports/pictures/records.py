@@ -14,8 +14,9 @@ from ...document.notation import plain
 from ...motion.attitude import AttitudeRun
 from ...motion.inspect import Inspection
 from ...motion.rests import rates_of
+from ...planning.common import Curve, PositionPlan
 from ...planning.forms import clearance, sheets
-from ...planning.plan import Curve, Plan, PositionPlan
+from ...planning.plan import Plan
 from ...records import RawRecord
 from ...records.noise import allan_deviation
 from ...records.rests import Rest, without_turns
