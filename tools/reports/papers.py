@@ -6,9 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from ..files import whole_folder, write_text
-from ..papers.attitude import TABLES, TOLERANCE, ReproducedRow, Reproduction
-from ..papers.calibration import PublishedCalibration
-from ..papers.word_length import ARITHMETICS, DOUBLE, INCOMMENSURATE, REPEATING, ROUNDINGS, WordLength
+from ..motion.compare import ARITHMETICS, ROUNDINGS
+from ..papers.attitude import TABLES
+from ..papers.reproduction import (
+    DOUBLE,
+    INCOMMENSURATE,
+    REPEATING,
+    TOLERANCE,
+    PublishedCalibration,
+    ReproducedRow,
+    Reproduction,
+    WordLength,
+)
 from .pictures.suites import published_and_reproduced
 
 

@@ -26,7 +26,8 @@ from trihedron.tools.motion.attitude import (
     split_error,
 )
 from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
-from trihedron.tools.papers.attitude import EXACT, angle_errors, paper_motion
+from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers.reproduction import angle_errors
 from trihedron.tools.records import StrapdownRecord, read_record
 
 BROAD = find_record("broad-03.strapdown.csv")

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.harmonic_motion import move_harmonically
 from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
-from trihedron.tools.papers.attitude import EXACT, angle_errors, paper_motion
+from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers.reproduction import angle_errors
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 SMOOTH = ("functional-iteration-4", "functional-iteration-6", "functional-iteration-8", "adaptive-degree")

@@ -23,12 +23,10 @@ from trihedron.tools.papers.attitude import (
     PAPER,
     UNEXPLAINED,
     Conditions,
-    Reproduction,
-    angle_errors,
     paper_motion,
     published_rows,
-    reproduce_attitude,
 )
+from trihedron.tools.papers.reproduction import Reproduction, angle_errors, reproduce_attitude
 from trihedron.tools.reports.papers import reproduction_lines, write_reproduction
 
 QUICK = (8, 10, 12, 24, 32, 34, 39, 42, 56, 57)

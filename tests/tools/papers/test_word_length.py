@@ -7,17 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from trihedron.tools.motion.attitude import algorithm_named, angle_between
-from trihedron.tools.motion.compare import run_algorithm
-from trihedron.tools.papers.word_length import (
-    ARITHMETICS,
-    DOUBLE,
-    INCOMMENSURATE,
-    REPEATING,
-    ROUNDINGS,
-    rounded_increments,
-    run_single,
-    word_length_errors,
-)
+from trihedron.tools.motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_algorithm, run_single
+from trihedron.tools.papers.reproduction import DOUBLE, INCOMMENSURATE, REPEATING, word_length_errors
 from trihedron.tools.reports.papers import word_length_lines
 
 

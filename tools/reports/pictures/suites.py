@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...document.notation import short
-from ...papers.attitude import TABLES, Reproduction
+from ...papers.attitude import TABLES
+from ...papers.reproduction import Reproduction
 from . import (
     ALERT,
     AXES,
