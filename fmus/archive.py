@@ -1,20 +1,292 @@
-"""FMU and SSP files: archives with the same bytes on every build, and what accompanies an FMU in one.
+"""FMU and SSP files: the model description, what accompanies it, and archives with the same bytes on every build.
 
-That is documentation with equations and variables, licences, icon, terminals.
+modelDescription.xml of FMI 2.0 and FMI 3.0 (co-simulation) comes from a component's table. In FMI 3.0 arrays are
+variables with a dimension, and value references count variables. It is accompanied by documentation with equations and
+variables, licences, icon, terminals.
 """
 
+import hashlib
 import inspect
+import math
+import os
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
 from html import escape
 from importlib import metadata
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from ..models.effects import CATALOGUE
 from .component import Component, Variable
+from .units import UNITS, base_unit, number
+
+LOG_CATEGORIES = {
+    "logStatusWarning": "what may be wrong",
+    "logStatusError": "why a call was refused",
+    "logAll": "everything else",
+}
+
+QUANTITIES = {
+    "rad": "Angle",
+    "rad/s": "AngularVelocity",
+    "rad/s2": "AngularAcceleration",
+    "m/s2": "Acceleration",
+    "degC": "Temperature",
+    "Hz": "Frequency",
+    "s": "Time",
+    "g": "AccelerationInG",
+}
+"""What is measured in a unit."""
+
+TYPE_NAMES = {
+    2: {"real": "Real", "integer": "Integer", "boolean": "Boolean", "enumeration": "Enumeration"},
+    3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean", "enumeration": "Enumeration"},
+}
+"""Elements of the types in each version of FMI."""
+
+
+def start_text(variable: Variable, value: float) -> str:
+    """A start value as its type writes it."""
+    if variable.type == "boolean":
+        return "true" if value else "false"
+    return number(value) if variable.type == "real" else str(int(value))
+
+
+def add_units(root: Element, component: Component) -> None:
+    """UnitDefinitions: the units that the table uses, with base units and display units."""
+    used = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
+    units = SubElement(root, "UnitDefinitions")
+    for name in used:
+        unit = UNITS[name]
+        element = SubElement(units, "Unit", name=name)
+        SubElement(element, "BaseUnit", base_unit(unit))
+        for display, factor in unit.display.items():
+            SubElement(element, "DisplayUnit", name=display, factor=number(factor))
+
+
+def type_name(variable: Variable) -> str | None:
+    """Name of a variable's declared type; pure numbers, integers and booleans have none."""
+    if variable.type == "enumeration":
+        # A type may not have the name of a variable.
+        return "".join(word.capitalize() for word in variable.name.split("_"))
+    if variable.type != "real" or variable.unit not in QUANTITIES:
+        return None
+    shown = variable.display_unit or variable.unit
+    return f"{QUANTITIES[variable.unit]}_{shown.replace('/', '_per_')}"
+
+
+def add_types(root: Element, component: Component, fmi: int) -> None:
+    """TypeDefinitions: quantities with their units, and enumerations."""
+    declared = {name: v for v in component.interface if (name := type_name(v)) is not None}
+    types = SubElement(root, "TypeDefinitions") if declared else root
+    for name, variable in declared.items():
+        simple = types if fmi == 3 else SubElement(types, "SimpleType", name=name)
+        named = {"name": name} if fmi == 3 else {}
+        if variable.type == "enumeration":
+            items = SubElement(simple, "EnumerationType" if fmi == 3 else "Enumeration", named)
+            for value, item in enumerate(variable.items, start=1):
+                SubElement(items, "Item", name=item, value=str(value))
+        else:
+            quantity = named | {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
+            if variable.display_unit is not None:
+                quantity["displayUnit"] = variable.display_unit
+            SubElement(simple, "Float64Type" if fmi == 3 else "Real", quantity)
+
+
+def initially_known(component: Component) -> set[str]:
+    """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
+    of_effects = {v.name for v in component.variables[len(component.own) :]}
+    read = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
+    return {
+        v.name
+        for v in component.interface
+        if v.causality in ("parameter", "input") and (v.name in read or ("effect" in read and v.name in of_effects))
+    }
+
+
+def variable_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
+    """What both versions say of a variable, whatever its type."""
+    attributes = {
+        "name": name,
+        "valueReference": str(reference),
+        "description": variable.description,
+        "causality": variable.causality,
+        "variability": variable.variability,
+    }
+    if variable.causality == "output":
+        attributes["initial"] = "calculated"
+    elif variable.causality == "parameter":
+        attributes["initial"] = "exact"
+    return attributes
+
+
+def type_attributes(variable: Variable) -> dict[str, str]:
+    """What both versions say of a variable's type: its name, units, limits."""
+    attributes: dict[str, str] = {}
+    declared = type_name(variable)
+    if declared is not None:
+        attributes["declaredType"] = declared
+    if variable.type == "real":
+        if variable.unit != "1":
+            attributes["unit"] = variable.unit
+            if variable.display_unit is not None:
+                attributes["displayUnit"] = variable.display_unit
+        if variable.nominal is not None:
+            attributes["nominal"] = number(variable.nominal)
+    if variable.type in ("real", "integer"):
+        for attribute, bound in zip(("min", "max"), variable.within, strict=True):
+            if bound is not None:
+                attributes[attribute] = start_text(variable, bound)
+    return attributes
+
+
+def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+    """The root element, without identity and date, and all that stands before the variables."""
+    said = {
+        "modelName": component.name,
+        "description": component.description,
+        "author": "The Trihedron developers",
+        "version": version("trihedron"),
+        "license": "BSD-2-Clause",
+        "generationTool": f"Trihedron {version('trihedron')}",
+        "variableNamingConvention": "structured",
+    }
+    can = {"modelIdentifier": component.name, "canHandleVariableCommunicationStepSize": "true"}
+    if fmi == 2:
+        root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **said, "numberOfEventIndicators": "0"})
+        can |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+        can["canNotUseMemoryManagementFunctions"] = "true"
+    else:
+        root = Element("fmiModelDescription", {"fmiVersion": "3.0", **said, "instantiationToken": ""})
+        can |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    interface = SubElement(root, "CoSimulation", {**can, "needsExecutionTool": "false"})
+    if sources and fmi == 2:
+        files = SubElement(interface, "SourceFiles")
+        for name in sources:
+            SubElement(files, "File", name=name)
+    add_units(root, component)
+    add_types(root, component, fmi)
+    categories = SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=description)
+    SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0.0",
+        stopTime=number(component.stop_time),
+        tolerance="1e-9",
+        stepSize=number(component.step_size),
+    )
+    return root
+
+
+def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+    """The model description of a version of FMI, without identity and date; `sources` are files under sources/."""
+    root = _described_head(component, fmi, sources)
+    variables = SubElement(root, "ModelVariables")
+    time = {"name": "time", "valueReference": "0", "description": "simulation time", "causality": "independent"}
+    time["variability"] = "continuous"
+    if fmi == 2:
+        SubElement(SubElement(variables, "ScalarVariable", time), "Real", unit="s")
+    else:
+        SubElement(variables, "Float64", time, unit="s")
+    references: dict[str, list[int]] = {}
+    for variable in component.interface:
+        known = references[variable.name] = []
+        for name, starts in _values(variable, fmi):
+            known.append(len(variables))
+            variables.append(variable_element(variable, fmi, name, known[-1], starts))
+    _add_structure(root, component, fmi, references)
+    return root
+
+
+def _values(variable: Variable, fmi: int) -> list[tuple[str, tuple[float, ...]]]:
+    """What has a value reference, a variable or in FMI 2.0 each of its elements, with its start values."""
+    if fmi == 3:
+        return [(variable.name, variable.starts)]
+    return [(name, (start,)) for name, start in zip(variable.elements, variable.starts, strict=True)]
+
+
+def variable_element(variable: Variable, fmi: int, name: str, reference: int, starts: tuple[float, ...]) -> Element:
+    """A variable: of FMI 2.0 a scalar, of FMI 3.0 with its dimension where it is an array."""
+    attributes, typed = variable_attributes(variable, name, reference), type_attributes(variable)
+    if fmi == 2:
+        element = Element("ScalarVariable", attributes)
+        valued = SubElement(element, TYPE_NAMES[2][variable.type], typed)
+    else:
+        element = valued = Element(TYPE_NAMES[3][variable.type], attributes | typed)
+    if variable.causality != "output":
+        valued.set("start", " ".join(start_text(variable, start) for start in starts))
+    if variable.size and fmi == 3:
+        SubElement(element, "Dimension", start=str(variable.size))
+    return element
+
+
+def _add_structure(root: Element, component: Component, fmi: int, references: Mapping[str, list[int]]) -> None:
+    """ModelStructure: what the outputs depend on in a step, and when the initialisation ends."""
+    structure = SubElement(root, "ModelStructure")
+    if fmi == 2:
+        # The standard counts variables from 1 here, the time too.
+        outputs, unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
+        key, shift, tags = "index", 1, ("Unknown", "Unknown")
+    else:
+        outputs = unknowns = structure
+        key, shift, tags = "valueReference", 0, ("Output", "InitialUnknown")
+
+    def numbers(names: Iterable[str]) -> list[str]:
+        return [str(i + shift) for name in names for i in references[name]]
+
+    initial = initially_known(component)
+    at_start = " ".join(numbers(v.name for v in component.interface if v.name in initial))
+    shown = [v for v in component.interface if v.causality == "output"]
+    for variable in shown:
+        known = numbers(variable.follows)
+        for place in numbers([variable.name]):
+            output = SubElement(outputs, tags[0], {key: place}, dependencies=" ".join(known))
+            if known:
+                output.set("dependenciesKind", " ".join(["dependent"] * len(known)))
+    for place in numbers(v.name for v in shown):
+        SubElement(unknowns, tags[1], {key: place}, dependencies=at_start)
+
+
+def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> str:
+    """GUID or instantiation token: the hash of the model description and of what the FMU runs.
+
+    Parameters
+    ----------
+    component : Component
+    content : bytes
+        what the FMU runs, so that FMUs that compute differently differ in their identity
+    fmi : int
+        2 or 3
+    sources : sequence of str
+        files under sources/ that are compiled
+    """
+    digest = hashlib.sha256(ElementTree.tostring(described(component, fmi, sources)) + content).hexdigest()
+    return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
+
+
+def model_description(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> bytes:
+    """The model description; parameters as those of `identity`.
+
+    Returns
+    -------
+    bytes
+        XML in UTF-8; the generation date is there only when SOURCE_DATE_EPOCH gives one
+    """
+    root = described(component, fmi, sources)
+    token = identity(component, content, fmi=fmi, sources=sources)
+    root.set("guid" if fmi == 2 else "instantiationToken", token)
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if epoch.isdigit():
+        moment = datetime.fromtimestamp(math.floor(int(epoch)), UTC)
+        root.set("generationDateAndTime", moment.strftime("%Y-%m-%dT%H:%M:%SZ"))
+    ElementTree.indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+
 
 STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"
@@ -52,7 +324,7 @@ def documentation(component: Component) -> str:
     if component.effects:
         lines.append("<h2>Effects</h2>\n<ul>")
         for place in component.effects:
-            kernel = CATALOGUE[place.effect].at(place).kernel
+            kernel = place.definition.kernel
             said = (inspect.getdoc(kernel) or "").partition("\n\n")[0] if kernel else ""
             lines.append(f"<li>{escape(place.title)}: {escape(' '.join(said.split()))}</li>")
         lines.append("</ul>")

@@ -1,16 +1,20 @@
 """Every component, and how it becomes an FMU."""
 
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
 
 from ..models.effects import EffectPlace
-from .accelerometers import ACCELEROMETER_BLOCK, ACCELEROMETER_COMPENSATION
-from .attitude_computer import ATTITUDE_COMPUTER
-from .component import extend
-from .gyros import GYRO_BLOCK, GYRO_COMPENSATION
-from .harmonic_motion import HARMONIC_MOTION
+from .component import Component, extend
+from .instruments import (
+    ACCELEROMETER_BLOCK,
+    ACCELEROMETER_COMPENSATION,
+    ATTITUDE_COMPUTER,
+    GYRO_BLOCK,
+    GYRO_COMPENSATION,
+)
+from .motions import HARMONIC_MOTION, POSITION_PROGRAMME, TABLE_CONTROLLER, TURNTABLE_MOTION
 from .source import build_python_fmu
-from .turntable import POSITION_PROGRAMME, TABLE_CONTROLLER, TURNTABLE_MOTION
 
 COMPONENTS = {
     c.name: c
@@ -29,8 +33,61 @@ COMPONENTS = {
 """Every component, by its name."""
 
 
-def build_fmu(name: str, folder: Path, effects: Sequence[EffectPlace], flavour: str, fmi: int, platform: str) -> Path:
-    """Build a component, extended by effects, as a co-simulation FMU; as `trihedron.fmus.build`."""
+def components() -> dict[str, Component]:
+    """Every component, by its name."""
+    return COMPONENTS
+
+
+def component_names() -> tuple[str, ...]:
+    """Names of the components."""
+    return tuple(COMPONENTS)
+
+
+def version() -> str:
+    """Version of the distribution."""
+    return metadata.version("trihedron")
+
+
+def build(
+    name: str,
+    folder: Path,
+    effects: Sequence[EffectPlace] = (),
+    *,
+    flavour: str = "python",
+    fmi: int = 2,
+    platform: str = "host",
+) -> Path:
+    """Build a component, extended by effects, as a co-simulation FMU.
+
+    Parameters
+    ----------
+    name : str
+        of the component
+    folder : Path
+        where ``<name>.fmu`` is written
+    effects : sequence of EffectPlace
+        composed into the component
+    flavour : str
+        "python": run by PythonFMU; "native": compiled
+    fmi : int
+        2 or 3; the Python flavour is FMI 2.0 only
+    platform : str
+        of the native flavour: "host", "all" or a name of `trihedron.fmus.native.compile.PLATFORMS`
+
+    Returns
+    -------
+    Path
+        the FMU; the same component and effects give the same bytes
+
+    Raises
+    ------
+    KeyError
+        no component has that name
+    ValueError
+        an effect belongs to another component, or no such flavour
+    trihedron.fmus.native.compile.BuildError
+        there is no compiler for the platform, or it fails
+    """
     component = extend(COMPONENTS[name], effects)
     if flavour == "native" and fmi in (2, 3):
         # FMPy, which has the headers, is not waited for elsewhere

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal
 
-from ..models.effects import CATALOGUE, EffectPlace, parameter_name
+from ..models.effects import EffectPlace, parameter_name
 from .units import STANDARD_GRAVITY
 
 Causality = Literal["parameter", "input", "output", "state", "work"]
@@ -146,7 +146,7 @@ class Component:
     @property
     def effect_count(self) -> int:
         """How many parameters its effects have; they stand last in the table."""
-        return sum(len(CATALOGUE[place.effect].at(place).parameters) for place in self.effects)
+        return sum(len(place.definition.parameters) for place in self.effects)
 
     @property
     def own(self) -> tuple[Variable, ...]:
@@ -170,13 +170,13 @@ def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
     return tuple(
         tunable(parameter_name(place, parameter.name), f"{place.title}: {parameter.description}", unit=parameter.unit)
         for place in effects
-        for parameter in CATALOGUE[place.effect].at(place).parameters
+        for parameter in place.definition.parameters
     )
 
 
 def can_extend(component: Component, place: EffectPlace) -> bool:
     """Whether an effect extends a component: its own, or the inverse of its own where all that it does is add."""
-    effect = CATALOGUE[place.effect]
+    effect = place.definition
     undone = bool(component.undoes) and effect.component == component.undoes and effect.stage == "reading_effects"
     return undone or effect.component == component.name
 
@@ -190,7 +190,7 @@ def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
         an effect that belongs to another component, has no kernel, has no inverse, or is there already
     """
     for i, place in enumerate(effects):
-        effect = CATALOGUE[place.effect]
+        effect = place.definition
         if not can_extend(component, place):
             if component.undoes and effect.component == component.undoes:
                 raise ValueError(f"effect {place.title} has no inverse that {component.name} could be")

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from trihedron.fmus import components
 from trihedron.fmus.component import Component, extend
-from trihedron.fmus.instance import Instance
-from trihedron.fmus.source import instantiate, references
+from trihedron.fmus.source import Instance, instantiate, references
 from trihedron.models.effects import CATALOGUE, EffectPlace, parameter_name
 
 Effects = Mapping[EffectPlace, Sequence[float] | np.ndarray]

@@ -10,9 +10,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import fmpy
 
-from ..archive import accompanying_files, write_archive
+from ..archive import accompanying_files, identity, model_description, write_archive
 from ..component import Component, Variable
-from ..description import identity, model_description
 from ..source import flat_parts
 from .compile import FLAGS, Platform, binary
 from .translate import Signature, kernel_name, translate

@@ -14,9 +14,8 @@ from native_driver import OK
 from native_model import Model, numbering, open_fmu
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
-from trihedron.fmus.instance import Instance
 from trihedron.fmus.native.compile import host_compiler
-from trihedron.fmus.source import flat_source, instance_rows, instantiate
+from trihedron.fmus.source import Instance, flat_source, instance_rows, instantiate
 
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from named import Named
 from trihedron.fmus import components
-from trihedron.fmus.accelerometers import CALIBRATED
+from trihedron.fmus.instruments import CALIBRATED
 
 BLOCK, INVERSE = components()["AccelerometerBlock"], components()["AccelerometerCompensation"]
 GRAVITY = 9.80665

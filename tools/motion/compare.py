@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 from pydantic import Field
 
-from ...fmus.gyros import GYRO_BLOCK
+from ...fmus.instruments import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm

@@ -10,7 +10,7 @@ import pytest
 
 from choosing import Situation, situation_errors
 from foreign_fmus import build_foreign
-from trihedron.fmus.gyros import GYRO_BLOCK
+from trihedron.fmus.instruments import GYRO_BLOCK
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
 from trihedron.tools.campaign.execute import run_campaign

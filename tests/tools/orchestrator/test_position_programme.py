@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trihedron.fmus import components
-from trihedron.fmus.instance import Instance
-from trihedron.fmus.source import instantiate, references
+from trihedron.fmus.source import Instance, instantiate, references
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 

@@ -1,0 +1,4 @@
+from .catalogue import build as build
+from .catalogue import component_names as component_names
+from .catalogue import components as components
+from .catalogue import version as version

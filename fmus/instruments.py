@@ -1,0 +1,349 @@
+"""The instruments: blocks of accelerometers and gyros, their inverses, and the attitude computer.
+
+AccelerometerBlock, whose scale factors depend on the sign of the input, and AccelerometerCompensation; GyroBlock, three
+gyros that read increments, and GyroCompensation, which gives increments of the body; AttitudeComputer, attitude from
+angle increments.
+"""
+
+import math
+
+from ..models import accelerometer, attitude, gyro
+from ..models.attitude_algorithms import ALGORITHMS
+from ..models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from ..models.random_numbers import GENERATOR_SIZE
+from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
+from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work
+
+
+def _gamma(row: int, column: int) -> Variable:
+    return tunable(
+        f"gamma_{row}{column}",
+        f"Γ{row}{column}: response of accelerometer {row} to the input of accelerometer {column}",
+        within=(-0.5, 0.5),
+    )
+
+
+ACCELEROMETER_BLOCK = Component(
+    name="AccelerometerBlock",
+    description="Block of three accelerometers: scale factors that depend on the sign of the input, misalignment, bias",
+    variables=(
+        input_("specific_force", "true specific force in block axes", 3, "m/s2", "g", nominal=10.0),
+        input_("temperature", "temperature of the block", unit="degC", start=20.0),
+        input_(
+            "dwell",
+            "number of the rest: the held error is drawn anew when it changes",
+            variability="discrete",
+            type="integer",
+        ),
+        GRAVITY,
+        tunable("scale_error_plus", "Γ⁺: scale-factor errors for positive inputs", 3, within=(-0.5, 0.5)),
+        tunable("scale_error_minus", "Γ⁻: scale-factor errors for negative inputs", 3, within=(-0.5, 0.5)),
+        _gamma(2, 1),
+        _gamma(3, 1),
+        _gamma(1, 2),
+        _gamma(3, 2),
+        _gamma(1, 3),
+        _gamma(2, 3),
+        tunable("bias", "Δf⁰/g: biases of the readings", 3, "g", within=(-0.5, 0.5)),
+        fixed("noise_bound", "bound of a reading's error, held and white part together", unit="g", within=(0.0, 0.5)),
+        fixed(
+            "held_fraction",
+            "part of the bound that belongs to the error held over a rest",
+            start=0.5,
+            within=(0.0, 1.0),
+        ),
+        seed("seed of the errors"),
+        output(
+            "reading",
+            "readings of the accelerometers",
+            3,
+            "m/s2",
+            "g",
+            nominal=10.0,
+            follows=("specific_force", "temperature"),
+        ),
+        input_(
+            "rate",
+            "true angular rate at the end of the step, which effects of the block's size read",
+            3,
+            "rad/s",
+            "deg/s",
+        ),
+        state("error", "error of the sample [g]", 3),
+        state("held", "error held over the rest, as a fraction of its bound", 3),
+        state("generator", "state of the random numbers", GENERATOR_SIZE),
+        state("held_dwell", "number of the rest whose error is held", 1),
+        state("start", "time of the start", 1),
+        state("hours", "time since the start [h]", 1),
+        state("senses", "senses of the last changes of the inputs", 3),
+        state("previous_input", "specific force at its last change", 3),
+        state("turning", "rate at the end of the last step, angular acceleration over it", 6),
+        work("n", "inputs in g", 3),
+        work("context", "the circumstances that effects read", CONTEXT_SIZE),
+        work("added", "what effects add", 3),
+        work("own", "what each accelerometer's own input adds to its reading [g]", 3),
+    ),
+    model=(accelerometer.initialise, accelerometer.step, accelerometer.respond),
+    messages=(
+        "gravity must be positive",
+        "specific_force is not finite",
+        "rate is not finite",
+    ),
+    equations=(
+        "n = specific force / g",
+        "reading = g (n + Γ n + b + ρ), Γ diagonal: Γ⁺ for n > 0, Γ⁻ for n ≤ 0",
+        "|ρ| ≤ noise bound: a part held over a rest and a white part",
+    ),
+    source="Golovan, Matasov, Tarygin 2022, (1.1)",
+)
+
+
+CALIBRATED = (
+    "gravity",
+    "scale_error_plus",
+    "scale_error_minus",
+    *("gamma_21", "gamma_31", "gamma_12", "gamma_32", "gamma_13", "gamma_23"),
+    "bias",
+)
+"""Parameters of the block that its inverse has too, under the same names: one parameter set fits both."""
+
+ACCELEROMETER_COMPENSATION = Component(
+    name="AccelerometerCompensation",
+    description="Compensation of an accelerometer block: readings to specific force by the inverse of its model",
+    variables=(
+        input_("reading", "readings of the accelerometers", 3, "m/s2", "g", nominal=10.0),
+        *(v for v in ACCELEROMETER_BLOCK.variables if v.name in CALIBRATED),
+        output("specific_force", "specific force in block axes", 3, "m/s2", "g", nominal=10.0, follows=("reading",)),
+        work("right", "readings less bias [g]", 3),
+        work("signs", "signs of the inputs that are tried", 3),
+        work("best", "inputs [g] whose signs fit best", 3),
+        work("diagonal", "scale factors for these signs", 3),
+        work("n", "inputs [g] for these signs", 3),
+    ),
+    model=(accelerometer.initialise_inverse, accelerometer.step_inverse, accelerometer.respond_inverse),
+    messages=(
+        "gravity must be positive",
+        "the errors are too large for one inverse: 1 + Γ± of each accelerometer must exceed its |Γ| of the two others",
+        "reading is not finite",
+    ),
+    equations=(
+        "A(s) n = reading / g − b, A = I + Γ with Γ⁺ or Γ⁻ of each accelerometer by its sign s",
+        "s = signs of n: the one pattern of eight that fits itself; specific force = g n",
+    ),
+    source="Golovan, Matasov, Tarygin 2022, (1.1), solved for the input",
+)
+
+
+GYRO_BLOCK = Component(
+    name="GyroBlock",
+    description="Block of three gyros: scale factors, misalignment, bias, noise, increments in whole quanta",
+    variables=(
+        input_("rate", "true angular rate in block axes, where the input is rates", 3, "rad/s", "deg/s"),
+        input_(
+            "increment",
+            "integral of the true rate over the last step, where the input is increments",
+            3,
+            "rad",
+            "arcsec",
+            variability="discrete",
+        ),
+        input_("specific_force", "true specific force in block axes", 3, "m/s2", "g", nominal=10.0),
+        input_("temperature", "temperature of the block", unit="degC", start=20.0),
+        input_(
+            "interval",
+            "length of the last step by the time stamps of the record; 0: the step itself",
+            unit="s",
+            variability="discrete",
+        ),
+        fixed(
+            "input_kind",
+            "which input counts: increments; rates that hold over the step; rates at its end, joined by the trapezoid "
+            "rule",
+            start=1.0,
+            type="enumeration",
+            items=("increments", "held-rates", "instantaneous-rates"),
+        ),
+        GRAVITY,
+        tunable(
+            "scale_misalignment",
+            "Γ, row by row: scale-factor errors on its diagonal, misalignments beside it",
+            9,
+            within=(-0.5, 0.5),
+        ),
+        tunable("bias", "b: biases of the readings", 3, "rad/s", "deg/s", within=(-10.0, 10.0)),
+        fixed("quantum", "increments come in whole multiples of it; 0: exact", 0, "rad", "arcsec", within=(0.0, 1.0)),
+        fixed("noise_bound", "bound of the error of a reading", 0, "rad/s", "deg/s", within=(0.0, 10.0)),
+        seed("seed of the errors"),
+        output("rate_reading", "readings: mean rates over the last step", 3, "rad/s", "deg/s"),
+        output(
+            "increment_reading", "readings: increments over the last step", 3, "rad", "arcsec", variability="discrete"
+        ),
+        state("error", "error of the sample [rad/s]", 3),
+        state("generator", "state of the random numbers", GENERATOR_SIZE),
+        state("start", "time of the start", 1),
+        state("hours", "time since the start [h]", 1),
+        state("last_step", "length of the last step; 0 before the first", 1),
+        state("last_rate", "rate at the end of the last step", 3),
+        state("rate_of_step", "mean rate over the last step", 3),
+        state("previous_rates", "mean rates over the steps before, the newest first", 3 * PREVIOUS_STEPS),
+        state("carried", "what the quanta left of the increments [rad]", 3),
+        work("context", "the circumstances that effects read", GYRO_CONTEXT_SIZE),
+        work("added", "what effects add", 3),
+        work("own", "what each gyro's own input adds to its reading [rad/s]", 3),
+    ),
+    model=(gyro.initialise, gyro.step),
+    messages=(
+        "gravity must be positive",
+        "specific_force is not finite",
+        "rate is not finite",
+        "increment is not finite",
+        "interval is not finite",
+    ),
+    equations=(
+        "ω: mean of the true rate over the step, increment / h",
+        "rate reading = ω + Γ ω + b + ρ, |ρ| ≤ noise bound",
+        "increment reading = h · rate reading + remainder, in whole quanta; the rest is the next remainder",
+    ),
+    source='Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd ed. 2013, 4.4',
+)
+
+
+SHARED = ("specific_force", "temperature", "interval", "gravity", "scale_misalignment", "bias")
+"""Inputs and parameters of the block that its inverse has too, under the same names: one parameter set fits both."""
+
+GYRO_COMPENSATION = Component(
+    name="GyroCompensation",
+    description="Compensation of a gyro block: readings of increments to increments of the body by the inverse model",
+    variables=(
+        input_(
+            "increment_reading", "readings: increments over the last step", 3, "rad", "arcsec", variability="discrete"
+        ),
+        *(v for v in GYRO_BLOCK.variables if v.name in SHARED),
+        output("rate", "mean angular rate of the body over the last step, in block axes", 3, "rad/s", "deg/s"),
+        output(
+            "increment",
+            "integral of the body's angular rate over the last step, in block axes",
+            3,
+            "rad",
+            "arcsec",
+            variability="discrete",
+        ),
+        state("start", "time of the start", 1),
+        state("hours", "time since the start [h]", 1),
+        state("last_step", "length of the last step; 0 before the first", 1),
+        state("nominal", "mean rate over the last step, effects not taken out", 3),
+        state("corrected", "mean rate over the last step, effects taken out once", 3),
+        state("nominal_rates", "such rates over the steps before, the newest first", 3 * PREVIOUS_STEPS),
+        state("corrected_rates", "such rates over the steps before, the newest first", 3 * PREVIOUS_STEPS),
+        work("context", "the circumstances that effects read", GYRO_CONTEXT_SIZE),
+        work("added", "what effects add", 3),
+        work("right", "right side of the equations", 3),
+        work("n", "their solution", 3),
+    ),
+    model=(gyro.initialise_inverse, gyro.step_inverse),
+    messages=(
+        "gravity must be positive",
+        "the errors are too large for one inverse: 1 + Γ of each gyro must exceed its |Γ| of the two other axes",
+        "increment_reading is not finite",
+        "specific_force is not finite",
+        "interval is not finite",
+    ),
+    equations=(
+        "r: mean of the readings over the step, increment reading / h",
+        "ω₀ = (I + Γ)⁻¹ (r − b), ω₁ = ω₀ − (I + Γ)⁻¹ e(ω₀), rate = ω₀ − (I + Γ)⁻¹ e(ω₁); e: what effects add",
+        "increment = h · rate",
+    ),
+    source='Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd ed. 2013, 4.4',
+    undoes="GyroBlock",
+)
+
+
+ATTITUDE_COMPUTER = Component(
+    name="AttitudeComputer",
+    description="Strapdown attitude computer: attitude quaternion from angle increments",
+    variables=(
+        input_(
+            "increment",
+            "integral of the body's angular rate over the last step",
+            3,
+            "rad",
+            "arcsec",
+            variability="discrete",
+            within=(-attitude.MAX_INCREMENT, attitude.MAX_INCREMENT),
+        ),
+        fixed(
+            "algorithm",
+            "the algorithm: " + "; ".join(f"{a.number} {a.title}, {a.source}" for a in ALGORITHMS),
+            start=1.0,
+            type="enumeration",
+            items=tuple(a.name for a in ALGORITHMS),
+        ),
+        fixed(
+            "sample_period", "time between increments; 0: the length of the first step", unit="s", within=(0.0, None)
+        ),
+        fixed(
+            "initial_attitude",
+            "attitude quaternion at the start, scalar first, body to reference",
+            4,
+            start=(1.0, 0.0, 0.0, 0.0),
+            within=(-1.001, 1.001),
+        ),
+        output("attitude", "attitude quaternion, scalar first, body to reference", 4),
+        output(
+            "updated",
+            "whether the last step brought an update: only then is the attitude that of this moment",
+            variability="discrete",
+            type="boolean",
+        ),
+        fixed(
+            "renormalise",
+            "whether the quaternion is brought back to the unit sphere after every update",
+            start=1.0,
+            type="boolean",
+        ),
+        state("start", "time of the start", 1),
+        state("period", "time between increments", 1),
+        state("samples", "increments taken", 1),
+        state("waiting", "increments that wait for an update", 1),
+        state("known", "whether there was a step before", 1),
+        state("collected", "increments of the step that is not full yet", STEP_SIZE),
+        state("previous", "increments of the step before", STEP_SIZE),
+        state(
+            "samples_of_update",
+            "increments that one update of each algorithm takes",
+            len(ALGORITHMS),
+            start=tuple(float(a.samples) for a in ALGORITHMS),
+        ),
+        state(
+            "longest_increment",
+            "longest increment in the valid range of each algorithm",
+            len(ALGORITHMS),
+            start=tuple(a.max_increment for a in ALGORITHMS),
+        ),
+        state("table", "what a functional iteration needs", TABLE_SIZE),
+        state("half_table", "what a functional iteration through half a window needs", HALF_TABLE_SIZE),
+        work("differences", "differences of the increments", WORK_SIZE),
+        work("rates", "rates at the nodes of an iteration", WORK_SIZE),
+        work("values", "attitude at the nodes of an iteration", WORK_SIZE),
+        work("slopes", "derivative of the attitude at the nodes of an iteration", WORK_SIZE),
+        work("part", "quaternion of a part of the step", 4),
+        work("turned", "quaternion of the step", 4),
+        state("before", "the increment before", 3),
+        work("added", "what effects add to an increment", 3),
+    ),
+    model=(attitude.initialise, attitude.step),
+    messages=(
+        "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
+        "the communication step is not the sample period: one increment for each sample is needed",
+        f"increment is not finite or longer than half a turn ({math.pi:.6f} rad): its direction would be ambiguous",
+        "increment is beyond the valid range of the algorithm; longest [rad]: "
+        + ", ".join(f"{a.name} {a.max_increment:.3g}" for a in ALGORITHMS),
+        "the increments are not those of a smooth rate: the functional iteration does not end",
+    ),
+    equations=(
+        "λ(tₙ) = λ(tₙ₋₁) ∘ λ*, λ* = ((1 − x·x), 2x) / (1 + x·x), x = tan(φ/4) e",
+        "(22): x = (1/4 + γ'·γ'/48) γ' + (1/4 + γ''·γ''/48) γ'' + (γ' × γ'')/6",
+        "(25): λ* = (cos(φ/2), φ sin(φ/2)/|φ|), φ = Σ γ + coning correction; (7.18): φ = γ",
+    ),
+    source="Chelnokov, Perelyaev, Chelnokova 2016",
+)
