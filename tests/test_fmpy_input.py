@@ -11,7 +11,7 @@ from fmpy.util import read_csv
 import trihedron as th
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.fmpy_input import fmpy_input, write_fmpy_input
+from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.motion.attitude import attitude_of_record
 from trihedron.tools.records import StrapdownRecord, read_record
 
@@ -97,11 +97,11 @@ def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, caps
 def test_records_that_have_no_steps_are_refused(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text("position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2\n1,1,0,0,0,0,9.8\n")
     with pytest.raises(InputError, match=r"p\.csv: is a position record, which has no steps"):
-        fmpy_input(tmp_path / "p.csv")
+        write_fmpy_input(tmp_path / "p.csv", tmp_path / "out.csv")
     rows = [f"{t},10,20,0,0,9.8" for t in (0.0, 0.1, 0.25, 0.3)]
     (tmp_path / "r.csv").write_text("\n".join(["time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2", *rows, ""]))
     with pytest.raises(InputError, match=r"r\.csv, row 4: is 0\.5 rows off a uniform sampling of 0\.1 s"):
-        fmpy_input(tmp_path / "r.csv")
+        write_fmpy_input(tmp_path / "r.csv", tmp_path / "out.csv")
 
 
 def test_one_call_gives_the_run_as_a_table(tmp_path: Path) -> None:

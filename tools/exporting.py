@@ -1,7 +1,8 @@
-"""Components written as FMUs, and what an importer should reproduce of them."""
+"""Components written as FMUs, and what importers have of them: reference results, records as tables of inputs."""
 
 import hashlib
 import math
+import shlex
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,8 +15,9 @@ from ..fmus.component import Component, Variable, can_extend, extend
 from ..fmus.native.compile import BuildError, chosen_platforms
 from ..fmus.source import instantiate, references
 from ..models.effects import CATALOGUE, EffectPlace
+from . import motion, records
 from .errors import InputError, nearest
-from .files import whole_folder
+from .files import whole_file, whole_folder
 from .progress import tracked
 from .result import Result
 
@@ -27,6 +29,8 @@ STEPS = 200
 MOST_OUTPUTS = 9
 """With the time, ten columns."""
 
+UNIFORM = 1e-3
+"""How far a row's time may be off a uniform one, in steps."""
 SWINGS = {"rad": 0.01, "m/s2": 10.0, "degC": 5.0}
 """How far an input swings, by its unit."""
 
@@ -245,3 +249,91 @@ def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
         paths.append(path)
     return paths
+
+
+class FmpyInput(Result):
+    """Inputs of a component over a run that begins at time 0, and the command of FMPy that runs it.
+
+    Attributes
+    ----------
+    component : str
+        which component takes them
+    input_file : str
+        the table: `time` [s] and the inputs. FMPy applies a row at the start of a step, so each row has the time at
+        which its step begins
+    step, stop : float
+        length of a step and end of the run [s]
+    start_values : dict
+        parameters of the component that go with the record
+    command : str
+    """
+
+    schema_: Literal["trihedron.fmpy-input/1"] = Field(default="trihedron.fmpy-input/1", alias="schema")
+    component: str
+    input_file: str
+    step: float = Field(alias="step_s")
+    stop: float = Field(alias="stop_s")
+    start_values: dict[str, float]
+    command: str
+
+    def __str__(self) -> str:
+        return self.command
+
+
+def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> FmpyInput:
+    """Write a record as the CSV file that FMPy reads: inputs of AttitudeComputer or AccelerometerCompensation.
+
+    Parameters
+    ----------
+    path : Path
+        a strapdown record, of which increments are taken, or a raw record of a table, of which readings
+    out : Path
+    rates : str
+        "instantaneous" or "averaged": what a rate in the record means
+
+    Raises
+    ------
+    InputError
+        another record, or one that is not uniformly sampled
+    """
+    import numpy as np
+    import polars as pl
+
+    record = records.read_record(path)
+    if isinstance(record, records.StrapdownRecord):
+        component, name = "AttitudeComputer", "increment"
+        first, start = motion.starting_attitude(record)
+        increments = motion.increments_from(record, first, rates)
+        start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(start, start=1)}
+        start_values["sample_period"] = period = float(increments.period)
+        # The increment that ends at a row's time is of the step that begins one row before.
+        values = increments.angle
+    elif isinstance(record, records.RawRecord):
+        component, name, start_values = "AccelerometerCompensation", "reading", {}
+        values, count = record.specific_force, len(record.time_s)
+        if count < 2:
+            raise InputError(f"{record.path}: has one row; at least two are needed")
+        period = float(record.time_s[-1] - record.time_s[0]) / (count - 1)
+        off = np.abs(record.time_s - record.time_s[0] - period * np.arange(count)) / period
+        if off.max() > UNIFORM:
+            where = f"{record.path}, row {int(record.row[int(off.argmax())])}"
+            raise InputError(f"{where}: is {off.max():.3g} rows off a uniform sampling of {period:.9g} s")
+    else:
+        raise InputError(f"{path}: is a position record, which has no steps; a strapdown or a raw record is needed")
+    table = {"time": period * np.arange(len(values)), **{f"{name}[{i + 1}]": values[:, i] for i in range(3)}}
+    with whole_file(out) as beside:
+        pl.DataFrame(table).write_csv(beside)
+    stop = period * len(values)
+    words = ["fmpy", "simulate", f"{component}.fmu", "--input-file", str(out)]
+    words += ["--stop-time", repr(stop), "--output-interval", repr(period)]
+    if start_values:
+        words.append("--start-values")
+        words += [word for key, value in start_values.items() for word in (key, repr(value))]
+    return FmpyInput(
+        component=component,
+        input_file=str(out),
+        step_s=period,
+        stop_s=stop,
+        start_values=start_values,
+        command=shlex.join(words),
+    )

@@ -227,10 +227,10 @@ def fmpy_input(
     """
     assert out is not None
     distinct_files({"the record": record, "--out": out, "--json": json})
-    from ..fmpy_input import write_fmpy_input
+    from ..exporting import write_fmpy_input
 
     made = write_fmpy_input(record, out, rates=rates)
-    return answer(made.command, json, made.to_json())
+    return answer(made, json)
 
 
 @takes(library.check)

@@ -3,7 +3,7 @@
 Inputs that are set before doStep(t, h) hold over (t, t + h]. What an FMU puts out after its step goes at once to
 those that step after it (Gauss-Seidel), so an increment over a step is there when its consumer makes the same step.
 
-A program is run by machine code (`trihedron.tools.orchestrator.compiled`, kept as an object file, loaded without
+A program is run by machine code (`trihedron.tools.compiled`, kept as an object file, loaded without
 numba) or by plain Python: before the first step, where strings are recorded, and where nothing compiles.
 """
 
@@ -281,7 +281,7 @@ def compiled_march() -> Callable[..., int]:
     name = "trihedron_march"
     made_from = [llvm.get_default_triple().encode(), cpu.encode(), features.encode(), name.encode()]
     made_from += [metadata.version(package).encode() for package in ("numba", "llvmlite")]
-    made_from += [(Path(__file__).parent / source).read_bytes() for source in ("compiled.py", "program.py", "loops.py")]
+    made_from += [(Path(__file__).parent / name).read_bytes() for name in ("../compiled.py", "program.py", "loops.py")]
     made_from.append(platform.python_version().encode())
     key = hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in made_from)).hexdigest()
     path = cache_folder() / "loops" / f"{key}.o"
@@ -290,9 +290,9 @@ def compiled_march() -> Callable[..., int]:
         content = path.read_bytes()
     digest, code = content[:32], content[32:]
     if hashlib.sha256(code).digest() != digest:
-        from .compiled import object_code
+        from ..compiled import object_code
 
-        code = object_code(machine, name)
+        code = object_code(loop_of, machine, name)
         keep(path, hashlib.sha256(code).digest() + code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
