@@ -8,7 +8,7 @@ import pytest
 
 import trihedron as th
 from trihedron.tools import cli
-from trihedron.tools.field_problems import json_lines, line_of, toml_lines
+from trihedron.tools.check.findings import json_lines, line_of, toml_lines
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 STATIC = SCENARIOS / "static-calibration.toml"

@@ -1,8 +1,15 @@
-"""What results have in common: typed values that go to JSON, come back from it, and know nothing of what shows them."""
+"""What results have in common, and files of sections (TOML): typed values, and what is wrong with each of their fields.
+
+Results go to JSON, come back from it, and know nothing of what shows them.
+"""
 
 import json
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, TypeAlias
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +19,7 @@ from pydantic import (
     ConfigDict,
     GetJsonSchemaHandler,
     PlainSerializer,
+    ValidationError,
     WithJsonSchema,
     model_serializer,
 )
@@ -19,6 +27,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from .. import tools
+from .errors import InputError, nearest
 
 Array: TypeAlias = Annotated[
     NDArray[np.float64],
@@ -27,6 +36,8 @@ Array: TypeAlias = Annotated[
     WithJsonSchema({"type": "array"}),
 ]
 """An array of a result: nested lists in its JSON."""
+Location: TypeAlias = tuple[int | str, ...]
+"""Keys and indices that lead to a field, indices from 0."""
 ABSENT: Any = None
 """Default of a field for the program alone, in a result that came back from its JSON."""
 
@@ -100,3 +111,136 @@ class Told(Result):
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         names = {field.alias or name: name for name, field in type(self).model_fields.items()}
         return {k: v for k, v in handler(self).items() if v is not None or names[k] in self.model_fields_set}
+
+
+class Section(BaseModel):
+    """A table of a file: no key beside its fields. Those with ``exclude=True`` are the program's: no file has them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+    def given(self, *names: str) -> list[str]:
+        """Which of these fields are given."""
+        return [name for name in names if getattr(self, name) is not None]
+
+    def as_written(self) -> dict[str, Any]:
+        """The section with all defaults filled in, as plain values."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+File = TypeVar("File", bound=Section)
+
+
+def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) -> File:
+    """What a TOML file says, whose `schema` is that of the model.
+
+    Parameters
+    ----------
+    content : bytes
+        of the file
+    path : Path
+        what messages call it
+    model : type
+    origin
+        values of the fields that no file has
+
+    Raises
+    ------
+    InputError
+        not UTF-8, not TOML (with the line), or the first field that is missing, unknown or wrong
+    """
+    schema = model.model_fields["schema_"].default
+    try:
+        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not TOML: {error}") from error
+    except RecursionError as error:
+        what = schema.partition(".")[2].partition("/")[0]
+        raise InputError(f"{path}: is not a {what} (nested too deeply)") from error
+    if "schema" not in data:
+        raise InputError(f'{path}: schema is missing; write schema = "{schema}"')
+    for name in origin:
+        if name in data:
+            raise InputError(f"{path}: {name}: unknown key; it is not for files")
+    return checked_sections({**data, **origin}, model, str(path))
+
+
+def checked_sections(data: Mapping[str, Any], model: type[File], label: str = "") -> File:
+    """The same from what would stand in a file, which messages call by its label."""
+    try:
+        return model.model_validate(dict(data))
+    except ValidationError as error:
+        said = field_problems(error, model)[0].text
+        raise InputError(f"{label}: {said}" if label else said) from error
+
+
+@dataclass(frozen=True)
+class FieldProblem:
+    """What is wrong with one field.
+
+    Attributes
+    ----------
+    location : tuple of str and int
+    text : str
+        one line that begins with the field's dotted name
+    """
+
+    location: Location
+    text: str
+
+
+def dotted(location: Location) -> str:
+    """`fmus.table.component`, `connections[2].from`: entries of a list are counted from 1."""
+    text = ""
+    for part in location:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def field_problems(error: ValidationError, model: type[BaseModel]) -> list[FieldProblem]:
+    """Everything that is wrong, in the order of the model that was checked."""
+    problems = error.errors()
+    unknown = [_location(problem) for problem in problems if problem["type"] == "extra_forbidden"]
+    return [_problem(problem, model, unknown) for problem in problems]
+
+
+def _location(problem: Mapping[str, Any]) -> Location:
+    return tuple(part for part in problem["loc"] if part != "[key]")
+
+
+def _problem(problem: Mapping[str, Any], model: type[BaseModel], unknown: Sequence[Location]) -> FieldProblem:
+    where = _location(problem)
+    name = dotted(where)
+    if problem["type"] == "extra_forbidden":
+        return FieldProblem(where, f"{name}: unknown key; {nearest(str(where[-1]), _keys_beside(where, model))}")
+    if problem["type"] == "missing":
+        beside = [str(other[-1]) for other in unknown if other[:-1] == where[:-1]]
+        close = get_close_matches(str(where[-1]), beside, n=1)
+        meant = f" (is '{close[0]}' meant?)" if close else ""
+        return FieldProblem(where, f"{name}: is missing{meant}")
+    message = problem["msg"].removeprefix("Value error, ")
+    shown = repr(problem["input"])
+    if problem["type"] != "value_error" and len(shown) < 60:
+        message += f", not {shown}"
+    return FieldProblem(where, " ".join((f"{name}: {message}" if name else message).split()))
+
+
+def _keys_beside(location: Location, model: type[BaseModel]) -> list[str]:
+    """The keys that are known where the last part of a location stands."""
+    at: type[BaseModel] | None = model
+    for part in location[:-1]:
+        if at is None:
+            break
+        for name, field in at.model_fields.items():
+            if part in (name, field.alias):
+                at = _model_in(field.annotation)
+                break
+    return [] if at is None else [field.alias or name for name, field in at.model_fields.items() if not field.exclude]
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model that an annotation holds: alone, in a list or as the values of a dictionary."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for inner in get_args(annotation) if (found := _model_in(inner)) is not None), None)

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.special import ndtri
 
 from ..errors import InputError
-from ..field_problems import Section, read_sections
+from ..result import Section, read_sections
 
 SCHEMA = "trihedron.campaign/1"
 KINDS = ("calibration", "attitude", "simulation", "hidden")

@@ -1,5 +1,96 @@
-"""The command line: options once, answers, commands."""
+"""The command line: its commands, what all of them share, how it is run."""
 
-from .app import app, main, program
+import atexit
+import os
+import sys
+from contextlib import suppress
+
+from cyclopts import App, Parameter
+
+from .answer import exit_status, say
+from .commands import (
+    add_completion,
+    apply,
+    attitude,
+    calibrate,
+    check,
+    demo,
+    diagnose,
+    doctor,
+    export,
+    export_ssp,
+    fmpy_input,
+    inspect,
+    installed_version,
+    new,
+    reproduce,
+    simulate,
+)
+from .studies import campaign, campaign_report, hidden, plan
+
+for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.
+    os.environ.setdefault(_threads, "1")
+# They would be looked for among all that is installed.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 __all__ = ["app", "main", "program"]
+QUIET = ("--quiet", "-q")
+"""Options of every command, before or after its name."""
+
+
+def shown_default(value: object) -> str | None:
+    """A default as a person would type it; none where nothing is said."""
+    if value is None or value is False or value == ():
+        return None
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+app = App(
+    name="trihedron",
+    help="Simulate the bench, calibrate with guaranteed bounds, find what the simulation gets wrong.",
+    help_epilogue="--quiet (-q) with any command: print errors, and what --json - asks for, nothing else. "
+    "Exit status: 0 done, 2 the input cannot be used, 1 a fault of the program, 130 interrupted.",
+    version=installed_version,
+    default_parameter=Parameter(negative=(), negative_iterable=(), show_default=shown_default),
+    help_format="plaintext",
+    result_action="return_value",
+    suppress_keyboard_interrupt=False,
+)
+
+for command in (
+    *(apply, attitude, calibrate, campaign, campaign_report, check, demo, diagnose, doctor, export, export_ssp),
+    *(fmpy_input, hidden, inspect, new, plan, reproduce, simulate),
+):
+    app.command(command)
+add_completion(app)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    return _run(sys.argv[1:] if arguments is None else list(arguments))
+
+
+def program() -> int:
+    """Run the command line as a process of its own, which ends at once when the work is done."""
+    ended: list[int] = []
+    # Registered first it is done last. To take numpy and polars apart takes as long as to load them.
+    atexit.register(_leave, ended)
+    ended.append(main())
+    return ended[0]
+
+
+def _leave(ended: list[int]) -> None:
+    """End the process that has done its work; where what it said cannot be written, Python's own end says so."""
+    with suppress(OSError, ValueError):
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        for status in ended:
+            os._exit(status)
+
+
+def _run(words: list[str]) -> int:
+    ours = words.index("--") if "--" in words else len(words)
+    quiet = any(word in QUIET for word in words[:ours])
+    kept = [word for place, word in enumerate(words) if place >= ours or word not in QUIET]
+    return exit_status(lambda: say(lambda: app(kept, exit_on_error=False, print_error=False), quiet=quiet))

@@ -2,6 +2,6 @@
 
 import sys
 
-from .app import program
+from . import program
 
 sys.exit(program())

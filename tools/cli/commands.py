@@ -13,8 +13,18 @@ from .. import calibration as calibrations
 from .. import evidence, library, motion, orchestrator, papers, records, reports, ssp, trials
 from ..errors import one_line
 from ..files import ordinary_folder, write_text
-from .answer import STANDARD_OUTPUT, Answer, answer
-from .options import File, Folder, JsonFile, Number, ReportFile, distinct_files, takes
+from .answer import (
+    STANDARD_OUTPUT,
+    Answer,
+    File,
+    Folder,
+    JsonFile,
+    Number,
+    ReportFile,
+    answer,
+    distinct_files,
+    takes,
+)
 
 reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
 

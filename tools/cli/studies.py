@@ -10,8 +10,7 @@ from .. import campaign as campaigns
 from .. import document, library, planning, reports, trials
 from ..errors import InputError
 from ..files import write_text
-from .answer import Answer, answer
-from .options import File, Folder, JsonFile, ReportFile, distinct_files, takes
+from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""

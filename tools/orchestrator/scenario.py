@@ -12,7 +12,7 @@ import polars as pl
 from pydantic import AfterValidator, BeforeValidator, Field, field_serializer, field_validator, model_validator
 
 from ..errors import InputError, unreadable
-from ..field_problems import Section, checked_sections, read_sections
+from ..result import Section, checked_sections, read_sections
 
 SCHEMA = "trihedron.scenario/1"
 _ROWS_OF_TEXT = 50_000

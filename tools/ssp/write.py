@@ -36,7 +36,7 @@ from ..orchestrator.stimuli import (
     table_of,
 )
 from ..orchestrator.wiring import Wire, check_single_sources, resolve_connections
-from .values import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared
+from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""

@@ -16,8 +16,7 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
-from trihedron.tools.ssp.read import scenario_of_ssp
-from trihedron.tools.ssp.values import children, parsed
+from trihedron.tools.ssp.read import children, parsed, scenario_of_ssp
 from trihedron.tools.ssp.write import export_ssp, self_contained
 
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
