@@ -22,12 +22,21 @@ from ..errors import InputError, nearest
 from ..files import bytes_of
 from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
-from ..orchestrator.journal import resolve_columns
-from ..orchestrator.load import Loaded, Sources, check_steps, load, resolve_parameters
+from ..orchestrator.load import (
+    Loaded,
+    Sources,
+    Wire,
+    check_states,
+    check_steps,
+    load,
+    resolve_connections,
+    resolve_parameters,
+    stepping_groups,
+)
+from ..orchestrator.loops import resolve_columns
 from ..orchestrator.run import temporary_folder
 from ..orchestrator.scenario import FmuSetting, RunSetting, Scenario, Stimulus
-from ..orchestrator.stimuli import read_table, resolve_stimuli
-from ..orchestrator.wiring import Wire, check_single_sources, check_states, resolve_connections, stepping_groups
+from ..orchestrator.stimuli import check_single_sources, read_table, resolve_stimuli
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.plan import Plan, Plans

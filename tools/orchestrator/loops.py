@@ -1,4 +1,4 @@
-"""The loop over the steps: FMUs initialised, stepped in order, their outputs passed on, until one fails or all is done.
+"""The loop over the steps: FMUs initialised, stepped in order, their outputs passed on and recorded, until all is done.
 
 Inputs that are set before doStep(t, h) hold over (t, t + h]. What an FMU puts out after its step goes at once to
 those that step after it (Gauss-Seidel), so an increment over a step is there when its consumer makes the same step.
@@ -13,7 +13,7 @@ import platform
 import signal
 import threading
 import time as clocks
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -23,24 +23,150 @@ from types import FrameType
 from typing import Any, NoReturn
 
 import numpy as np
+import polars as pl
 
 from ...fmus.native.compile import cache_folder
-from ..errors import InputError
+from ..errors import InputError, said_of
 from . import program as op
 from .fmu import Slave, Slave3
-from .interface import VALUE_TYPES
-from .journal import Blocks, Column, Keep
-from .load import Loaded, keep
+from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
+from .load import Group, Loaded, keep
 from .program import Ports, Program, loop_of, step_program
 from .scenario import Scenario
 from .stimuli import Grid
-from .wiring import Group
 
+BLOCK_BYTES = 16 << 20
+Keep = Callable[[pl.DataFrame, int], None]
+"""(rows, communication point of the last one): called for each block."""
 CALL_SECONDS = 0.05
 """About so long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
 _C_TYPES: dict[int, Any] = {
     t.code: np.ctypeslib.as_ctypes_type(t.dtype) for t in VALUE_TYPES.values() if t.kind != "String"
 }
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the record: value = factor * variable + offset."""
+
+    name: str
+    fmu: str
+    variable: Variable
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def series(self, values: Any) -> pl.Series:
+        """The column from the recorded values of its variable, in the variable's own unit."""
+        if self.variable.kind == "String":
+            return pl.Series(self.name, values, dtype=pl.String)
+        if self.variable.kind == "Boolean":
+            return pl.Series(self.name, np.asarray(values) != 0, dtype=pl.Boolean)
+        if self.variable.kind != "Real":
+            return pl.Series(self.name, np.array(values))
+        found = np.array(values, dtype=np.float64)
+        same = (self.factor, self.offset) == (1.0, 0.0)
+        return pl.Series(self.name, found if same else self.factor * found + self.offset)
+
+
+def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
+    """The columns of the record; every output of every FMU where none are named.
+
+    An InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
+    """
+    resolved = []
+    if columns is None:
+        for fmu, interface in interfaces.items():
+            for variable in interface.variables.values():
+                if variable.causality == "output" and variable.access in VALUE_TYPES:
+                    suffix = suffix_for(variable.unit)
+                    name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
+                    resolved.append(Column(name, fmu, variable))
+        return resolved
+    for name, text in columns.items():
+        with said_of(f"record.columns.{name}"):
+            if name == "time_s" or not name.strip() or any(c in name for c in ',"\r\n'):
+                raise InputError("is not a name for a column (time_s is there by itself)")
+            interface, variables = refer(text, interfaces, ("output",))
+            if len(variables) != 1:
+                raise InputError(f"'{text}' has {len(variables)} elements; a column takes one: '{text}[1]'")
+            scaled = conversion(variables[0].unit, name, interface.scales)
+            _ = variables[0].value_type
+            resolved.append(Column(name, interface.name, variables[0], *scaled))
+    return resolved
+
+
+def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
+    """The variables of one FMU that are recorded, each once."""
+    return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
+
+
+class Blocks:
+    """Rows of recorded values, of every so manyth communication point, handed on when a block is full.
+
+    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes. A block has `rows` rows; `row` is the
+    next one to be recorded.
+    """
+
+    def __init__(
+        self, columns: Sequence[Column], ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep
+    ) -> None:
+        self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
+        self._tick = self.row = 0
+        recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
+        numbers = [(name, port, count) for name, port, count in recorded if port.access != "String"]
+        width = sum(count * port.values.itemsize for _, port, count in numbers)
+        self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
+        self._values: dict[tuple[str, str], np.ndarray] = {}
+        self._texts: dict[tuple[str, str], list[str]] = {}
+        self._addresses, copies = [], []
+        for name, port, count in numbers:
+            table = np.zeros((self.rows, count), dtype=port.values.dtype)
+            copies.append((table.ctypes.data, port.address, count * table.itemsize))
+            self._values |= {(name, v.name): table[:, at] for at, v in enumerate(port.variables[:count])}
+        for name, port, count in recorded:
+            for at, variable in enumerate(port.variables[:count] if port.access == "String" else ()):
+                texts = self._texts[name, variable.name] = []
+                self._addresses.append((texts, port.values, at))
+        self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
+
+    @property
+    def has_text(self) -> bool:
+        """Whether strings are recorded, which only Python can keep."""
+        return bool(self._texts)
+
+    def record(self) -> None:
+        """Record a row now."""
+        for target, source, size in self.records.tolist():
+            ctypes.memmove(target + self.row * size, source, size)
+        self.keep_texts()
+        self.advance(self.row + 1)
+
+    def keep_texts(self) -> None:
+        """Keep the strings of a row."""
+        for texts, addresses, at in self._addresses:
+            address = int(addresses[at])
+            texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
+
+    def advance(self, row: int) -> None:
+        """So many rows of the block are recorded; a full block is handed on."""
+        self.row = row
+        if row == self.rows:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand on what is recorded."""
+        if not self.row:
+            return
+        end = self._tick + self.row * self.every
+        ticks = np.arange(self._tick, end, self.every)
+        series = [pl.Series("time_s", self._grid.start + ticks * self._grid.step)]
+        for column in self._columns:
+            at = (column.fmu, column.variable.name)
+            series.append(column.series(self._texts[at] if at in self._texts else self._values[at][: self.row]))
+        self._keep(pl.DataFrame(series), end - self.every)
+        self._tick, self.row = end, 0
+        for texts in self._texts.values():
+            texts.clear()
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,9 @@ import numpy as np
 
 from .fmu import Slave
 from .interface import VALUE_TYPES, Interface, Value, Variable
+from .load import Group, Wire
 from .scenario import RunSetting
 from .stimuli import Drive
-from .wiring import Group, Wire
 
 WIDTH = 8
 FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)

@@ -1,10 +1,19 @@
-"""A scenario from its FMUs to its record: run once and written, or prepared once and run many times."""
+"""A scenario from its FMUs to its record: run once and written, or prepared once and run many times.
+
+While a run goes on, what is recorded stands in `run.incomplete/` in the run's folder: Parquet files, each whole, and a
+run.json that says `"complete": false`. A run that is killed leaves them; every other run takes them away. A long run
+needs no more memory than a short one.
+"""
 
 import ctypes
+import json
 import platform
+import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cached_property
 from importlib.metadata import version
@@ -15,24 +24,38 @@ from typing import Any, Literal
 import polars as pl
 from pydantic import Field
 
-from ..errors import InputError, one_line
+from ..errors import InputError, one_line, reason
+from ..files import whole_folder
 from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
 from ..records.rests import position_record_of
 from ..result import ABSENT, Result
-from .journal import Column, Journal, recorded_variables, resolve_columns
-from .load import Loaded, Sources, check_steps, interfaces_of, load, resolve_parameters
-from .loops import Assembly, run_fmus
+from .load import (
+    Loaded,
+    Sources,
+    check_states,
+    check_steps,
+    interfaces_of,
+    load,
+    resolve_connections,
+    resolve_parameters,
+    stepping_groups,
+)
+from .loops import Assembly, Column, recorded_variables, resolve_columns, run_fmus
 from .program import Ports
 from .scenario import Scenario
-from .stimuli import resolve_stimuli
-from .wiring import check_single_sources, check_states, resolve_connections, stepping_groups
+from .stimuli import check_single_sources, resolve_stimuli
 
 SCHEMA = "trihedron.run/1"
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
 MOST_ROWS = 20_000_000
 """A raw record of more rows is not averaged: it is read whole."""
+INCOMPLETE = "run.incomplete"
+FLUSH_SECONDS = 5.0
+WHOLE_BYTES = 256 << 20
+"""A record of at most so many bytes is written in one go."""
+ROW_GROUP = 1 << 18
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")
 _FOLDER_PREFIX = "trihedron-run-"
 
@@ -333,3 +356,137 @@ def simulate_table(
         write_record(found["averages"], out / "positions.csv")
         found["files"] = (*run.files, out / "positions.csv")
     return run.model_copy(update=found)
+
+
+class Journal:
+    """The rows of a run: in its folder with a run.json that says its provenance, without a folder in memory."""
+
+    def __init__(self, out: Path | None, provenance: Mapping[str, Any]) -> None:
+        self._out, self._provenance = out, provenance
+        self._tables: list[pl.DataFrame] = []
+        self._parts = self._bytes = 0
+        self._made: list[Path] = []
+        self._flushed = time.monotonic()
+        self._writer = ThreadPoolExecutor(1)
+        self._writing: Future[None] | None = None
+
+    @property
+    def due(self) -> bool:
+        """Whether rows have been waiting in memory for long."""
+        return self._out is not None and time.monotonic() - self._flushed > FLUSH_SECONDS
+
+    @property
+    def empty(self) -> bool:
+        """Whether there are no rows yet."""
+        return not self._tables and not self._parts
+
+    @property
+    def folder(self) -> Path:
+        """Where the rows are while the run goes on."""
+        assert self._out is not None
+        return self._out / INCOMPLETE
+
+    def add(self, table: pl.DataFrame, *, more: bool) -> None:
+        """Take rows; `more`: others will follow."""
+        self._bytes += int(table.estimated_size())
+        self._tables.append(table)
+        if self._out is not None and (self._parts or more):
+            self._spill()
+
+    def _spill(self) -> None:
+        """Write what waits in memory as a part, beside the run."""
+        if not self._parts:
+            self._begin()
+        part = self.folder / f"{self._parts:08d}.parquet"
+        self._wait()
+        rows = pl.concat(self._tables)
+        self._tables.clear()
+        self._parts += 1
+        self._flushed = time.monotonic()
+        self._writing = self._writer.submit(_write_part, rows, part)
+
+    def _begin(self) -> None:
+        with _written(self._out):
+            folder = self.folder
+            missing = [p for p in (folder, *folder.parents) if not p.exists()]
+            if self._out is not None and self._out.exists() and not self._out.is_dir():
+                raise InputError(f"{self._out}: is a file; give the name of a folder")
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            self._made = missing
+            (folder / "run.json").write_text(provenance_text({**self._provenance, "complete": False}), encoding="utf-8")
+
+    def _wait(self) -> None:
+        """Wait for the part that is being written."""
+        if self._writing is not None:
+            writing, self._writing = self._writing, None
+            with _written(self.folder):
+                writing.result()
+
+    def drop(self) -> None:
+        """Forget the run: nothing of it is left on disk."""
+        self._writer.shutdown(wait=True)
+        if self._parts:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            for folder in self._made:
+                if folder != self.folder and folder.is_dir() and not any(folder.iterdir()):
+                    folder.rmdir()
+
+    def finish(self, form: str, more: Mapping[str, Any]) -> tuple[pl.DataFrame | None, tuple[Path, ...]]:
+        """Write the run whole into its folder, as "parquet" or "csv", with run.json, which says `more` too.
+
+        Gives the rows, unless they are too many to be in memory, and the files.
+        """
+        if self._out is None:
+            return pl.concat(self._tables, rechunk=True), ()
+        try:
+            self._wait()
+            with _written(self._out):
+                table = self._write(self._out, form, {**self._provenance, **more})
+            # Of this run, or of one that was killed here.
+            shutil.rmtree(self.folder, ignore_errors=True)
+        finally:
+            self.drop()
+        # A run of another form that stood here would not be the one that run.json describes.
+        for stale in {"run.csv", "run.parquet"} - {f"run.{form}"}:
+            (self._out / stale).unlink(missing_ok=True)
+        return table, (self._out / f"run.{form}", self._out / "run.json")
+
+    def _write(self, out: Path, form: str, provenance: dict[str, Any]) -> pl.DataFrame | None:
+        parts = [self.folder / f"{n:08d}.parquet" for n in range(self._parts)]
+        with whole_folder(out) as beside:
+            data, table = beside / f"run.{form}", None
+            if self._bytes <= WHOLE_BYTES:
+                table = pl.concat([*(pl.read_parquet(part) for part in parts), *self._tables], rechunk=True)
+                table.write_csv(data) if form == "csv" else table.write_parquet(data)
+            else:
+                rows = pl.concat([*(pl.scan_parquet(part) for part in parts), *(t.lazy() for t in self._tables)])
+                if form == "csv":
+                    rows.sink_csv(data, maintain_order=True)
+                else:
+                    rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
+            (beside / "run.json").write_text(provenance_text(provenance), encoding="utf-8", newline="\n")
+        return table
+
+
+@contextmanager
+def _written(folder: Path | None) -> Iterator[None]:
+    """Say of a folder that it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({reason(error)})") from error
+    except pl.exceptions.PolarsError as error:
+        raise InputError(f"{folder}: cannot be written ({error})") from error
+
+
+def _write_part(rows: pl.DataFrame, part: Path) -> None:
+    """A part appears whole or not at all."""
+    beside = part.with_suffix(".writing")
+    rows.write_parquet(beside, compression="uncompressed", statistics=False)
+    beside.replace(part)
+
+
+def provenance_text(provenance: Mapping[str, Any]) -> str:
+    """run.json."""
+    return json.dumps(provenance, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -6,7 +6,7 @@ Time is counted in whole steps, never accumulated. A position programme commands
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import polars as pl
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
 from .interface import Interface, Value, Variable, checked, conversion, is_angle, refer_to, spread
-from .load import Loaded, Sources, interfaces_of
+from .load import Loaded, Sources, Wire, interfaces_of
 from .scenario import RunSetting, Scenario, Stimulus
 
 MOST_STEPS = 10**9
@@ -426,3 +426,14 @@ def resolve_stimuli(
                 given = resolve_rows(stimulus, lambda wanted, s=stimulus, n=name: table(s, n, wanted), grid, interfaces)
             drives += [(name, drive) for drive in given]
     return grid, drives
+
+
+def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]]) -> None:
+    """Refuse an input that two sources feed; a drive comes with what the user called its stimulus."""
+    taken: dict[tuple[str, str], str] = {}
+    sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
+    sources += [(drive.fmu, variable, name) for name, drive in drives for variable in drive.variables]
+    for fmu, variable, source in sources:
+        before = taken.setdefault((fmu, variable.name), source)
+        if before is not source:
+            raise InputError(f"'{fmu}.{variable.name}' has two sources, {before} and {source}; one is possible")

@@ -24,18 +24,27 @@ from ...models.table_commands import POSITIONS
 from ..errors import InputError, said_of
 from ..files import whole_file
 from ..orchestrator.interface import Interface, Value, Variable, spread
-from ..orchestrator.load import Loaded, Sources, calibrated_parameters, interfaces_of, load, usual_flavour
+from ..orchestrator.load import (
+    Loaded,
+    Sources,
+    Wire,
+    calibrated_parameters,
+    interfaces_of,
+    load,
+    resolve_connections,
+    usual_flavour,
+)
 from ..orchestrator.scenario import Scenario, Stimulus
 from ..orchestrator.stimuli import (
     Drive,
     Grid,
     NumberTable,
+    check_single_sources,
     make_grid,
     resolve_constant,
     resolve_programme,
     table_of,
 )
-from ..orchestrator.wiring import Wire, check_single_sources, resolve_connections
 from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
