@@ -1,6 +1,6 @@
-from .compare import Comparison as Comparison
-from .compare import compare as compare
-from .execute import run_campaign as run_campaign
+from .runs import run_campaign as run_campaign
 from .store import open_result as open_result
 from .summary import CampaignResult as CampaignResult
+from .summary import Comparison as Comparison
+from .summary import compare as compare
 from .summary import summarise as summarise

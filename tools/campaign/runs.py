@@ -1,4 +1,4 @@
-"""The runs of a campaign: its order, which goes to whoever computes; which run is which; what a worker makes of them.
+"""A campaign carried out, by workers that may be killed, in any order: which run is which, what a worker makes of them.
 
 Of a run the parameters and the seed follow from the campaign and the run's number alone.
 
@@ -7,17 +7,14 @@ A, then of B, then of A with each column from B; a row has the same random error
 that does nothing has indices of exactly nothing.
 """
 
-import hashlib
 import io
-import os
-import platform
 import time as clocks
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
-from importlib import metadata
+from functools import cached_property, lru_cache, partial
 from multiprocessing.util import Finalize
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -26,18 +23,14 @@ import polars as pl
 import scipy
 from numpy.typing import NDArray
 
-from ... import fmus, models
 from ..errors import InputError, nearest
-from ..orchestrator.scenario import read_scenario
-from .file import Campaign, Value, parse_campaign, read_campaign
-from .kinds import RUNNERS, Output, Runner
+from ..progress import progress_bar
+from ..workers import Killed, LostCluster, Workers, by_itself, completed, started
+from .file import Campaign, Value
+from .kinds import RUNNERS, Runner
+from .store import Columns, Computed, Order, Store, code_hash, make_order, opened
+from .summary import CampaignResult, Cost, summarise
 
-_PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
-_CODE = (
-    *("attitude", "bounded", "calibration", "campaign", "diagnosis", "evidence", "motion"),
-    *("orchestrator", "papers", "records", "trials"),
-)
-"""Sub-packages that results follow from, beside models and fmus."""
 _SAMPLES_STREAM, _ERRORS_STREAM = 0, 1
 _CHUNK = 256
 """Rows of a Sobol sequence that are made at once."""
@@ -45,98 +38,6 @@ OWN_COLUMNS = ("run", "failed", "diagnosis")
 COMPRESSION_LEVEL = 3
 KILLED = "the run ended its worker process each time it was tried"
 """The message of a run that no process survives."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """Everything that a worker needs to know of a campaign, wherever it is.
-
-    The campaign file and all that it reads, by their paths below the folder that they share, and the `code_hash` of
-    whoever gives the order.
-    """
-
-    campaign_file: str
-    files: tuple[tuple[str, bytes], ...]
-    code: str
-
-    @cached_property
-    def sha256(self) -> str:
-        """Of the names and contents of all files, and of the code."""
-        digest = hashlib.sha256(f"{self.campaign_file}\0{self.code}".encode())
-        for name, content in self.files:
-            digest.update(f"\0{name} {len(content)}\0".encode() + content)
-        return digest.hexdigest()
-
-    def unpack(self, folder: Path) -> Campaign:
-        """Write the files into a folder; returns the campaign as it is read there."""
-        for name, content in self.files:
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        return read_campaign(folder / self.campaign_file)
-
-    @property
-    def hashes(self) -> dict[str, str]:
-        """SHA-256 of each file that the campaign reads."""
-        return {name: hashlib.sha256(content).hexdigest() for name, content in self.files}
-
-
-def make_order(path: Path) -> tuple[Order, Campaign]:
-    """Read a campaign file and all that it reads; an InputError for what cannot be read or is not what it should be."""
-
-    def content(file: Path) -> bytes:
-        try:
-            return file.read_bytes()
-        except OSError as error:
-            before = "" if file == path else f"{path}: "
-            raise InputError(f"{before}{file}: cannot be read ({error.strerror})") from error
-
-    found = {path.resolve(): content(path)}
-    campaign = parse_campaign(found[path.resolve()], path)
-    simulated, calibrated = campaign.simulation, campaign.calibration
-    if simulated is not None:
-        file = (campaign.base_folder / simulated.scenario).resolve()
-        found[file] = content(file)
-        for name in _inputs_of_scenario(file):
-            inner = (file.parent / name).resolve()
-            found[inner] = content(inner)
-    elif calibrated is not None and calibrated.positions is not None:
-        file = (campaign.base_folder / calibrated.positions).resolve()
-        found[file] = content(file)
-    root = Path(os.path.commonpath([file.parent for file in found]))
-    files = sorted((PurePosixPath(file.relative_to(root)).as_posix(), content) for file, content in found.items())
-    name = PurePosixPath(path.resolve().relative_to(root)).as_posix()
-    return Order(name, tuple(files), code_hash()), campaign
-
-
-def _inputs_of_scenario(file: Path) -> Iterable[str]:
-    if file.suffix.lower() != ".toml":
-        raise InputError(f"{file}: simulation.scenario must be a scenario file (TOML)")
-    scenario = read_scenario(file)
-    for setting in scenario.fmus.values():
-        yield from (name for name in (setting.fmu, setting.parameters_from) if name is not None)
-    for stimulus in scenario.stimuli:
-        yield from (name for name in (stimulus.csv, stimulus.programme) if name is not None)
-
-
-@cache
-def code_hash() -> str:
-    """Hash of the code that results follow from, and of the versions of what it uses."""
-    digest = hashlib.sha256(f"{platform.python_version()} {platform.machine()}".encode())
-    for package in _PACKAGES:
-        digest.update(f"\0{package} {metadata.version(package)}".encode())
-    tools = Path(__file__).parents[1]
-    folders = [Path(str(package.__file__)).parent for package in (models, fmus)]
-    folders += [tools / name for name in _CODE]
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(f"\0{path.relative_to(folder).as_posix()}\0".encode() + path.read_bytes())
-    return digest.hexdigest()
-
-
-def versions() -> dict[str, str]:
-    """Versions that the manifest names."""
-    return {name: metadata.version(name) for name in _PACKAGES} | {"python": platform.python_version()}
 
 
 class Design:
@@ -207,39 +108,6 @@ class Design:
         if self.campaign.sampling.method == "saltelli":
             number = run % self.campaign.sampling.points
         return np.random.SeedSequence(self.campaign.seed, spawn_key=(_ERRORS_STREAM, number))
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Columns of a campaign's data set: parameters, the outputs that are kept, and whether diagnosis and record are."""
-
-    parameters: dict[str, type[pl.DataType]]
-    outputs: dict[str, Output]
-    diagnosis: bool = False
-    record: bool = False
-
-    @property
-    def schema(self) -> dict[str, type[pl.DataType]]:
-        """Name -> data type, in order."""
-        kept = {name: output.dtype for name, output in self.outputs.items()}
-        last: dict[str, type[pl.DataType]] = {"diagnosis": pl.String} if self.diagnosis else {}
-        return {"run": pl.Int64, **self.parameters, "failed": pl.String, **kept, **last}
-
-
-@dataclass(frozen=True)
-class Computed:
-    """A file of the data set that was computed, by its number: its content, and that of the file of records beside it.
-
-    It has so many runs, of which some failed, and took so long, by the clock and of the processor [s].
-    """
-
-    partition: int
-    scalars: bytes
-    records: bytes | None
-    runs: int
-    failures: int
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
 
 
 def make_runner(campaign: Campaign) -> Runner:
@@ -385,3 +253,83 @@ def _parquet(table: pl.DataFrame) -> bytes:
         stream, compression="zstd", compression_level=COMPRESSION_LEVEL, row_group_size=max(1, table.height)
     )
     return stream.getvalue()
+
+
+def default_folder(path: Path) -> Path:
+    """Where a campaign is kept when nothing else is asked for: `<campaign>-campaign` in the current folder."""
+    return Path(f"{path.stem}-campaign")
+
+
+def run_campaign(
+    path: Path,
+    out: Path | None = None,
+    *,
+    jobs: int | None = None,
+    engine: str = "local",
+    scheduler: str | None = None,
+    resume: bool = False,
+    progress: bool = False,
+) -> CampaignResult:
+    """Carry out a campaign; arguments and errors as for `trihedron.run_campaign`, which writes the page too."""
+    began = clocks.perf_counter()
+    order, campaign = make_order(path)
+    # What the file asks for and cannot be done is said before anything is written.
+    columns = columns_of(campaign, make_runner(campaign))
+    folder = default_folder(path) if out is None else out
+    with opened(folder, order, campaign, columns, path.read_bytes(), resume=resume) as store:
+        missing, before, failed = store.missing()
+        done, seconds, cpu_seconds, kills = before, 0.0, 0.0, 0
+        try:
+            with ExitStack() as stack:
+                shown = stack.enter_context(progress_bar("runs", campaign.runs, show=progress))
+                shown(done)
+                workers = stack.enter_context(started(engine, jobs, scheduler)) if missing else None
+                for computed in _computed(order, campaign, missing, workers) if workers else ():
+                    store.write(computed)
+                    done, failed = done + computed.runs, failed + computed.failures
+                    seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
+                    rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
+                    words = f", {failed} failed" if failed else ""
+                    shown(computed.runs, f"{done} of {campaign.runs} runs, {rate:.3g}/s{words}")
+                kills = workers.kills if workers else 0
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"interrupted; {_so_far(store, done)}") from None
+        except LostCluster as error:
+            raise InputError(f"--scheduler: {error}; {_so_far(store, done)}") from error
+        except InputError as error:
+            raise InputError(f"{error}; {_so_far(store, done)}") from error
+        cost = Cost(campaign.runs - before, clocks.perf_counter() - began, seconds, cpu_seconds, kills)
+        result = summarise(store).model_copy(update={"folder": folder, "cost": cost})
+        store.write_summary(result.to_json())
+    return result
+
+
+def _so_far(store: Store, done: int) -> str:
+    return f"{done} of {store.campaign.runs} runs are in {store.folder}; --resume goes on"
+
+
+def _computed(order: Order, campaign: Campaign, missing: list[int], workers: Workers) -> Iterator[Computed]:
+    """The files that are missing, as they are done.
+
+    A file that no process survives is tried run by run: a run that none survives either is recorded as failed. What is
+    kept follows from the runs alone, so nobody can see from the files who computed what, and when.
+    """
+
+    def without_deadly_runs(partition: int) -> Computed:
+        deadly = set[int]()
+        for number in campaign.runs_of(partition):
+            try:
+                by_itself(workers, partial(try_run, order), number)
+            except Killed:
+                deadly.add(number)
+        try:
+            return by_itself(workers, partial(compute, order, frozenset(deadly)), partition)
+        except Killed:
+            runs = campaign.runs_of(partition)
+            raise RuntimeError(
+                f"the runs {runs[0]} to {runs[-1]} end their worker each time, but no run does alone"
+            ) from None
+
+    make = partial(compute, order, frozenset[int]())
+    for _, computed in completed(workers, make, missing, instead=without_deadly_runs):
+        yield computed

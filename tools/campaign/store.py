@@ -1,24 +1,165 @@
-"""The folder of a campaign: its manifest, the files of its data set, what is missing of it. Files appear whole."""
+"""What a campaign is to whoever computes it, and its folder: manifest, files of the data set, what is missing of it.
+
+Files appear whole.
+"""
 
 import contextlib
+import hashlib
 import io
 import json
-from collections.abc import Iterator, Mapping
+import os
+import platform
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cache, cached_property
+from importlib import metadata
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import polars as pl
 
+from ... import fmus, models
 from ..errors import InputError
 from ..files import whole_file, write_text
-from .file import Campaign, parse_campaign
-from .runs import Columns, Computed, Order, versions
+from ..orchestrator.scenario import read_scenario
+from .file import Campaign, parse_campaign, read_campaign
+from .kinds import Output
 
 SCHEMA = "trihedron.campaign-result/1"
 MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", ".lock"
 SUMMARY, PAGE = "summary.json", "index.html"
 RUNS, RECORDS = "runs", "records"
+_PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
+_CODE = (
+    *("attitude", "bounded", "calibration", "campaign", "diagnosis", "evidence", "motion"),
+    *("orchestrator", "papers", "records", "trials"),
+)
+"""Sub-packages that results follow from, beside models and fmus."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """Everything that a worker needs to know of a campaign, wherever it is.
+
+    The campaign file and all that it reads, by their paths below the folder that they share, and the `code_hash` of
+    whoever gives the order.
+    """
+
+    campaign_file: str
+    files: tuple[tuple[str, bytes], ...]
+    code: str
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of the names and contents of all files, and of the code."""
+        digest = hashlib.sha256(f"{self.campaign_file}\0{self.code}".encode())
+        for name, content in self.files:
+            digest.update(f"\0{name} {len(content)}\0".encode() + content)
+        return digest.hexdigest()
+
+    def unpack(self, folder: Path) -> Campaign:
+        """Write the files into a folder; returns the campaign as it is read there."""
+        for name, content in self.files:
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        return read_campaign(folder / self.campaign_file)
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """SHA-256 of each file that the campaign reads."""
+        return {name: hashlib.sha256(content).hexdigest() for name, content in self.files}
+
+
+def make_order(path: Path) -> tuple[Order, Campaign]:
+    """Read a campaign file and all that it reads; an InputError for what cannot be read or is not what it should be."""
+
+    def content(file: Path) -> bytes:
+        try:
+            return file.read_bytes()
+        except OSError as error:
+            before = "" if file == path else f"{path}: "
+            raise InputError(f"{before}{file}: cannot be read ({error.strerror})") from error
+
+    found = {path.resolve(): content(path)}
+    campaign = parse_campaign(found[path.resolve()], path)
+    simulated, calibrated = campaign.simulation, campaign.calibration
+    if simulated is not None:
+        file = (campaign.base_folder / simulated.scenario).resolve()
+        found[file] = content(file)
+        for name in _inputs_of_scenario(file):
+            inner = (file.parent / name).resolve()
+            found[inner] = content(inner)
+    elif calibrated is not None and calibrated.positions is not None:
+        file = (campaign.base_folder / calibrated.positions).resolve()
+        found[file] = content(file)
+    root = Path(os.path.commonpath([file.parent for file in found]))
+    files = sorted((PurePosixPath(file.relative_to(root)).as_posix(), content) for file, content in found.items())
+    name = PurePosixPath(path.resolve().relative_to(root)).as_posix()
+    return Order(name, tuple(files), code_hash()), campaign
+
+
+def _inputs_of_scenario(file: Path) -> Iterable[str]:
+    if file.suffix.lower() != ".toml":
+        raise InputError(f"{file}: simulation.scenario must be a scenario file (TOML)")
+    scenario = read_scenario(file)
+    for setting in scenario.fmus.values():
+        yield from (name for name in (setting.fmu, setting.parameters_from) if name is not None)
+    for stimulus in scenario.stimuli:
+        yield from (name for name in (stimulus.csv, stimulus.programme) if name is not None)
+
+
+@cache
+def code_hash() -> str:
+    """Hash of the code that results follow from, and of the versions of what it uses."""
+    digest = hashlib.sha256(f"{platform.python_version()} {platform.machine()}".encode())
+    for package in _PACKAGES:
+        digest.update(f"\0{package} {metadata.version(package)}".encode())
+    tools = Path(__file__).parents[1]
+    folders = [Path(str(package.__file__)).parent for package in (models, fmus)]
+    folders += [tools / name for name in _CODE]
+    for folder in folders:
+        for path in sorted(folder.rglob("*.py")):
+            digest.update(f"\0{path.relative_to(folder).as_posix()}\0".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions that the manifest names."""
+    return {name: metadata.version(name) for name in _PACKAGES} | {"python": platform.python_version()}
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of a campaign's data set: parameters, the outputs that are kept, and whether diagnosis and record are."""
+
+    parameters: dict[str, type[pl.DataType]]
+    outputs: dict[str, Output]
+    diagnosis: bool = False
+    record: bool = False
+
+    @property
+    def schema(self) -> dict[str, type[pl.DataType]]:
+        """Name -> data type, in order."""
+        kept = {name: output.dtype for name, output in self.outputs.items()}
+        last: dict[str, type[pl.DataType]] = {"diagnosis": pl.String} if self.diagnosis else {}
+        return {"run": pl.Int64, **self.parameters, "failed": pl.String, **kept, **last}
+
+
+@dataclass(frozen=True)
+class Computed:
+    """A file of the data set that was computed, by its number: its content, and that of the file of records beside it.
+
+    It has so many runs, of which some failed, and took so long, by the clock and of the processor [s].
+    """
+
+    partition: int
+    scalars: bytes
+    records: bytes | None
+    runs: int
+    failures: int
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..campaign.compare import CHANCE, Comparison
 from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
-from ..campaign.summary import CampaignResult, Results, rate, summarise
+from ..campaign.summary import CHANCE, CampaignResult, Comparison, Results, rate, summarise
 from ..document.blocks import Page, Section, Table
 from ..document.notation import Cell, minus, significant
 from ..document.page import write_page

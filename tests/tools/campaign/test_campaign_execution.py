@@ -20,9 +20,8 @@ import pytest
 
 from campaign_runs import CALIBRATION, content, dies_of_three, workers_of, written
 from trihedron.tools import cli
-from trihedron.tools.campaign import execute
-from trihedron.tools.campaign.execute import run_campaign
-from trihedron.tools.campaign.runs import KILLED
+from trihedron.tools.campaign import runs
+from trihedron.tools.campaign.runs import KILLED, run_campaign
 from trihedron.tools.errors import InputError
 from trihedron.tools.workers import AHEAD, Killed, completed, started
 
@@ -76,7 +75,7 @@ def use(scripted: ScriptedWorkers, monkeypatch: pytest.MonkeyPatch) -> ScriptedW
         def __init__(self, futures: Any, **_: object) -> None:
             self.done = order.sample(list(futures), len(futures))
 
-    monkeypatch.setattr(execute, "started", given)
+    monkeypatch.setattr(runs, "started", given)
     monkeypatch.setattr("trihedron.tools.workers.wait", Shuffled)
     return scripted
 
@@ -206,11 +205,11 @@ def test_results_and_workers_of_other_code_are_refused(tmp_path, workers, monkey
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run_campaign(path, out)
     with monkeypatch.context() as patched:
-        patched.setattr("trihedron.tools.campaign.runs.code_hash", lambda: "other")
+        patched.setattr("trihedron.tools.campaign.store.code_hash", lambda: "other")
         with pytest.raises(InputError, match="is another version than when it was begun"):
             run_campaign(path, out, resume=True)
-    hashes = iter(("of this process", "of a worker"))
-    monkeypatch.setattr("trihedron.tools.campaign.runs.code_hash", lambda: next(hashes))
+    monkeypatch.setattr("trihedron.tools.campaign.store.code_hash", lambda: "of this process")
+    monkeypatch.setattr("trihedron.tools.campaign.runs.code_hash", lambda: "of a worker")
     with pytest.raises(InputError, match="a worker has another version of Trihedron"):
         run_campaign(path, tmp_path / "another")
 

@@ -13,10 +13,10 @@ from foreign_fmus import build_foreign
 from trihedron.fmus.instruments import GYRO_BLOCK
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS
-from trihedron.tools.campaign.execute import run_campaign
 from trihedron.tools.campaign.file import Campaign, parse_campaign
 from trihedron.tools.campaign.kinds import Given, motion_samples, reduced
-from trihedron.tools.campaign.runs import Design, columns_of, make_order, make_runner
+from trihedron.tools.campaign.runs import Design, columns_of, make_runner, run_campaign
+from trihedron.tools.campaign.store import make_order
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.compare import read_increments

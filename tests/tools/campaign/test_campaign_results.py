@@ -10,12 +10,11 @@ import pytest
 from campaign_runs import content
 from page_text import html_of
 from trihedron.tools import cli
-from trihedron.tools.campaign.compare import compare
 from trihedron.tools.campaign.file import parse_campaign
 from trihedron.tools.campaign.kinds import Output
-from trihedron.tools.campaign.runs import Columns, Computed, Design, Order, scalars_file
-from trihedron.tools.campaign.store import Store, manifest_of
-from trihedron.tools.campaign.summary import Results, rate, summarise
+from trihedron.tools.campaign.runs import Design, scalars_file
+from trihedron.tools.campaign.store import Columns, Computed, Order, Store, manifest_of
+from trihedron.tools.campaign.summary import Results, compare, rate, summarise
 from trihedron.tools.errors import InputError
 from trihedron.tools.reports.campaign import campaign_page
 

@@ -22,7 +22,8 @@ from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, refusal, run, scenario, wires
 from trihedron.fmus import source
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import journal, loops, simulate
+from trihedron.tools.orchestrator import loops, simulate
+from trihedron.tools.orchestrator.run import INCOMPLETE
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
 
@@ -236,10 +237,10 @@ def table_run(form: str) -> Scenario:
 @pytest.mark.parametrize("form", ["parquet", "csv"])
 def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = simulate(table_run(form), tmp_path / "whole")
-    monkeypatch.setattr(journal, "WHOLE_BYTES", 0)
+    monkeypatch.setattr("trihedron.tools.orchestrator.run.WHOLE_BYTES", 0)
     contents = []
     for size in (200_000, 37_777):
-        monkeypatch.setattr(journal, "BLOCK_BYTES", size)
+        monkeypatch.setattr(loops, "BLOCK_BYTES", size)
         parts = simulate(table_run(form), tmp_path / "parts")
         assert parts.held is None
         assert parts.columns == whole.columns
@@ -255,13 +256,13 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
 
 def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = simulate(table_run("parquet"), tmp_path / "whole")
-    monkeypatch.setattr(journal, "BLOCK_BYTES", 100_000)
+    monkeypatch.setattr(loops, "BLOCK_BYTES", 100_000)
     parts = simulate(table_run("parquet"), tmp_path / "parts")
     assert parts.files[0].read_bytes() == whole.files[0].read_bytes()
 
 
 def test_a_run_that_fails_late_leaves_nothing(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(journal, "BLOCK_BYTES", 80)
+    monkeypatch.setattr(loops, "BLOCK_BYTES", 80)
     fmus = {"f": {**FAILING, "parameters": {"way": WAYS["nan"], "after": 5.0}}}
     failing = scenario(foreign, fmus, run={"stop_s": 9.0, "step_s": 0.1})
     for out in (tmp_path / "new" / "run", tmp_path / "old"):
@@ -276,9 +277,9 @@ def test_a_run_that_fails_late_leaves_nothing(foreign: Path, tmp_path: Path, mon
 KILLED = """
 import sys
 from pathlib import Path
-from trihedron.tools.orchestrator import journal, simulate
+from trihedron.tools.orchestrator import loops, simulate
 from trihedron.tools.orchestrator.scenario import Scenario
-journal.BLOCK_BYTES = 1_000_000
+loops.BLOCK_BYTES = 1_000_000
 data = {table}
 data["run"] = {{"stop_s": 1e6, "step_s": 0.01}}
 simulate(Scenario.model_validate(data), Path(sys.argv[1]))
@@ -290,7 +291,7 @@ simulate(Scenario.model_validate(data), Path(sys.argv[1]))
 def test_what_was_recorded_survives(way: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     process = subprocess.Popen([sys.executable, "-c", KILLED.format(table=TABLE), str(out)], stderr=subprocess.PIPE)
-    last = out / journal.INCOMPLETE / "00000003.parquet"
+    last = out / INCOMPLETE / "00000003.parquet"
     waited = time.monotonic()
     while not last.exists():
         assert process.poll() is None, process.communicate()
@@ -300,7 +301,7 @@ def test_what_was_recorded_survives(way: str, tmp_path: Path) -> None:
     said = process.communicate()[1].decode()
     assert process.returncode != 0
     if way == "SIGKILL":
-        folder = out / journal.INCOMPLETE
+        folder = out / INCOMPLETE
         table = pl.read_parquet(folder / "*.parquet")
         assert list(out.iterdir()) == [folder]
     else:
