@@ -12,7 +12,7 @@ from html import escape
 import numpy as np
 from markupsafe import Markup
 
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import EffectPlace
 
 DIGITS = 6
 """Significant digits of a number in a table."""
@@ -389,7 +389,7 @@ def effect_formula(place: EffectPlace, values: Mapping[str, str]) -> str | None:
     values : mapping
         parameter -> number as text, or a letter
     """
-    effect = CATALOGUE[place.effect].at(place)
+    effect = place.definition
     if not effect.formula:
         return None
     axes = dict(zip("ij", place.axes, strict=False))

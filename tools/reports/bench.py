@@ -64,21 +64,22 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     return Section(
         "What was measured",
         said,
-        next_directions(record.alpha, record.beta, [], []),
+        next_directions(record.alpha, record.beta, *np.zeros((2, 0))),
         "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
     )
 
 
 def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Section:
     """The position programme that a simulated bench carried out."""
+    time, alpha, beta = (table[name].to_numpy() for name in ("time_s", "alpha_deg", "beta_deg"))
     readings = np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1) / gravity
     return Section(
         "The bench, simulated",
         [
             "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
-            f"{float(table['time_s'][-1]):.0f} s, the block reads, the attitude computer follows the increments."
+            f"{time[-1]:.0f} s, the block reads, the attitude computer follows the increments."
         ],
-        bench_tour(table["time_s"], (table["alpha_deg"], table["beta_deg"]), readings),
+        bench_tour(time, (alpha, beta), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,
     )

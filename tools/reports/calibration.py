@@ -79,16 +79,17 @@ def verdict_sentence(result: Calibration) -> str:
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
     """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
     here = result.linearised
-    parts = here.residual_at(np.zeros(len(here.point))), bench.centre_residual(result).ravel()
+    left = bench.centre_residual(result)
+    parts = here.residual_at(np.zeros(len(here.point))), left
     figures = ([significant(float(v)) for v in (np.sqrt(np.mean(r**2)), np.abs(r).max())] for r in parts)
-    ideal, left = (f"{rms or 0} g (root mean square), at most {most or 0} g" for rms, most in figures)
+    ideal, best = (f"{rms or 0} g (root mean square), at most {most or 0} g" for rms, most in figures)
     return Section(
         "Residuals before and after",
         [
             f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
-            f"{left}. The picture shows the latter, in units of σ."
+            f"{best}. The picture shows the latter, in units of σ."
         ],
-        residuals(here.positions, parts[1] / here.bound, None, bench.proved(result, numbers)),
+        residuals(here.positions, left / here.bound.reshape(-1, 3), None, bench.proved(result, numbers)),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
     )
 

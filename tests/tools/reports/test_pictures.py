@@ -20,7 +20,6 @@ from trihedron.tools.reports.pictures.records import (
     MOST_POINTS,
     attitude_picture,
     bench_tour,
-    next_directions,
     thinned,
 )
 from trihedron.tools.reports.pictures.residuals import (
@@ -28,7 +27,6 @@ from trihedron.tools.reports.pictures.residuals import (
     held_out,
     likeness_picture,
     residuals,
-    residuals_over_inputs,
 )
 from trihedron.tools.reports.pictures.suites import (
     chance_of,
@@ -71,7 +69,7 @@ PICTURES: dict[str, Callable[[], str]] = {
     "residuals": residual_picture,
     "strips": strips_picture,
     "what intervals are": interval_picture,
-    "likeness": lambda: likeness_picture(["cubic", "sag"], [[1.0, 0.95], [0.95, 1.0]]),
+    "likeness": lambda: likeness_picture(["cubic", "sag"], np.array([[1.0, 0.95], [0.95, 1.0]])),
     "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)),
     "attitude": lambda: attitude_picture(run(90, 1.0)),
     "confusion": lambda: confusion_picture({"cubic": {"cubic": 3, "odd-quadratic": 1}, "sag": {"sag": 2}}),
@@ -81,23 +79,16 @@ PICTURES: dict[str, Callable[[], str]] = {
     "size errors": lambda: size_errors_picture([1.2, 3.0], [0.01, -0.02]),
     "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]),
 }
+UNKNOWN = np.full((2, 3), np.nan)
 NOTHING: dict[str, Callable[[], str]] = {
-    "tour of no rows": lambda: bench_tour([], ([], []), np.zeros((0, 3))),
-    "tour of NaN": lambda: bench_tour([0, 1], ([np.nan] * 2, [np.inf] * 2), np.full((2, 3), np.nan)),
-    "tour of one row": lambda: bench_tour([0.0], ([1.0], [2.0]), [[0.0, 0.0, 1.0]]),
-    "no residuals": lambda: residuals(at([], []), np.zeros((0, 3))),
-    "residuals of NaN": lambda: residuals(at([1, 2], [3, 4]), np.full((2, 3), np.nan), np.full((2, 3), np.nan)),
-    "one accelerometer missing": lambda: residuals(at([1.0], [2.0]), [[0.1, np.nan, 3.0]], None, [[False, True, True]]),
-    "nothing held out": lambda: held_out([], [], []),
-    "held-out NaN": lambda: held_out([[np.nan] * 3], [[np.inf] * 3], ["7"]),
-    "no attitude error": lambda: attitude_picture(run(0, 0.0)),
+    "tour of one row": lambda: bench_tour(np.zeros(1), np.ones((2, 1)), np.ones((1, 3))),
+    "residuals of NaN": lambda: residuals(at([1, 2], [3, 4]), UNKNOWN, UNKNOWN, np.isfinite(UNKNOWN)),
+    "one accelerometer missing": lambda: residuals(
+        at([1.0], [2.0]), np.array([[0.1, np.nan, 3.0]]), None, np.array([[False, True, True]])
+    ),
     "unknown attitude error": lambda: attitude_picture(run(2, np.nan)),
-    "no inputs": lambda: residuals_over_inputs(np.zeros((0, 3)), np.zeros((0, 3))),
-    "no directions": lambda: next_directions([], [], [], []),
     "nothing hidden": lambda: confusion_picture({}),
     "nothing detected": lambda: rates_picture({"falsified": []}, "size"),
-    "no sizes": lambda: size_errors_picture([], []),
-    "no candidates": lambda: candidates([], []),
     "no radius": lambda: candidates(["a", "b"], [np.nan, np.inf]),
 }
 

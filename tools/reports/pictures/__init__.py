@@ -114,20 +114,10 @@ def drawing() -> Iterator[None]:
 
 
 def svg_text(figure: "Figure", label: str) -> str:
-    """The figure as an `<svg>` element.
+    """A figure, drawn inside `drawing`, as an `<svg>` element; `label` is for those who cannot see it.
 
-    Parameters
-    ----------
-    figure : Figure
-        drawn with the colours of the theme, inside `drawing`
-    label : str
-        what the picture shows, for those who cannot see it
-
-    Returns
-    -------
-    str
-        well-formed XML without prologue, transparent, with its own rule for dark pages; its ids are its own, so that
-        several pictures can stand in one page
+    It is well-formed XML without prologue, transparent, with its own rule for dark pages; its ids are its own, so that
+    several pictures can stand in one page.
     """
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
@@ -181,18 +171,6 @@ def _own_ids(text: str) -> str:
 def say_empty(axes: "Axes", text: str = "no data") -> None:
     """Say in the middle of the axes that there is nothing to show."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=MUTED.light)
-
-
-def column(values: object) -> np.ndarray:
-    """Values as a flat array of doubles; what is not finite as NaN."""
-    array = np.array(values, dtype=np.float64).reshape(-1)
-    array[~np.isfinite(array)] = np.nan
-    return array
-
-
-def three_columns(values: object) -> np.ndarray:
-    """Values as an (N, 3) array of doubles; what is not finite as NaN."""
-    return column(values).reshape(-1, 3)
 
 
 def power_of_ten(value: float, _: object = None) -> str:

@@ -3,10 +3,10 @@
 import textwrap
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ....fmus.units import STANDARD_GRAVITY
 from ....models.bench import up
@@ -32,7 +32,6 @@ from . import (
     SECOND,
     WIDTH,
     Drawn,
-    column,
     drawn,
     legend,
     legend_beside,
@@ -40,7 +39,6 @@ from . import (
     power_of_ten,
     say_empty,
     sheet,
-    three_columns,
 )
 
 if TYPE_CHECKING:
@@ -67,48 +65,29 @@ def thinned(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return time[index], value[index]
 
 
-def _line(axes: "Axes", time: np.ndarray, value: np.ndarray, **look: Any) -> None:
-    axes.plot(*thinned(time, value), **look)
-
-
-def _three_lines(axes: "Axes", time: np.ndarray, values: np.ndarray, label: str) -> None:
+def _three_lines(axes: "Axes", time: NDArray, values: NDArray, label: str) -> None:
     for k in range(3):
-        _line(axes, time, values[:, k], color=AXES[k].light, linestyle=DASHES[k], label=f"{label} {k + 1}")
+        look = {"color": AXES[k].light, "linestyle": DASHES[k], "label": f"{label} {k + 1}"}
+        axes.plot(*thinned(time, values[:, k]), **look)
     axes.set_xlabel("time [s]")
-    if np.isfinite(time).any() and np.nanmin(time) < np.nanmax(time):
-        axes.set_xlim(float(np.nanmin(time)), float(np.nanmax(time)))
+    if time[0] < time[-1]:
+        axes.set_xlim(float(time[0]), float(time[-1]))
     if not np.isfinite(values).any():
         say_empty(axes)
 
 
 @drawn
-def bench_tour(time_s: ArrayLike, angles_deg: Sequence[ArrayLike], readings_g: ArrayLike) -> Drawn:
-    """The table's programme over time, and what the three accelerometers read.
+def bench_tour(time: NDArray, angles_deg: Sequence[NDArray], readings_g: NDArray) -> Drawn:
+    """The table's programme over time, and what the three accelerometers read; SVG, as of every function here.
 
-    Parameters
-    ----------
-    time_s : array, shape (N,)
-        [s]
-    angles_deg : two arrays, shape (N,)
-        of the outer and the inner axis [deg]
-    readings_g : array, shape (N, 3)
-        [g]
-
-    Returns
-    -------
-    str
-        SVG, as of every function here
+    Times (N,) [s], angles (N,) of the outer and of the inner axis [deg], readings (N, 3) [g].
     """
-    time, alpha, beta = column(time_s), *map(column, angles_deg)
     figure, ((angles,), (forces,)) = sheet(4.1, 2, sharex=True, height_ratios=[1.0, 1.15])
-    _line(angles, time, alpha, color=FIRST.light, label="α, outer axis")
-    _line(angles, time, beta, color=SECOND.light, linestyle=DASHES[1], label="β, inner axis")
-    both = np.concatenate([alpha, beta])
-    one_turn(angles, both, "y", 12.0)
-    if not np.isfinite(both).any():
-        say_empty(angles)
+    angles.plot(*thinned(time, angles_deg[0]), color=FIRST.light, label="α, outer axis")
+    angles.plot(*thinned(time, angles_deg[1]), color=SECOND.light, linestyle=DASHES[1], label="β, inner axis")
+    one_turn(angles, np.concatenate(angles_deg), "y", 12.0)
     angles.set(ylabel="angle [deg]", title="table")
-    _three_lines(forces, time, three_columns(readings_g), "accelerometer")
+    _three_lines(forces, time, readings_g, "accelerometer")
     forces.set(ylabel="reading [g]", title="block")
     legend_beside(angles, 2)
     legend_beside(forces, 3)
@@ -118,11 +97,10 @@ def bench_tour(time_s: ArrayLike, angles_deg: Sequence[ArrayLike], readings_g: A
 @drawn
 def attitude_picture(run: AttitudeRun) -> Drawn:
     """The attitude's error over time, its angle and about each axis [deg]."""
-    time = column(run.time_s)
     figure, ((axes,),) = sheet(3.1)
     axes.axhline(0.0, color=INK.light, linewidth=0.7)
-    _line(axes, time, column(np.degrees(run.error_angle)), color=INK.light, linewidth=2.0, label="angle")
-    _three_lines(axes, time, three_columns(np.degrees(run.error_rad)), "about axis")
+    axes.plot(*thinned(run.time_s, np.degrees(run.error_angle)), color=INK.light, linewidth=2.0, label="angle")
+    _three_lines(axes, run.time_s, np.degrees(run.error_rad), "about axis")
     axes.set_ylabel("attitude error [deg]")
     legend_beside(axes, 4)
     return figure, "Error of the computed attitude against the true one, over time"
@@ -186,19 +164,7 @@ MOST_OF_A_REST = 400
 
 
 def refused_rests(raw: RawRecord, rests: Sequence[Rest]) -> list[str]:
-    """Each refused rest with what was read during it, a few to a picture.
-
-    Parameters
-    ----------
-    raw : RawRecord
-    rests : sequence of Rest
-        all of the record; those that are not refused are left out
-
-    Returns
-    -------
-    list of str
-        SVG each; angles and readings are shown less their medians over the rest
-    """
+    """Each refused rest of all those of a record, a few to a picture: angles and readings, less their medians."""
     refused = [rest for rest in rests if rest.refused is not None]
     return [_refused(raw, refused[k : k + IN_ONE_PICTURE]) for k in range(0, len(refused), IN_ONE_PICTURE)]
 
@@ -237,18 +203,11 @@ def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
 
 @drawn
 def next_directions(
-    alpha: ArrayLike, beta: ArrayLike, next_alpha: ArrayLike, next_beta: ArrayLike, labels: Sequence[str] = ()
+    alpha: NDArray, beta: NDArray, next_alpha: NDArray, next_beta: NDArray, labels: Sequence[str] = ()
 ) -> Drawn:
-    """Directions of the vertical in the inner frame: measured, and proposed; areas on the sphere are as on paper.
+    """Directions of the vertical in the inner frame, of angles [rad]; areas on the sphere are as on paper.
 
-    Parameters
-    ----------
-    alpha, beta : array, shape (N,)
-        measured angles [rad]
-    next_alpha, next_beta : array, shape (K,)
-        proposed ones [rad]
-    labels : sequence of str
-        beside the proposed ones
+    They were measured (N,), or are proposed (K,), with labels beside them.
     """
     figure, ((axes,),) = sheet(2.9)
     measured = {"marker": "o", "color": QUIET.light if len(labels) else FIRST.light, "markersize": 4.4}
@@ -257,8 +216,7 @@ def next_directions(
         (alpha, beta, (), "measured", measured),
         (next_alpha, next_beta, labels, "measure next", proposed),
     ):
-        a, b = column(a), column(b)
-        if not a.size:
+        if not len(a):
             continue
         around, along = np.degrees(np.arctan2(np.sin(a) * np.cos(b), np.sin(a) * np.sin(b))), np.cos(a)
         axes.plot(around, along, linestyle="none", markeredgewidth=0, label=label, **look)
@@ -276,10 +234,7 @@ STEP_DEG = 2.0
 
 @drawn
 def plan_picture(plan: Plan) -> Drawn:
-    """The paper's figure for any target and mounting: where signs are certain, and the plan's readings with weights.
-
-    A panel for each accelerometer that is used, over the two angles.
-    """
+    """The paper's figure for any target and mounting: where signs are certain, and the plan's readings with weights."""
     best = plan.optimum
     which, alpha, beta, weights = best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights
     grid = np.radians(np.arange(0.0, 360.0 + STEP_DEG / 2, STEP_DEG))

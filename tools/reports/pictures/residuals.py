@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
@@ -27,7 +27,6 @@ from . import (
     THIRD,
     WIDTH,
     Drawn,
-    column,
     drawn,
     farthest,
     legend,
@@ -35,43 +34,25 @@ from . import (
     one_turn,
     say_empty,
     sheet,
-    three_columns,
     zero_line,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Columns = tuple[NDArray, NDArray | None, NDArray]
-
 
 @drawn
-def residuals(
-    positions: Positions, before: ArrayLike, after: ArrayLike | None = None, witness: ArrayLike | None = None
-) -> Drawn:
-    """Residuals of the three accelerometers over the two angles of the table.
+def residuals(positions: Positions, before: NDArray, after: NDArray | None, proof: NDArray) -> Drawn:
+    """Residuals (N, 3) of the three accelerometers over the two angles of N positions; SVG, as of every function here.
 
-    Parameters
-    ----------
-    positions : Positions
-        angles of the N positions
-    before : array, shape (N, 3)
-        residuals of the model in units of σ; NaN where a reading is not used
-    after : array, shape (N, 3), or None
-        those of the extended model
-    witness : array of bool, shape (N, 3), or None
-        the measurements that prove that no parameters fit the model
-
-    Returns
-    -------
-    str
-        SVG, as of every function here
+    They are in units of σ, NaN where a reading is not used; `after` are those of the extended model, and `proof`
+    (N, 3) of bool are the measurements that prove that no parameters fit the model.
     """
-    angles, shown = np.degrees([positions.alpha, positions.beta]), _columns(before, after, witness)
+    angles = np.degrees([positions.alpha, positions.beta])
     figure, panels = sheet(5.4, 3, 2, sharex="col", sharey=True)
-    reach = 1.2 * max(1.25, farthest(*shown[:2]))
+    reach = 1.2 * max(1.25, farthest(before, after))
     for (row, side), axes in np.ndenumerate(panels):
-        _readings(axes, angles[side], row, shown)
+        _readings(axes, angles[side], row, before, after, proof)
         axes.set_ylim(-reach, reach)
     for row in range(3):
         panels[row, 0].set(ylabel="residual [σ]", title=f"accelerometer {row + 1}")
@@ -83,40 +64,26 @@ def residuals(
 
 
 @drawn
-def residuals_over_inputs(
-    inputs: ArrayLike, before: ArrayLike, after: ArrayLike | None = None, witness: ArrayLike | None = None
-) -> Drawn:
+def residuals_over_inputs(inputs: NDArray, before: NDArray, after: NDArray | None, proof: NDArray) -> Drawn:
     """Residuals of each accelerometer against its own input (N, 3) [g]; the others as for `residuals`."""
-    n, shown = three_columns(inputs), _columns(before, after, witness)
     figure, ((*panels,),) = sheet(2.7, 1, 3, sharey=True)
     for p, axes in enumerate(panels):
-        _readings(axes, n[:, p], p, shown)
+        _readings(axes, inputs[:, p], p, before, after, proof)
         axes.set(title=f"accelerometer {p + 1}", xlabel="its input [g]", xlim=(-1.12, 1.12))
     panels[0].set_ylabel("residual [σ]")
     legend(figure)
     return figure, "Residuals of each accelerometer against its own input"
 
 
-def _columns(before: ArrayLike, after: ArrayLike | None, witness: ArrayLike | None) -> Columns:
-    first = three_columns(before)
-    proof = np.zeros(first.shape, dtype=bool)
-    if witness is not None:
-        proof |= np.asarray(witness, dtype=bool).reshape(-1, 3)
-    return first, None if after is None else three_columns(after), proof
-
-
-def _readings(axes: "Axes", x: NDArray, p: int, shown: Columns) -> None:
+def _readings(axes: "Axes", x: NDArray, p: int, before: NDArray, after: NDArray | None, proof: NDArray) -> None:
     """Residuals of accelerometer p over x (N,)."""
-    before, after, proof = (None if values is None else values[:, p] for values in shown)
-    assert before is not None
-    assert proof is not None
     zero_line(axes, (-1.0, 1.0), "within ±σ")
-    axes.plot(x, before, **BEFORE, label="residual" if after is None else "before")
+    axes.plot(x, before[:, p], **BEFORE, label="residual" if after is None else "before")
     if after is not None:
-        axes.plot(x, after, **AFTER, label="with the effect")
-    if proof.any():
-        axes.plot(x[proof], before[proof], **PROOF, label="proves that no fit exists")
-    if not np.isfinite(before + x).any():
+        axes.plot(x, after[:, p], **AFTER, label="with the effect")
+    if proof[:, p].any():
+        axes.plot(x[proof[:, p]], before[proof[:, p], p], **PROOF, label="proves that no fit exists")
+    if not np.isfinite(before[:, p] + x).any():
         say_empty(axes)
 
 
@@ -125,48 +92,36 @@ MOST_LABELS = 32
 
 
 @drawn
-def held_out(before: ArrayLike, after: ArrayLike, labels: Sequence[object]) -> Drawn:
+def held_out(before: NDArray, after: NDArray, labels: Sequence[object]) -> Drawn:
     """Errors (N, 3) in units of σ of prediction at N positions that were not used, without the effects and with them.
 
     `labels` are the names of the positions.
     """
     names = [short(label, 24) for label in labels]
-    first, second = three_columns(before), three_columns(after)
     place = (np.arange(len(names))[:, None] + np.array([-0.24, 0.0, 0.24])).ravel()
     figure, ((axes,),) = sheet(3.0)
     zero_line(axes, (-1.0, 1.0), "within ±σ")
-    axes.vlines(place, first.ravel(), second.ravel(), color=MUTED.light, linewidth=0.7)
-    axes.plot(place, first.ravel(), **BEFORE, label="before")
-    axes.plot(place, second.ravel(), **AFTER, label="with the effect")
-    every = -(-len(names) // MOST_LABELS) if names else 1
-    long = max((len(name) for name in names), default=0) * min(len(names), MOST_LABELS) > 90
+    axes.vlines(place, before.ravel(), after.ravel(), color=MUTED.light, linewidth=0.7)
+    axes.plot(place, before.ravel(), **BEFORE, label="before")
+    axes.plot(place, after.ravel(), **AFTER, label="with the effect")
+    every = -(-len(names) // MOST_LABELS)
+    long = max(map(len, names)) * min(len(names), MOST_LABELS) > 90
     turn: dict[str, Any] = {"rotation": 45, "ha": "right", "rotation_mode": "anchor"} if long else {}
     axes.set_xticks(np.arange(len(names))[::every], names[::every], **turn)
     axes.tick_params(axis="x", length=0)
     axes.grid(visible=False, axis="x")
-    reach = 1.12 * max(1.25, farthest(first, second))
-    axes.set(xlim=(-0.6, max(len(names), 1) - 0.4), ylim=(-reach, reach), ylabel="error of prediction [σ]")
+    reach = 1.12 * max(1.25, farthest(before, after))
+    axes.set(xlim=(-0.6, len(names) - 0.4), ylim=(-reach, reach), ylabel="error of prediction [σ]")
     axes.set_xlabel("position that was held out; accelerometers 1, 2, 3 side by side")
     legend(figure)
-    if not np.isfinite([*first, *second]).any():
-        say_empty(axes)
     return figure, "Errors of prediction at held-out positions, before and after the model was extended"
 
 
 @drawn
 def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, bound: NDArray, label: str) -> Drawn:
-    """Errors of each piece over time.
+    """Errors (S, d) [rad] of each piece over the time (S,) of its middle [s], with their bounds (S, d) [rad].
 
-    Parameters
-    ----------
-    time : (S,) array
-        middles of the pieces [s]
-    before, after : (S, d) array
-        errors [rad]; None: nothing was found
-    bound : (S, d) array
-        [rad]
-    label : str
-        what the pieces are
+    `after` is None where nothing was found; `label` says what the pieces are.
     """
     figure, ((axes,),) = sheet(2.8)
     _pieces(axes, time, before, after)
@@ -177,8 +132,6 @@ def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, boun
     axes.set_ylim(0.0, 1.08 * max(reach, highest if highest < 6.0 * reach else float(np.median(limit))))
     axes.set(xlabel="time, s", ylabel="error, arcmin")
     legend(figure)
-    if not len(time):
-        say_empty(axes)
     return figure, f"Error of the carried attitude over each of the {label} of the record"
 
 
@@ -249,15 +202,12 @@ def order_picture(orders: Sequence[tuple[str, OrderOfEffects]]) -> Drawn:
             axes.plot(number, left[number], marker=MARKERS[names.index(step.effect) % 5], markersize=4.5, color=colour)
     for k, name in enumerate(names):
         axes.plot([], [], linestyle="none", marker=MARKERS[k % 5], color=INK.light, markersize=4.5, label=name)
-    most = max((len(order.steps) for _, order in orders), default=0)
+    most = max(len(order.steps) for _, order in orders)
     axes.set_xticks(range(most + 1), ["none", *(str(k) for k in range(1, most + 1))])
-    axes.set_xlim(-0.15, max(most, 1) + 0.15)
+    axes.set(xlim=(-0.15, max(most, 1) + 0.15), ylabel="rms error left out, arcmin")
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("effects that are taken in, in the order in which they help most")
-    axes.set_ylabel("rms error left out, arcmin")
     legend(figure, 1, loc="outside right upper")
-    if not orders:
-        say_empty(axes)
     return figure, "Errors that were left out, after each effect, for each length of windows or moves"
 
 
@@ -266,23 +216,17 @@ ROUNDING = 1e-6
 
 
 @drawn
-def candidates(names: Sequence[str], radius: ArrayLike) -> Drawn:
-    """What each candidate effect leaves of the misfit: the smallest radius of the extended model.
+def candidates(names: Sequence[str], radius: Sequence[float]) -> Drawn:
+    """What each of N candidate effects, by name and place, leaves of the misfit; the best is shown first.
 
-    Parameters
-    ----------
-    names : sequence of str, length N
-        the effects with their places; "none", say, for the model as it is; the best is shown first
-    radius : array, shape (N,)
-        least max |residual| in units of its bound; the data are explained up to 1
+    `radius` (N,) is the least max |residual| in units of its bound; the data are explained up to 1.
     """
-    left = column(radius)
-    order = np.argsort(left, kind="stable")
-    left, labels = left[order], [short(names[k]) for k in order]
+    order = np.argsort(radius, kind="stable")
+    left, labels = np.array(radius)[order], [short(names[k]) for k in order]
     explained = left <= 1.0 + ROUNDING
     figure, ((axes,),) = sheet(1.05 + 0.25 * max(len(labels), 2))
     colours = [FIRST.light if good else QUIET.light for good in explained]
-    axes.barh(np.arange(len(labels)), np.nan_to_num(left), height=0.62, color=colours, linewidth=0)
+    axes.barh(np.arange(len(labels)), np.where(np.isfinite(left), left, 0.0), height=0.62, color=colours, linewidth=0)
     axes.axvline(1.0, color=ALERT.light, linewidth=1.3, label="the data are explained up to here")
     for k, value in enumerate(left):
         text = f"{value:.2f}" if np.isfinite(value) else "not possible"
@@ -296,10 +240,7 @@ def candidates(names: Sequence[str], radius: ArrayLike) -> Drawn:
 
 @drawn
 def shares(entries: Sequence[Mapping[str, Any]], of: str) -> Drawn:
-    """What each quantity predicts of what is left, before what is predictable at all.
-
-    `of` names the entry that has the number of the accelerometer, or of the axis.
-    """
+    """What each quantity predicts of what is left of an accelerometer or an axis, before what is predictable at all."""
     figure, ((axes,),) = sheet(1.05 + 0.24 * max(len(entries), 2))
     y = np.arange(len(entries))
     possible = [entry["explainable"] for entry in entries]
@@ -318,20 +259,19 @@ CLOSE = 0.9
 
 
 @drawn
-def likeness_picture(labels: Sequence[str], alike: ArrayLike) -> Drawn:
+def likeness_picture(labels: Sequence[str], alike: NDArray) -> Drawn:
     """The lower half of a symmetric matrix (K, K), from 0 to 1: how alike each two of K effects look."""
     count = len(labels)
-    values = np.asarray(alike, dtype=float).reshape(count, count)
     from matplotlib.patches import Rectangle
 
     figure, ((axes,),) = sheet(0.7 + 0.3 * count)
     for i, j in np.argwhere(np.tri(count, k=-1)).tolist():
         axes.add_patch(Rectangle((j - 0.46, i - 0.44), 0.92, 0.88, facecolor=BAND.light, linewidth=0))
-        if values[i, j] >= CLOSE:
+        if alike[i, j] >= CLOSE:
             edge = {"facecolor": "none", "edgecolor": FIRST.light, "linewidth": 1.4}
             axes.add_patch(Rectangle((j - 0.46, i - 0.44), 0.92, 0.88, **edge))
-        if values[i, j] >= SHOWN_FROM:
-            text = f"{np.floor(values[i, j] * 100) / 100:.2f}" if values[i, j] < 1 - 1e-9 else "1"
+        if alike[i, j] >= SHOWN_FROM:
+            text = f"{np.floor(alike[i, j] * 100) / 100:.2f}" if alike[i, j] < 1 - 1e-9 else "1"
             axes.text(j, i, text, ha="center", va="center", fontsize=8.0, color=INK.light)
     for k in range(count):
         axes.text(k, k, str(k + 1), ha="center", va="center", fontsize=8.5, color=INK.light, fontweight="bold")
@@ -344,16 +284,9 @@ def likeness_picture(labels: Sequence[str], alike: ArrayLike) -> Drawn:
 
 @drawn
 def joint_set(pairs: Sequence[PairSet], estimates: Mapping[str, float], noise_bound: float) -> Drawn:
-    """Pairwise projections of the set of all parameters that the readings leave possible.
+    """Pairwise projections of the set of all parameters that the readings leave possible: every pair of a group once.
 
-    Parameters
-    ----------
-    pairs : sequence of PairSet
-        of one group: every pair once; rows and columns are the targets
-    estimates : mapping
-        symbol -> estimate; the panels are about these
-    noise_bound : float
-        σ, the unit of the axes
+    The panels are about the targets' estimates, by symbol; σ is the unit of their axes.
     """
     across = list(dict.fromkeys(pair.first.symbol for pair in pairs))
     down = list(dict.fromkeys(pair.second.symbol for pair in pairs))

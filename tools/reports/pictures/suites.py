@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...document.notation import short
 from ...papers.attitude import TABLES
@@ -21,7 +21,6 @@ from . import (
     QUIET,
     SECOND,
     Drawn,
-    column,
     drawn,
     legend,
     legend_beside,
@@ -39,17 +38,9 @@ DASHED = (0, (5, 2))
 
 @drawn
 def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
-    """How often each secret (rows) was given each name or verdict (columns).
+    """How often each secret (rows) was given each name or verdict (columns); SVG, as of every function here.
 
-    Parameters
-    ----------
-    table : mapping of str to mapping of str to int
-        secret -> what was made of it -> how often
-
-    Returns
-    -------
-    str
-        SVG, as of every function here; what was named rightly stands on the diagonal in one colour, all else in another
+    What was named rightly stands on the diagonal in one colour, all else in another.
     """
     rows = list(table)
     made = {name for row in table.values() for name in row}
@@ -74,33 +65,22 @@ def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
 
 
 @drawn
-def size_errors_picture(size: ArrayLike, error: ArrayLike) -> Drawn:
-    """Relative errors of the estimated sizes of effects that were named rightly, against their true size.
+def size_errors_picture(size: Sequence[float], error: Sequence[float]) -> Drawn:
+    """Errors (K,) of the estimated sizes of effects that were named rightly, against their true sizes (K,).
 
-    Parameters
-    ----------
-    size : array, shape (K,)
-        relative to that of sure detection
-    error : array, shape (K,)
-        estimate over truth, less one
+    An error is estimate over truth, less one; sizes are relative to that of sure detection.
     """
-    x, y = column(size), column(error)
-    shown = np.isfinite(x) & np.isfinite(y)
-    x, y = x[shown], 100.0 * y[shown]
+    x, y = np.array(size), 100.0 * np.array(error)
     figure, ((axes,),) = sheet(2.6)
     axes.axhline(0.0, color=MUTED.light, linewidth=0.7)
     axes.plot(x, y, linestyle="none", marker="o", markersize=3.2, color=FIRST.light, alpha=0.6, markeredgewidth=0)
-    if len(x):
-        axes.set_xscale("log")
-        reach = 1.15 * max(float(np.abs(y).max()), 1.0)
-        axes.set_ylim(-reach, reach)
-        mean, error_of_mean = float(y.mean()), 2.0 * float(y.std()) / np.sqrt(len(y))
-        axes.axhspan(mean - error_of_mean, mean + error_of_mean, color=BAND.light, linewidth=0, zorder=0)
-        label = f"mean {mean:+.2f} %, with twice its standard error"
-        axes.axhline(mean, color=SECOND.light, linewidth=1.1, label=label)
-        log_ticks(axes, (0.5, 1, 2, 5, 10, 20, 50))
-    else:
-        say_empty(axes)
+    axes.set_xscale("log")
+    reach = 1.15 * max(float(np.abs(y).max()), 1.0)
+    axes.set_ylim(-reach, reach)
+    mean, error_of_mean = float(y.mean()), 2.0 * float(y.std()) / np.sqrt(len(y))
+    axes.axhspan(mean - error_of_mean, mean + error_of_mean, color=BAND.light, linewidth=0, zorder=0)
+    axes.axhline(mean, color=SECOND.light, linewidth=1.1, label=f"mean {mean:+.2f} %, with twice its standard error")
+    log_ticks(axes, (0.5, 1, 2, 5, 10, 20, 50))
     axes.set(xlabel="true size over that of sure detection", ylabel="error of the estimate [%]")
     legend(figure)
     return figure, "Relative errors of the estimated sizes against the true size"
@@ -116,15 +96,7 @@ MOST_DRAWN = 12
 
 @drawn
 def distributions_picture(columns: Mapping[str, NDArray], marks: Mapping[str, Sequence[float]]) -> Drawn:
-    """A histogram of each scalar, with its quantiles.
-
-    Parameters
-    ----------
-    columns : mapping of str to array
-        values of each scalar; what is not finite is left out
-    marks : mapping of str to sequence of float
-        values at which a line is drawn
-    """
+    """A histogram of the finite values of each scalar, with lines at some marks, its quantiles."""
     names = list(columns)[:MOST_DRAWN]
     rows = max(-(-len(names) // 2), 1)
     figure, panels = sheet(0.5 + 1.55 * rows, rows, 2 if len(names) > 1 else 1)
@@ -166,16 +138,8 @@ def rates_picture(
 ) -> Drawn:
     """Rates over ranges of a scalar, each with its interval of 95 %.
 
-    Parameters
-    ----------
-    curves : mapping of str to sequence of mapping
-        label -> ranges with low, high, cases, rate and interval
-    against : str
-        the scalar
-    of : str
-        what is counted
-    sure : str
-        what begins where the scalar is one, marked by a line; "": nothing does
+    `curves` gives by label ranges with low, high, cases, rate and interval; `of` is what is counted; `sure` is what
+    begins where the scalar is one, marked by a line: "" where nothing does.
     """
     figure, ((axes,),) = sheet(3.0)
     drawn_ranges = [entry for ranges in curves.values() for entry in ranges if entry["cases"]]
@@ -220,14 +184,7 @@ def chance_of(runs: int) -> float:
 def sensitivity_picture(name: str, found: Mapping[str, Any], runs: int) -> Drawn:
     """How a scalar depends on the parameters: Sobol indices with their intervals, or rank correlations.
 
-    Parameters
-    ----------
-    name : str
-        of the scalar
-    found : mapping
-        what `trihedron.tools.campaign.summary.sensitivity` says of it
-    runs : int
-        of which it is said
+    `found` is what `trihedron.tools.campaign.summary.sensitivity` says of it, of so many runs.
     """
     sobol = found["method"] == "sobol"
     key = "total" if sobol else "correlation"
