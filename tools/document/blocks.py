@@ -16,40 +16,26 @@ Tone = Literal["good", "attention", "neutral"]
 
 @dataclass(frozen=True)
 class Download:
-    """A file that the page carries in itself.
-
-    Attributes
-    ----------
-    name : str
-        under which it is saved
-    text : str
-        its content
-    shown : str
-        what the link says
-    """
+    """A file that the page carries in itself."""
 
     name: str
+    """under which it is saved"""
     text: str
+    """its content"""
     shown: str
+    """what the link says"""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of results.
-
-    Attributes
-    ----------
-    header : sequence of str
-        names of the columns, with units
-    rows : sequence of sequences
-        text as it stands; numbers are set to six digits of the column's largest, None as a dash
-    caption : str
-        what it shows
-    """
+    """A table of results."""
 
     header: Sequence[str]
+    """names of the columns, with units"""
     rows: "Sequence[Sequence[Cell]]"
+    """text as it stands; numbers are set to six digits of the column's largest, None as a dash"""
     caption: str = ""
+    """what it shows"""
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, start=1):
@@ -64,34 +50,22 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page: prose, equations, then its picture, its table and the files that belong to it.
-
-    Attributes
-    ----------
-    title : str
-    paragraphs : sequence of str
-        plain text
-    svg : str or None
-        a picture, SVG
-    caption : str
-        of the picture
-    table : Table or None
-    files : sequence of Path
-        linked relative to the page's folder
-    equations : sequence of str
-        MathML of `trihedron.tools.document.notation`
-    download : Download or None
-        a file that the page carries
-    """
+    """A part of the page: prose, equations, then its picture, its table and the files that belong to it."""
 
     title: str
     paragraphs: Sequence[str] = ()
+    """plain text"""
     svg: str | None = None
+    """a picture, SVG"""
     caption: str = ""
+    """of the picture"""
     table: Table | None = None
     files: Sequence[Path | str] = field(default=())
+    """linked relative to the page's folder"""
     equations: Sequence[str] = ()
+    """MathML of `trihedron.tools.document.notation`"""
     download: Download | None = None
+    """a file that the page carries"""
 
     def __post_init__(self) -> None:
         if self.svg is not None and not self.svg.startswith("<svg "):
@@ -102,50 +76,32 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """What stands on the page of a result.
-
-    Attributes
-    ----------
-    title : str
-    verdict : str
-        the sentence that a person who reads no more should have read
-    sections : sequence of Section
-    tone : "good", "attention" or "neutral"
-        colour of the rule beside the verdict
-    key : mapping
-        a few figures below the verdict
-    provenance : mapping
-        what the results rest on: versions, content hashes; no time of day, so that the page repeats
-    sources : sequence of str
-        where the methods that were used are published
-    """
+    """What stands on the page of a result."""
 
     title: str
     verdict: str
+    """the sentence that a person who reads no more should have read"""
     sections: Sequence[Section]
     tone: Tone = "neutral"
+    """colour of the rule beside the verdict"""
     key: Mapping[str, object] = field(default_factory=dict)
+    """a few figures below the verdict"""
     provenance: Mapping[str, object] = field(default_factory=dict)
+    """what the results rest on: versions, content hashes; no time of day, so that the page repeats"""
     sources: Sequence[str] = ()
+    """where the methods that were used are published"""
 
 
 @dataclass(frozen=True)
 class Document:
-    """What a result has to say.
-
-    Attributes
-    ----------
-    lines : sequence of str
-        what a terminal shows; the first is the verdict
-    table : callable
-        gives the table of the result, or None: a notebook shows it below the verdict
-    page : callable or None
-        gives what stands on its page, where it has one; pictures are drawn only then
-    """
+    """What a result has to say."""
 
     lines: Sequence[str]
+    """what a terminal shows; the first is the verdict"""
     table: "Callable[[], DataFrame | None]" = lambda: None
+    """gives the table of the result, or None: a notebook shows it below the verdict"""
     page: Callable[[], Page] | None = None
+    """gives what stands on its page, where it has one; pictures are drawn only then"""
 
 
 MOST_ROWS = 40

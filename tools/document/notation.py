@@ -217,22 +217,15 @@ def _compact(value: float, digits: int) -> str:
 
 @dataclass(frozen=True)
 class Bar:
-    """An interval about its estimate, in units of σ.
-
-    Attributes
-    ----------
-    error : float or None
-        the guaranteed error: the band reaches from −error to +error
-    low, high : float or None
-        what is possible, less the estimate
-    truth : float or None
-        less the estimate, where it is known
-    """
+    """An interval about its estimate, in units of σ."""
 
     error: float | None
+    """the guaranteed error: the band reaches from −error to +error"""
     low: float | None
     high: float | None
+    """what is possible, less the estimate"""
     truth: float | None = None
+    """less the estimate, where it is known"""
 
 
 def bars(rows: Sequence[Bar]) -> tuple[list[Drawn | None], float]:

@@ -58,34 +58,23 @@ ERRORS = 1
 
 @dataclass(frozen=True)
 class Bench:
-    """A bench and its programme of positions.
-
-    Attributes
-    ----------
-    truth : dict
-        component -> variable -> value
-    symmetric : bool
-        the block's scale factors do not depend on the sign
-    mountings : tuple of str
-        presets, one or two
-    mounting_errors : tuple of tuple
-        rotation vector [rad] of each mounting
-    alpha, beta : (N,) array
-        commanded angles [rad]
-    mounting : (N,) array of int
-        which mounting each position is measured in
-    noise : str
-        "uniform", "edge" or "correlated"
-    """
+    """A bench and its programme of positions."""
 
     truth: dict[str, dict[str, Any]]
+    """component -> variable -> value"""
     symmetric: bool
+    """the block's scale factors do not depend on the sign"""
     mountings: tuple[str, ...]
+    """presets, one or two"""
     mounting_errors: tuple[tuple[float, ...], ...]
+    """rotation vector [rad] of each mounting"""
     alpha: NDArray
     beta: NDArray
+    """(N,): commanded angles [rad]"""
     mounting: NDArray
+    """(N,): which mounting each position is measured in"""
     noise: str = "uniform"
+    """one of "uniform", "edge" and "correlated" """
 
     @property
     def baseline(self) -> str:

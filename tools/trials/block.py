@@ -44,27 +44,18 @@ Reference = Literal["gravity", "truth"]
 
 @dataclass(frozen=True, eq=False)
 class TrueMotion:
-    """What the block does, at N + 1 rows a period apart.
-
-    Attributes
-    ----------
-    period : float
-        [s]
-    increment : (N, 3) array
-        integrals of the rate between the rows, in block axes [rad]
-    rate : (N + 1, 3) array
-        rates at the rows [rad/s]
-    attitude : (N + 1, 4) array
-        quaternions, scalar first, body to a reference whose third axis is up
-    force : (N + 1, 3) array
-        specific force at the rows, in block axes [g]
-    """
+    """What the block does, at N + 1 rows a period apart."""
 
     period: float
+    """[s]"""
     increment: NDArray[np.float64]
+    """(N, 3): integrals of the rate between the rows, in block axes [rad]"""
     rate: NDArray[np.float64]
+    """(N + 1, 3): rates at the rows [rad/s]"""
     attitude: NDArray[np.float64]
+    """(N + 1, 4) quaternions, scalar first, body to a reference whose third axis is up"""
     force: NDArray[np.float64]
+    """(N + 1, 3): specific force at the rows, in block axes [g]"""
 
     def __len__(self) -> int:
         return len(self.rate)
@@ -72,16 +63,10 @@ class TrueMotion:
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long rests and moves are; each is drawn from a range [s].
-
-    Attributes
-    ----------
-    moves : (int, int)
-        how many
-    first_rest, rest, move : (float, float)
-    """
+    """How long rests and moves are; each is drawn from a range [s]."""
 
     moves: tuple[int, int]
+    """how many"""
     first_rest: tuple[float, float]
     rest: tuple[float, float]
     move: tuple[float, float]
@@ -95,18 +80,12 @@ BEFORE_A_CAMERA = Schedule(moves=(14, 22), first_rest=(20.0, 30.0), rest=(0.5, 2
 
 @dataclass(frozen=True)
 class Noise:
-    """Errors of three instruments.
-
-    Attributes
-    ----------
-    white : float
-        density of the white noise, one-sided [unit/√Hz]
-    flicker : float
-        the flat part of the Allan deviation [unit]
-    """
+    """Errors of three instruments."""
 
     white: float
+    """density of the white noise, one-sided [unit/√Hz]"""
     flicker: float
+    """the flat part of the Allan deviation [unit]"""
 
     def bound(self, period: float) -> float:
         """Bound of uniform errors that have the density, one drawn every period [unit]."""
@@ -115,26 +94,18 @@ class Noise:
 
 @dataclass(frozen=True)
 class Instruments:
-    """Errors of a block that are no secret, as components take them, and its noise.
-
-    Attributes
-    ----------
-    gyros, accelerometers : mapping
-        parameters of the components
-    gyro_noise, accelerometer_noise : Noise
-        [rad/s], [g]
-    truth_noise : float
-        bound of each component of the error of the true attitude, a rotation vector [rad]
-    increments : bool
-        whether the gyros put out increments; else rates, at the rows
-    """
+    """Errors of a block that are no secret, as components take them, and its noise."""
 
     gyros: Mapping[str, object]
     accelerometers: Mapping[str, object]
+    """parameters of the components"""
     gyro_noise: Noise
     accelerometer_noise: Noise
+    """[rad/s], [g]"""
     truth_noise: float
+    """bound of each component of the error of the true attitude, a rotation vector [rad]"""
     increments: bool
+    """whether the gyros put out increments; else rates, at the rows"""
 
     @property
     def columns(self) -> tuple[list[str], list[str]]:
@@ -145,24 +116,15 @@ class Instruments:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A block in the hand, and what its record can be held against.
-
-    Attributes
-    ----------
-    reference : "gravity" or "truth"
-    motion : TrueMotion
-    instruments : Instruments
-    temperature : (N + 1,) array or None
-        [°C]; None: the record has none, and the block has 20 °C
-    jitter : float
-        bound of the errors of the time stamps, in periods; the sampling stays regular
-    """
+    """A block in the hand, and what its record can be held against."""
 
     reference: Reference
     motion: TrueMotion
     instruments: Instruments
     temperature: NDArray[np.float64] | None = None
+    """(N + 1,) [°C]; None: the record has none, and the block has 20 °C"""
     jitter: float = 0.0
+    """bound of the errors of the time stamps, in periods; the sampling stays regular"""
 
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False

@@ -69,26 +69,17 @@ UNSEEN_BETWEEN_RESTS = ("latency",)
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A record to be made: an instrument with its secret.
-
-    Attributes
-    ----------
-    seed : int
-    index : int or None
-        of the case in its suite, with the seed it decides everything; None: a record by itself
-    instrument : Bench or Block
-        of a record of a table's positions, or of a block moved by hand
-    hidden : tuple of Hidden
-        empty for a clean record
-    redrawn : int
-        effects that were drawn and put aside, as no possible size would do
-    """
+    """A record to be made: an instrument with its secret."""
 
     seed: int
     index: int | None
+    """of the case in its suite, with the seed it decides everything; None: a record by itself"""
     instrument: Bench | Block
+    """of a record of a table's positions, or of a block moved by hand"""
     hidden: tuple[Hidden, ...] = ()
+    """empty for a clean record"""
     redrawn: int = 0
+    """effects that were drawn and put aside, as no possible size would do"""
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
@@ -133,33 +124,23 @@ class Case:
 
 @dataclass(frozen=True)
 class Options:
-    """What is drawn.
-
-    Attributes
-    ----------
-    mode : str
-        "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block at a size of
-        `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
-        sizes
-    effects : tuple of str
-        names to draw from; empty: all that a record can hide
-    positions : (int, int)
-        of a table: fewest and most
-    noise : str
-        of benches: "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after the
-        other
-    size : (float, float) or None
-        sizes relative to that of sure detection, in place of those of the mode
-    strapdown : bool
-        records of a block moved by hand; else of a table's positions
-    """
+    """What is drawn."""
 
     mode: str = "single"
+    """of `MODES` "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block at a size
+    of `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
+    sizes"""
     effects: tuple[str, ...] = ()
+    """names to draw from; empty: all that a record can hide"""
     positions: tuple[int, int] = (12, 100)
+    """of a table: fewest and most"""
     noise: str = "all"
+    """of benches: "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after the
+    other"""
     size: tuple[float, float] | None = None
+    """sizes relative to that of sure detection, in place of those of the mode"""
     strapdown: bool = False
+    """records of a block moved by hand; else of a table's positions"""
 
     def __post_init__(self) -> None:
         if self.strapdown:

@@ -34,24 +34,16 @@ NOTHING = "nothing"
 
 
 class Secret(NamedEffect):
-    """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory.
-
-    Attributes
-    ----------
-    parameters : dict
-    size : float
-        length of the vector of its linear coefficients; 1 for an effect that is not linear
-    surely_detected, rivals_excluded : float or None
-        sizes in the same measure; None where there is none
-    last_rival : str or None
-        the rival that is excluded last
-    """
+    """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory."""
 
     parameters: dict[str, float]
     size: float
+    """length of the vector of its linear coefficients; 1 for an effect that is not linear"""
     surely_detected: float | None
     rivals_excluded: float | None
+    """sizes in the same measure; None where there is none"""
     last_rival: str | None
+    """the rival that is excluded last"""
 
     @property
     def relative_size(self) -> float:

@@ -36,21 +36,14 @@ DIRECTIONS = 16
 
 @dataclass(frozen=True)
 class SureSizes:
-    """Sizes of an effect, as lengths of its vector of linear coefficients; infinite where there is none.
-
-    Attributes
-    ----------
-    detected : float
-        from here the nominal model is surely falsified
-    excluded : float
-        from here no single rival leaves a radius of 1 or less; never below `detected`
-    rival : str or None
-        the rival that is excluded last; None where the model itself is
-    """
+    """Sizes of an effect, as lengths of its vector of linear coefficients; infinite where there is none."""
 
     detected: float
+    """from here the nominal model is surely falsified"""
     excluded: float
+    """from here no single rival leaves a radius of 1 or less; never below `detected`"""
     rival: str | None
+    """the rival that is excluded last; None where the model itself is"""
 
 
 UNIT_SIZES = SureSizes(detected=1.0, excluded=1.0, rival=None)
@@ -58,23 +51,15 @@ UNIT_SIZES = SureSizes(detected=1.0, excluded=1.0, rival=None)
 
 @dataclass(frozen=True)
 class Hidden:
-    """A hidden effect.
-
-    Attributes
-    ----------
-    place : EffectPlace
-    values : tuple of float
-        its parameters
-    size : float
-        length of the vector of its linear coefficients, or in units of `sizes`; 1 for an effect that is not linear
-    sizes : SureSizes
-        from which it is surely detected, and every rival excluded, in the same measure
-    """
+    """A hidden effect."""
 
     place: EffectPlace
     values: tuple[float, ...]
+    """its parameters"""
     size: float = 1.0
+    """length of the vector of its linear coefficients, or in units of `sizes`; 1 for an effect that is not linear"""
     sizes: SureSizes = UNIT_SIZES
+    """SureSizes: from which it is surely detected, and every rival excluded, in the same measure"""
 
     @property
     def relative_size(self) -> float:

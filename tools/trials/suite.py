@@ -97,23 +97,16 @@ def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress
 
 
 class Detection(Result):
-    """Cases within a range of sizes relative to that of sure detection.
-
-    Attributes
-    ----------
-    low : float
-        of the range
-    high : float or None
-        None: any larger one
-    cases, detected, named : int
-        how many; in how many the model was falsified; in how many the effect was named rightly
-    """
+    """Cases within a range of sizes relative to that of sure detection."""
 
     low: float
+    """of the range"""
     high: float | None
+    """None: any larger one"""
     cases: int
     detected: int
     named: int
+    """how many; in how many the model was falsified; in how many the effect was named rightly"""
 
 
 class Suite(Told):
