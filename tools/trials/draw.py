@@ -127,8 +127,8 @@ class Options:
     """What is drawn."""
 
     mode: str = "single"
-    """of `MODES` "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block at a size
-    of `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
+    """of `MODES` "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block one of
+    `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
     sizes"""
     effects: tuple[str, ...] = ()
     """names to draw from; empty: all that a record can hide"""
@@ -218,7 +218,7 @@ def _draw_bench_case(options: Options, seed: int, index: int) -> Case:
             hidden = drawing.pair() if options.mode == "pairs" else drawing.single()
             if hidden is not None:
                 # What rounds or clips has to act on errors that are there already.
-                own = all(CATALOGUE[h.place.effect].variants is None for h in hidden)
+                own = all(h.place.definition.variants is None for h in hidden)
                 return Case(seed, index, bench if own else replace(bench, noise="uniform"), hidden, redrawn)
             redrawn += 1
     raise InputError(
@@ -268,7 +268,7 @@ class _Drawing:
     def single(self) -> tuple[Hidden, ...] | None:
         """One effect at a size of the mode."""
         place, direction = self.drawn()
-        if CATALOGUE[place.effect].variants is not None:
+        if place.definition.variants is not None:
             return self.level(place)
         relative = self.options.size
         sizes = self.sizes(place, direction, () if relative is not None else [place])
@@ -297,7 +297,7 @@ class _Drawing:
 
     def level(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
         """An effect that is not linear, at a level of which the mode's sizes are true."""
-        parameter, options = CATALOGUE[place.effect].parameters[0], self.options
+        parameter, options = place.definition.parameters[0], self.options
         size = np.abs(self.here.prediction[:, place.index])
         largest = min(parameter.largest, float(size.max()))
         low = max(parameter.smallest or 0.0, 1e-3 * largest)
@@ -331,7 +331,7 @@ def _draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
     """A direction of an effect's coefficients, of length one; one that only grows is positive."""
     direction = rng.normal(size=coefficient_count(place))
     direction /= np.linalg.norm(direction)
-    grows = CATALOGUE[place.effect].at(place).parameters[0].smallest == 0.0
+    grows = place.definition.parameters[0].smallest == 0.0
     return np.abs(direction) if grows and len(direction) == 1 else direction
 
 
@@ -339,13 +339,13 @@ def _made(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes)
     """The effect at a size; None where that is not a possible one."""
     if not np.isfinite(size) or size > _largest_size(place, direction):
         return None
-    values = CATALOGUE[place.effect].at(place).from_coefficients(size * direction)
+    values = place.definition.from_coefficients(size * direction)
     return (Hidden(place, values, float(size), sizes),)
 
 
 def _largest_size(place: EffectPlace, direction: NDArray) -> float:
     """The largest possible size along a direction of the coefficients."""
-    effect = CATALOGUE[place.effect].at(place)
+    effect = place.definition
     unit = effect.from_coefficients(direction)
     # Phases do not grow with the size.
     growing = zip(effect.parameters, unit, strict=True)
@@ -402,7 +402,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     place, direction = _draw_place(rng, names[rng.integers(len(names))], visible, len(alpha))
     unit = signature_columns([place], rows) @ direction
     size = rng.uniform(*ALONE_SIZES) * _sure_size(here.jacobian, unit, NOISE_BOUND)
-    effect = CATALOGUE[place.effect].at(place)
+    effect = place.definition
     values = effect.from_coefficients(min(size, effect.parameters[0].largest) * direction)
     return Case(seed, None, bench, (Hidden(place, values),))
 
@@ -457,7 +457,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
         places = [place for place in evidence.places if place.effect == name]
         place = places[rng.integers(len(places))]
         wanted = float(rng.uniform(*options.sizes))
-        effect = CATALOGUE[place.effect].at(place)
+        effect = place.definition
         if effect.component == "AttitudeComputer" and not block.instruments.increments:
             continue
         if place.effect == STAMPS:

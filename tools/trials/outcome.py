@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
 from typing import Any
 
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
 from ..diagnosis.result import NamedEffect, finite_or_none
 from ..records import PositionRecord, StrapdownRecord
@@ -52,58 +52,45 @@ class Secret(NamedEffect):
 
 
 class Outcome(Told):
-    """What came of a case. Keys that only one kind of record has are left out of the other's.
-
-    Attributes
-    ----------
-    seed, case : int
-        of the suite, and of the case in it
-    positions : int
-        of a table, as are `mountings` (tuple of str), `baseline` and `noise`
-    reference : "gravity" or "truth"
-        of a block moved by hand, as are `size` (relative to that of sure detection), `stamps_jitter_periods`, `gyros`
-        and `accelerometers` (parameters of the components that are no secret), `rows`, `error` and `why` (what the
-        diagnosis says beside its verdict)
-    hidden : tuple of Secret, or dict or None
-        of a table; of a block the effect as a scenario file writes it
-    redrawn : int
-        effects that were put aside
-    radius : float or None
-        that the nominal model leaves, in units of the bound
-    verdict : str
-        of the diagnosis
-    outcome : str
-        one of `KINDS`
-    named : tuple of NamedEffect
-        the set that was named, or the best of those that remain
-    inside : bool or None
-        whether the true parameters are inside their intervals; None where the effect was not named by its own name
-    errors, error : tuple of float, float or None
-        relative error of each estimated size; of the size, along the true effect
-    """
+    """What came of a case. Keys that one kind of record has, a table's or a block's, are left out of the other's."""
 
     seed: int
     case: int
+    """of the suite, and of the case in it"""
     positions: int = ABSENT
     mountings: tuple[str, ...] = ABSENT
     baseline: str = ABSENT
     noise: str = ABSENT
+    """of a table"""
     reference: str = ABSENT
+    """of a block moved by hand: "gravity" or "truth", as what follows up to `rows`, but for what is hidden"""
     hidden: tuple[Secret, ...] | dict[str, Any] | None
+    """of a table; of a block the effect as a scenario file writes it"""
     size: float = ABSENT
+    """relative to that of sure detection"""
     stamps_jitter_periods: float = ABSENT
     gyros: dict[str, Any] = ABSENT
     accelerometers: dict[str, Any] = ABSENT
+    """parameters of the components that are no secret"""
     rows: int = ABSENT
     redrawn: int
+    """effects that were put aside"""
     radius: float | None
+    """that the nominal model leaves, in units of the bound"""
     verdict: str
+    """of the diagnosis"""
     outcome: str
+    """one of `KINDS`"""
     named: tuple[NamedEffect, ...]
+    """the set that was named, or the best of those that remain"""
     inside: bool | None
+    """whether the true parameters are inside their intervals; None where the effect was not named by its own name"""
     errors: tuple[float, ...] = ABSENT
+    """of a table: relative error of each estimated size"""
     error: float | None = None
+    """of a block: relative error of the size, along the true effect"""
     why: str = ABSENT
+    """of a block: what the diagnosis says beside its verdict"""
 
     @property
     def secrets(self) -> tuple[Secret, ...]:
@@ -273,7 +260,7 @@ def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[f
         return hidden.values
     true_g, offset = 1.0 - float(table["gravity_error"]), float(table["beta_offset"])
     place = hidden.place
-    factor = true_g ** max(0, CATALOGUE[place.effect].at(place).degree)
+    factor = true_g ** max(0, place.definition.degree)
     turn = (place.order or 1) * offset if place.where == "inner-axis" else 0.0
     return tuple(
         value - turn if name.endswith("phase") else value * factor for name, value in hidden.parameters.items()
@@ -282,7 +269,7 @@ def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[f
 
 def is_inside(values: Iterable[float], cause: Cause) -> bool:
     """Whether true parameters are inside a cause's intervals, phases up to whole turns."""
-    parameters = CATALOGUE[cause.place.effect].at(cause.place).parameters
+    parameters = cause.place.definition.parameters
     turns = [(-1, 0, 1) if parameter.name.endswith("phase") else (0,) for parameter in parameters]
     return all(
         any(low <= value + 2.0 * math.pi * turn <= high for turn in possible)

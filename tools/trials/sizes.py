@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.effects import CATALOGUE, EffectPlace, Rows
+from ...models.effects import EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..bounded.sets import column_space, sharpened, spread_directions
@@ -69,7 +69,7 @@ class Hidden:
     @property
     def parameters(self) -> dict[str, float]:
         """Its parameters by name."""
-        names = [parameter.name for parameter in CATALOGUE[self.place.effect].at(self.place).parameters]
+        names = [parameter.name for parameter in self.place.definition.parameters]
         return dict(zip(names, self.values, strict=True))
 
     @property

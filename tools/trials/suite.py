@@ -110,29 +110,7 @@ class Detection(Result):
 
 
 class Suite(Told):
-    """A suite of records, and what came of it. Keys that only one kind of record has are left out of the other's.
-
-    Attributes
-    ----------
-    mode, clean, effects, positions, noise, size, seed
-        what was drawn, as in `Options`; of a block moved by hand whether it is clean, and no size where it is
-    cases, redrawn : int
-        how many; how many effects were put aside (of a table)
-    outcomes : dict
-        how many of each kind, in the order of `KINDS`
-    false_alarms : dict
-        clean records, and those on which something was named
-    confusion : dict
-        secret in words -> what was made of it -> how often
-    by_reference : dict
-        of blocks: "gravity", "truth" -> how many of each kind
-    detection : tuple of Detection
-        of a table: single effects by their size; ranges without cases are left out
-    size_errors : dict
-        estimated sizes against the true ones, relative; how many true values were inside their intervals
-    results : tuple of Outcome
-        in the order of the cases
-    """
+    """A suite of records, and what came of it. Keys that only one kind of record has are left out of the other's."""
 
     schema_: Literal["trihedron.hidden-suite/1", "trihedron.hidden-strapdown-suite/1"] = Field(alias="schema")
     mode: str = ABSENT
@@ -142,15 +120,24 @@ class Suite(Told):
     noise: str = ABSENT
     size: tuple[float, float] | None
     seed: int
+    """what was drawn, as in `Options`; of a block moved by hand whether it is clean, and no size where it is"""
     cases: int
     redrawn: int = ABSENT
+    """how many effects were put aside (of a table)"""
     outcomes: dict[str, int]
+    """how many of each kind, in the order of `KINDS`"""
     false_alarms: dict[str, int]
+    """clean records, and those on which something was named"""
     confusion: dict[str, dict[str, int]]
+    """secret in words -> what was made of it -> how often"""
     by_reference: dict[str, dict[str, int]] = ABSENT
+    """of blocks: "gravity", "truth" -> how many of each kind"""
     detection: tuple[Detection, ...] = ABSENT
+    """of a table: single effects by their size; ranges without cases are left out"""
     size_errors: dict[str, int | float | None]
+    """estimated sizes against the true ones, relative; how many true values were inside their intervals"""
     results: tuple[Outcome, ...]
+    """in the order of the cases"""
 
     @property
     def strapdown(self) -> bool:
