@@ -4,6 +4,7 @@ Results go to JSON, come back from it, and know nothing of what shows them.
 """
 
 import json
+import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -111,6 +112,11 @@ class Told(Result):
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         names = {field.alias or name: name for name, field in type(self).model_fields.items()}
         return {k: v for k, v in handler(self).items() if v is not None or names[k] in self.model_fields_set}
+
+
+def finite_or_none(value: float) -> float | None:
+    """None in place of NaN and infinity, as JSON has it."""
+    return float(value) if math.isfinite(value) else None
 
 
 class Section(BaseModel):

@@ -7,6 +7,8 @@ the others' weights then sum to 1 - w_a; two readings have a formula of order tw
 The file takes nothing from others but the compiler: what is kept on disk is compiled anew when this file changes.
 """
 
+from itertools import combinations
+
 import numpy as np
 
 from ..compiled import compiled_and_kept
@@ -46,13 +48,43 @@ def _append(projection, candidate, factor, count):
 
 
 @compiled_and_kept
-def _row(columns, row, chosen, triangle, count, solution):
-    """One row of the chosen columns, made orthonormal."""
+def _of_effects(projection, total, candidates, factor):
+    """How many columns candidates (3,) have in their factor, and their squared bound."""
+    count = 0
+    for candidate in candidates:
+        if candidate >= 0:
+            count = _append(projection, candidate, factor, count)
+    square = total
+    for q in range(count):
+        square -= factor[2][q] * factor[2][q]
+    return count, max(0.0, square)
+
+
+@compiled_and_kept
+def _reading(projection, row, factor, count, own):
+    """Residual and leverage of a reading beside the chosen columns; `own` takes its row of these, made orthonormal."""
+    _, basis, residual, columns, _, _, _, _ = projection
+    chosen, triangle, solved = factor
+    left, leverage = residual[row], np.sum(basis[row] * basis[row])
     for m in range(count):
         value = columns[row, chosen[m]]
         for q in range(m):
-            value -= triangle[m, q] * solution[q]
-        solution[m] = value / triangle[m, m]
+            value -= triangle[m, q] * own[q]
+        own[m] = value / triangle[m, m]
+        left -= own[m] * solved[m]
+        leverage += own[m] * own[m]
+    return left, leverage
+
+
+@compiled_and_kept
+def _product(basis, a, b, own, count):
+    """Of the rows of two readings in the space of nominal and chosen columns."""
+    product = 0.0
+    for q in range(count):
+        product += own[a, q] * own[b, q]
+    for q in range(basis.shape[1]):
+        product += basis[a, q] * basis[b, q]
+    return product
 
 
 @compiled_and_kept
@@ -75,56 +107,38 @@ def _without_two(square, residuals, leverages, cross, weight):
 
 
 @compiled_and_kept
-def _no_factor():
-    """A Cholesky factor of no columns: their numbers, the factor, the solution."""
-    return np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
-
-
-@compiled_and_kept
 def bounds_of(sets, projection):
     """Squared bounds (n,) of sets (n, 5) under one projection.
 
     A projection is weights, basis, residual, columns, gram, product as `sets.Projection` has them, then the first
     column and the number of columns of each candidate.
     """
-    weights, basis, residual, columns, _, _, _, _ = projection
-    total = 0.0
-    for m in range(len(residual)):
-        total += residual[m] * residual[m]
-    leverage = np.sum(basis * basis, axis=1)
+    weights, basis, residual = projection[0], projection[1], projection[2]
+    factor, own, total = _room(residual)
     found = np.empty(len(sets))
-    chosen, triangle, solved = factor = _no_factor()
-    first, second = np.zeros(MOST_COLUMNS), np.zeros(MOST_COLUMNS)
     for n in range(len(sets)):
-        count = 0
-        for k in range(3):
-            if sets[n, k] >= 0:
-                count = _append(projection, sets[n, k], factor, count)
-        square = total
-        for q in range(count):
-            square -= solved[q] * solved[q]
-        square = max(0.0, square)
+        count, square = _of_effects(projection, total, sets[n, :3], factor)
         a, b = sets[n, 3], sets[n, 4]
         if a >= 0:
-            _row(columns, a, chosen, triangle, count, first)
-            ra, ha = residual[a], leverage[a]
-            for q in range(count):
-                ra -= first[q] * solved[q]
-                ha += first[q] * first[q]
+            ra, ha = _reading(projection, a, factor, count, own[a])
             if b < 0:
                 square = _without_one(square, ra, ha, weights[a])
             else:
-                _row(columns, b, chosen, triangle, count, second)
-                rb, hb, cross = residual[b], leverage[b], 0.0
-                for q in range(count):
-                    rb -= second[q] * solved[q]
-                    hb += second[q] * second[q]
-                    cross += first[q] * second[q]
-                for q in range(basis.shape[1]):
-                    cross += basis[a, q] * basis[b, q]
+                rb, hb = _reading(projection, b, factor, count, own[b])
+                cross = _product(basis, a, b, own, count)
                 square = _without_two(square, (ra, rb), (ha, hb), cross, weights[a] + weights[b])
         found[n] = square
     return found
+
+
+@compiled_and_kept
+def _room(residual):
+    """A Cholesky factor of no columns, room for a row of each reading, and the residual's sum of squares."""
+    factor = np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
+    total = 0.0
+    for value in residual:
+        total += value * value
+    return factor, np.zeros((len(residual), MOST_COLUMNS)), total
 
 
 @compiled_and_kept
@@ -136,77 +150,47 @@ def _kept(survivors, count, numbers, a, b):
 
 
 @compiled_and_kept
+def _surviving(sets, outliers, limit, projection):
+    """Of sets (n, 3) of candidates, each with every choice of so many outliers, those that are not refused."""
+    weights, basis, residual = projection[0], projection[1], projection[2]
+    factor, own, total = _room(residual)
+    rows = len(residual)
+    r, h = np.empty(rows), np.empty(rows)
+    survivors, found = np.empty((1024, WIDTH), dtype=np.int64), 0
+    for numbers in sets:
+        count, square = _of_effects(projection, total, numbers, factor)
+        if outliers == 0:
+            if square <= limit:
+                survivors = _kept(survivors, found, numbers, -1, -1)
+                found += 1
+            continue
+        for m in range(rows):
+            r[m], h[m] = _reading(projection, m, factor, count, own[m])
+        for a in range(rows):
+            if outliers == 1:
+                if _without_one(square, r[a], h[a], weights[a]) <= limit:
+                    survivors = _kept(survivors, found, numbers, a, -1)
+                    found += 1
+                continue
+            for b in range(a + 1, rows):
+                # The smallest eigenvalue of the formula's matrix is not below this.
+                left = 1.0 - h[a] - h[b]
+                weight = weights[a] + weights[b]
+                if left > 1e-6 and square - (r[a] * r[a] + r[b] * r[b]) / left > limit * (1.0 - weight):
+                    continue
+                cross = _product(basis, a, b, own, count)
+                if _without_two(square, (r[a], r[b]), (h[a], h[b]), cross, weight) <= limit:
+                    survivors = _kept(survivors, found, numbers, a, b)
+                    found += 1
+    return survivors[:found]
+
+
 def surviving_sets(effects, outliers, limit, projection):
     """All sets (n, 5) of so many effects and outliers whose squared bound under a projection is not above the limit."""
-    weights, basis, residual, columns, _, _, starts, _ = projection
-    rows, candidates = len(residual), len(starts)
-    total = 0.0
-    for m in range(rows):
-        total += residual[m] * residual[m]
-    leverage = np.sum(basis * basis, axis=1)
-    survivors = np.empty((1024, WIDTH), dtype=np.int64)
-    found = 0
-    chosen, triangle, solved = factor = _no_factor()
-    ends = np.zeros(4, dtype=np.int64)
-    numbers = np.full(3, -1, dtype=np.int64)
-    r, h = np.empty(rows), np.empty(rows)
-    own = np.zeros((rows, MOST_COLUMNS))
-    depth = 0
-    numbers[0] = -1
-    # Sets of candidates in rising order, one level of the factor for each.
-    while depth >= 0:
-        if depth == effects:
-            count = ends[depth]
-            square = total
-            for q in range(count):
-                square -= solved[q] * solved[q]
-            square = max(0.0, square)
-            if outliers == 0:
-                if square <= limit:
-                    survivors = _kept(survivors, found, numbers, -1, -1)
-                    found += 1
-            else:
-                for m in range(rows):
-                    _row(columns, m, chosen, triangle, count, own[m])
-                    r[m], h[m] = residual[m], leverage[m]
-                    for q in range(count):
-                        r[m] -= own[m, q] * solved[q]
-                        h[m] += own[m, q] * own[m, q]
-                for a in range(rows):
-                    if outliers == 1:
-                        if _without_one(square, r[a], h[a], weights[a]) <= limit:
-                            survivors = _kept(survivors, found, numbers, a, -1)
-                            found += 1
-                        continue
-                    for b in range(a + 1, rows):
-                        # The smallest eigenvalue of the formula's matrix is not below this.
-                        left = 1.0 - h[a] - h[b]
-                        weight = weights[a] + weights[b]
-                        if left > 1e-6 and square - (r[a] * r[a] + r[b] * r[b]) / left > limit * (1.0 - weight):
-                            continue
-                        cross = 0.0
-                        for q in range(count):
-                            cross += own[a, q] * own[b, q]
-                        for q in range(basis.shape[1]):
-                            cross += basis[a, q] * basis[b, q]
-                        if _without_two(square, (r[a], r[b]), (h[a], h[b]), cross, weight) <= limit:
-                            survivors = _kept(survivors, found, numbers, a, b)
-                            found += 1
-            depth -= 1
-            if depth < 0:
-                break
-        # The next candidate at this level.
-        numbers[depth] += 1
-        if numbers[depth] >= candidates:
-            numbers[depth] = -1
-            depth -= 1
-            continue
-        candidate = numbers[depth]
-        ends[depth + 1] = _append(projection, candidate, factor, ends[depth])
-        depth += 1
-        if depth < effects:
-            numbers[depth] = candidate
-    return survivors[:found]
+    every = list(combinations(range(len(projection[-1])), effects))
+    sets = np.full((len(every), 3), -1)
+    sets[:, :effects] = every
+    return _surviving(sets, outliers, limit, projection)
 
 
 @compiled_and_kept

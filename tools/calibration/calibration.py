@@ -17,7 +17,7 @@ from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
-from ..result import Result
+from ..result import Result, finite_or_none
 from .estimates import FeasibleSet, chebyshev_centre, estimated_values, exact_intervals, fit
 from .model import Linearisation, Parametrisation, Positions, mountings_for, parametrise, reading_jacobian
 from .targets import (
@@ -58,11 +58,6 @@ GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
 MAX_POSITIONS = 24
-
-
-def number_or_none(value: float) -> float | None:
-    """None in place of NaN, as JSON has it."""
-    return None if value != value else float(value)
 
 
 class _Part(Result):
@@ -288,7 +283,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
     keys = ("estimate", "guaranteed_error", "low", "high")
     estimates = [
-        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(number_or_none, row), strict=True)))
+        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(finite_or_none, row), strict=True)))
         for t, row in zip(wanted, values, strict=True)
     ]
     _check_scale_factors(record, estimates)
@@ -332,7 +327,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         parameters=estimates,
         priors=[KnownBefore(expression=x.text.rpartition("=")[0], limit=x.limit) for x in known_before],
         reading_errors=[
-            ReadingError(accelerometer=accelerometer, input=list(n), low=number_or_none(low), high=number_or_none(high))
+            ReadingError(accelerometer=accelerometer, input=list(n), low=finite_or_none(low), high=finite_or_none(high))
             for (accelerometer, n), (low, high) in errors
         ],
         provenance=Provenance(

@@ -14,7 +14,7 @@ from ...models.effects import EffectPlace
 from ..calibration.calibration import OpenTarget, Reading
 from ..evidence.evidence import Trial
 from ..evidence.fit import Fit, Gain
-from ..result import Result, Told
+from ..result import Result, Told, finite_or_none
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -114,11 +114,6 @@ class Cause(NamedEffect):
         """What an engineer is told."""
         effect = self.place.definition
         return effect.sentence(self.place, {parameter.name: parameter.estimate for parameter in self.parameters})
-
-
-def finite_or_none(value: float) -> float | None:
-    """None in place of infinity, as JSON has it."""
-    return float(value) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import Interval, chebyshev_radius
-from ..bounded.sets import Problem, column_space, sets_of_size
+from ..bounded.sets import Problem, column_space, project, sets_of_size
 from ..calibration.calibration import (
     STANDARD_BOUNDS,
     Calibration,
@@ -25,6 +25,7 @@ from ..calibration.calibration import (
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
+from ..result import finite_or_none
 from .bench_effects import (
     Circumstances,
     added_bound,
@@ -72,23 +73,12 @@ Split = tuple[NDArray, NDArray, tuple[NDArray, NDArray] | None]
 class Bench(Evidence):
     """What averaged readings at positions of a table say against the exact model of bench and block.
 
-    `residual`, `nominal` and `bound` are fractions of g, at the nominal model's fit; measurements are ordered position
-    by position, accelerometers 1, 2, 3 within each: M = 3 N.
+    `residual`, `nominal` and `bound` are fractions of g, at the nominal model's fit `here`; measurements are ordered
+    position by position, accelerometers 1, 2, 3 within each: M = 3 N.
 
-    Attributes
-    ----------
-    calibration : Calibration
-        of the nominal model
-    here : Linearisation
-        the nominal model at its fit
-    circumstances : Circumstances
-        of the rows
-    numbers : (N,) array of int
-        the record's own numbers of its rows
-    bounds : (float, float)
-        u^max and v^0max of (1.7)
-    resolution : float
-        half a last digit of the readings, as a fraction of g
+    `calibration` is that of the nominal model, `circumstances` are those of the rows, `numbers` (N,) the record's own
+    numbers of these; `bounds` are u^max and v^0max of (1.7); `resolution` is half a last digit of the readings, as a
+    fraction of g.
     """
 
     calibration: Calibration
@@ -285,13 +275,12 @@ class Bench(Evidence):
 
     def alone(self, place: EffectPlace) -> float:
         """Radius that one effect leaves, by the model linearised at the nominal fit."""
-        jacobian = np.hstack((self.nominal, self.columns_of([place])))
-        bound = self.bound + added_bound([place], self.rows)
-        radius, step, _ = chebyshev_radius(jacobian, self.residual, bound)
-        if np.any(bound > self.bound):
+        jacobian, added = np.hstack((self.nominal, self.columns_of([place]))), added_bound([place], self.rows)
+        radius, step, _ = chebyshev_radius(jacobian, self.residual, self.bound + added)
+        if added.any():
             # Where the record does not tell, the effect is no larger than it is elsewhere.
-            bound = self.bound + added_bound([place], self.rows, {place: abs(float(step[-1]))})
-            radius = chebyshev_radius(jacobian, self.residual, bound)[0]
+            added = added_bound([place], self.rows, {place: abs(float(step[-1]))})
+            radius = chebyshev_radius(jacobian, self.residual, self.bound + added)[0]
         return radius
 
     # What the readings do not tell
@@ -347,11 +336,7 @@ class Bench(Evidence):
             "noise_bound": nominal.noise_bound,
             "noise_bound_basis": nominal.noise_bound_basis,
             "baseline_model": nominal.baseline,
-            "baseline": {
-                "radius": nominal.radius,
-                "falsified": self.falsified,
-                "witness": tuple(nominal.witness),
-            },
+            "baseline": {"radius": nominal.radius, "falsified": self.falsified, "witness": tuple(nominal.witness)},
             "next_positions": (),
             "warnings": nominal.warnings,
         }
@@ -370,19 +355,13 @@ class Bench(Evidence):
         """What an extension does to the calibration's targets, and a mounting that would tell more of its causes."""
         if not fit.places:
             return {}
-        possible = fit.possible(self.room(fit))
-        targets = []
-        for k, symbol in enumerate(self.here.symbols):
-            low, high = (float(fit.central[k] + end) for end in possible.ends(k))
-            targets.append(
-                {
-                    "symbol": symbol,
-                    "before": float(self.calibration.linearised.point[k]),
-                    "after": float(fit.estimate[k]),
-                    "low": low if np.isfinite(low) else None,
-                    "high": high if np.isfinite(high) else None,
-                }
-            )
+        nominal = self.calibration.linearised
+        known = zip(nominal.symbols, nominal.point, fit.estimate, fit.ends(self.room(fit)), strict=False)
+        targets = [
+            {"symbol": symbol, "before": float(before), "after": float(after)}
+            | dict(zip(("low", "high"), map(finite_or_none, ends), strict=True))
+            for symbol, before, after, ends in known
+        ]
         pairs = ((place, other) for place in fit.places for other in self.classes.equivalents(place))
         p = self.here.parametrisation
         found = (second_mounting(p, [a], [b], (a.title, b.title)) for a, b in pairs)
@@ -480,20 +459,11 @@ class Bench(Evidence):
 
 def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[EffectPlace]:
     """Effects by what each takes off the robust sum of squares, the most helpful first."""
-    root = 1.0 / np.sqrt(np.maximum(1.0, np.abs(problem.residual)))
-    basis = column_space(root[:, None] * problem.nominal)
-    target = root * problem.residual
-    target = target - basis @ (basis.T @ target)
-    gains = []
-    for place, block in zip(places, problem.blocks, strict=True):
-        columns = root[:, None] * problem.columns[:, block]
-        before = np.linalg.norm(columns, axis=0)
-        columns = columns - basis @ (basis.T @ columns)
-        kept = np.linalg.norm(columns, axis=0) > 1e-7 * before
-        if kept.any():
-            part = np.linalg.svd(columns[:, kept], full_matrices=False)[0].T @ target
-            gains.append((-float(part @ part), place.title, place))
-    return [place for _, _, place in sorted(gains, key=lambda gain: gain[:2])]
+    projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)))
+    spaces = [column_space(projection.columns[:, block]) for block in problem.blocks]
+    gains = [float(np.sum((space.T @ projection.residual) ** 2)) for space in spaces]
+    order = sorted(range(len(places)), key=lambda k: (-gains[k], places[k].title))
+    return [places[k] for k in order if spaces[k].shape[1]]
 
 
 def bench_evidence(
@@ -533,15 +503,7 @@ def with_usual_signs(
 ) -> Linearisation:
     """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
 
-    Parameters
-    ----------
-    here : Linearisation
-        the nominal model at its fit
-    circumstances : Circumstances
-    noise_bound : float
-        σ, as a fraction of g
-    bounds : (float, float)
-        u^max and v^0max of (1.7)
+    σ is a fraction of g, the bounds are u^max and v^0max of (1.7).
     """
     p, at = here.parametrisation, here.positions
     readings = Readings.of(here, circumstances)

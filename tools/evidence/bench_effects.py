@@ -28,21 +28,13 @@ Sized = Sequence[tuple[EffectPlace, NDArray]]
 class Circumstances:
     """The circumstances of each of N rows: what effects may depend on beside the angles.
 
-    Attributes
-    ----------
-    hours : (N,) array
-        time since the first row of the record [h]
-    temperature : (N,) array or None
-        [degC]
-    sense_alpha, sense_beta : (N,) array
-        sense of the last move of each axis: +1, -1, or 0 where there was none
-    approached : bool
-        whether the senses are the record's own, not concluded from the row before
-    before : (N, 2) array or None
-        encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None where the
-        rows follow no order
-    temperature_resolution : float
-        half a last digit of the temperature as it was written [K]
+    `hours` (N,): time since the first row of the record; `temperature` (N,) [degC] where it is known; `sense_alpha`,
+    `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none; `approached`: whether the
+    senses are the record's own, not concluded from the row before.
+
+    `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
+    where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
+    [K].
     """
 
     hours: NDArray
@@ -55,9 +47,8 @@ class Circumstances:
 
     def selected(self, rows: NDArray) -> "Circumstances":
         """The circumstances of some rows (n,) of int."""
-        names = ("hours", "temperature", "sense_alpha", "sense_beta", "before")
-        values = {name: getattr(self, name) for name in names}
-        return replace(self, **{name: None if value is None else value[rows] for name, value in values.items()})
+        arrays = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **arrays)
 
 
 def circumstances_of(record: PositionRecord) -> Circumstances:
@@ -91,17 +82,9 @@ def is_linear(place: EffectPlace) -> bool:
 
 @dataclass(frozen=True)
 class Visits:
-    """Positions of the table that were, or might be, measured.
+    """N positions of the table, by the encoders, that were or might be measured, and the circumstances there.
 
-    Attributes
-    ----------
-    parametrisation : Parametrisation
-    at : Positions
-        N of them, by the encoders
-    circumstances : Circumstances
-        in which they are measured
-    resolution : float
-        half a last digit of the readings, as a fraction of g
+    `resolution` is half a last digit of the readings, as a fraction of g.
     """
 
     parametrisation: Parametrisation
@@ -250,13 +233,7 @@ def added_bound(
 ) -> NDArray:
     """By how much (3 N,) the bounds grow where the circumstances of linear effects are not told.
 
-    Parameters
-    ----------
-    places : sequence of EffectPlace
-        linear effects
-    rows : Rows
-    largest : mapping, optional
-        the largest coefficient of such effects; by default the largest that the catalogue calls possible
+    `largest` has the largest coefficient of such effects; by default the largest that the catalogue calls possible.
     """
     added = np.zeros(rows.n.shape)
     for place in places:

@@ -21,7 +21,7 @@ from ..calibration.model import (
     reading_jacobian,
 )
 from .bench_effects import Circumstances, Visits, acts_on_table, added_bound, is_linear, readings_at, signature_columns
-from .fit import Fit, coefficient_count
+from .fit import Fit, coefficient_count, coefficient_limits
 
 MAX_ITERATIONS, MAX_MOVES = 12, 8
 ATTAINED = 1e-10
@@ -42,17 +42,9 @@ MAX_LEVERAGE = 1.0
 class Relaxation:
     """What any variant of an effect may do, and more: a set that is refused with it is refused with each of them.
 
-    Attributes
-    ----------
-    place : EffectPlace
-    ways : int
-        number of variants; 0 of an effect that is linear, but not told everywhere
-    touched : (M,) array of bool
-        readings that some variant changes: they say nothing about the bench
-    widening : (M,) array
-        by which the bounds of the others grow, fractions of g
-    columns : (M, K) array
-        what the effect adds linearly
+    `ways` is the number of variants; 0 of an effect that is linear, but not told everywhere. `touched` (M,) are the
+    readings that some variant changes: they say nothing about the bench; by `widening` (M,) the bounds of the others
+    grow, fractions of g; `columns` (M, K) are what the effect adds linearly.
     """
 
     place: EffectPlace
@@ -66,16 +58,9 @@ class Relaxation:
 class Model:
     """Prediction and derivatives of a bench with effects at one point.
 
-    Attributes
-    ----------
-    reading, bound : (3 N,) array
-        predicted readings and bounds of their errors, fractions of g
-    jacobian : (3 N, P + K) array
-        derivatives by parameters of the bench and coefficients of the effects
-    variants : tuple of (Variant or None)
-        the way in which each effect acts that is not linear
-    rows : Rows
-        the rows with this prediction
+    `reading`, `bound` (3 N,): predicted readings and bounds of their errors, fractions of g; `jacobian` (3 N, P + K):
+    by parameters of the bench and coefficients of the effects; `variants`: the way in which each effect acts that is
+    not linear; `rows`: with this prediction.
     """
 
     reading: NDArray
@@ -89,14 +74,8 @@ class Model:
 class Readings(Visits):
     """Readings at positions of the table, and how a bench with effects predicts them.
 
-    Attributes
-    ----------
-    reading : (N, 3) array
-        over g
-    bound : (3 N,) array
-        of the readings' errors, fractions of g
-    sign : (N, 3) array
-        of the inputs, by which scale factors are chosen
+    `reading` (N, 3) over g, `bound` (3 N,) of their errors, fractions of g, `sign` (N, 3) of the inputs, by which scale
+    factors are chosen.
     """
 
     reading: NDArray
@@ -143,14 +122,8 @@ class Readings(Visits):
 class Cast:
     """A set of effects, each in the way in which it is to act.
 
-    Attributes
-    ----------
-    places : tuple of EffectPlace
-    ways : mapping
-        of each effect that is not linear, which of its variants
-    largest : mapping
-        largest coefficients of effects whose circumstances the record does not tell everywhere; by default the largest
-        possible
+    `ways`: of each effect that is not linear, which of its variants; `largest`: largest coefficients of effects whose
+    circumstances the record does not tell everywhere, by default the largest possible.
     """
 
     places: tuple[EffectPlace, ...]
@@ -232,18 +205,7 @@ def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Va
 def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
     """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
 
-    Parameters
-    ----------
-    readings : Readings
-    cast : Cast
-        the effects
-    start : (P,) array
-        parameters of the bench from which the fit begins
-
-    Returns
-    -------
-    Fit or None
-        None where the fit leaves the way in which an effect acts, or runs away
+    It begins at parameters (P,) of the bench; None where it leaves the way in which an effect acts, or runs away.
     """
     reading, count = readings.reading.ravel(), len(start)
     begun = cast.variants(readings, readings.rows(start))
@@ -300,17 +262,9 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
 
 
 def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray, before: Fit | None = None) -> Fit:
-    """The point with about the least sum of absolute misfits, which few readings cannot draw.
+    """The point with about the least sum of absolute misfits, which few readings cannot draw, with linear effects.
 
-    Parameters
-    ----------
-    readings : Readings
-    places : sequence of EffectPlace
-        linear effects
-    start : (P,) array
-        where to begin
-    before : Fit, optional
-        with all of them but the last: where to begin instead
+    It begins at parameters (P,) of the bench, or where the fit `before` with all of the effects but the last is.
     """
     cast, count, bound = Cast(tuple(places)), len(start), readings.bound
     blocks = cast.blocks()
@@ -360,38 +314,15 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
         return None
     if fit.is_possible:
         return fit
-    low, high = _coefficient_limits(fit)
-    free = np.full(len(fit.point), np.inf)
-    own = fit.coefficients
-    radius, step, _ = chebyshev_radius(
-        fit.jacobian,
-        fit.residual,
-        fit.bound,
-        low=np.concatenate((-free, low - own)),
-        high=np.concatenate((free, high - own)),
-    )
+    own, free = fit.coefficients, np.full(len(fit.point), np.inf)
+    ends = [
+        coefficient_limits(place) if variant is None else (variant.low, variant.high) for place, _, variant in fit.ways
+    ]
+    low, high = (np.concatenate(side) - own for side in zip(*ends, strict=True))
+    low, high = np.append(-free, low), np.append(free, high)
+    radius, step, _ = chebyshev_radius(fit.jacobian, fit.residual, fit.bound, low=low, high=high)
     moved = replace(fit, radius=radius, step=step, stated=own + step[len(fit.point) :])
     return moved if radius <= limit and moved.is_possible else None
-
-
-def _coefficient_limits(fit: Fit) -> tuple[NDArray, NDArray]:
-    """Least and largest coefficients (K,) with possible sizes; amplitudes and phases as the pairs that they are."""
-    low, high = np.full(len(fit.coefficients), -np.inf), np.full(len(fit.coefficients), np.inf)
-    for place, block, variant in zip(fit.places, fit.blocks, fit.variants, strict=True):
-        if variant is not None:
-            low[block], high[block] = variant.low, variant.high
-            continue
-        for at, parameter in enumerate(place.definition.parameters, start=block.start):
-            if parameter.name.endswith("phase"):
-                low[at], high[at] = low[at - 1], high[at - 1]
-            elif parameter.name.endswith("amplitude"):
-                # The square within the circle of the largest amplitude.
-                high[at] = parameter.largest / np.sqrt(2.0)
-                low[at] = -high[at]
-            else:
-                high[at] = parameter.largest
-                low[at] = -parameter.largest if parameter.smallest is None else parameter.smallest
-    return low, high
 
 
 # Of a bench
@@ -401,15 +332,10 @@ def leverages(jacobian: NDArray, kept: NDArray, held: NDArray) -> NDArray | None
     """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
     scale = np.abs(jacobian).max(axis=0, initial=0.0)
     unit = jacobian / np.where(scale > 0.0, scale, 1.0)
-    rank = _rank(unit)
-    if len(kept) <= rank or _rank(unit[kept]) < rank:
+    rank = np.linalg.matrix_rank(unit, rtol=1e-8)
+    if len(kept) <= rank or np.linalg.matrix_rank(unit[kept], rtol=1e-8) < rank:
         return None
     return np.linalg.norm(unit[held] @ np.linalg.pinv(unit[kept], rcond=1e-8), axis=1)
-
-
-def _rank(matrix: NDArray) -> int:
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.count_nonzero(values > 1e-8 * values.max(initial=0.0)))
 
 
 def predicted_errors(

@@ -23,7 +23,7 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, readings_at, signature_columns
 from .bench_model import MAX_LEVERAGE, Cast, Readings, fitted, leverages
-from .fit import Fit, Gain, composed
+from .fit import Fit, Gain, composed, gain_of
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
 MOST_CANDIDATES = 10
@@ -58,18 +58,8 @@ def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
 class Rival:
     """What a candidate predicts at positions that might be measured, over the parameters that the record leaves it.
 
-    Attributes
-    ----------
-    fit : Fit
-        the candidate
-    possible : Possible
-        parameters
-    centre : (N, 3) array
-        readings over g at the centre of what is possible
-    slopes : (N, 3, rank) array
-        derivatives in the coordinates of the set of possible parameters
-    known : (N, 3) array of bool
-        readings whose prediction is bounded
+    `centre` (N, 3): readings over g at the centre of what is possible; `slopes` (N, 3, rank): derivatives in the
+    coordinates of the set of possible parameters; `known` (N, 3): which readings have a bounded prediction.
     """
 
     fit: Fit
@@ -105,31 +95,18 @@ def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
 def separating_positions(
     readings: Readings, point: NDArray, fits: Sequence[Fit], bounds: tuple[float, float], room: float
 ) -> list[dict[str, Any]]:
-    """Positions whose readings, together, decide between candidates.
+    """Positions to measure after a record whose readings, together, decide between candidates, the best one first.
 
     For two candidates the parameters that the record leaves them are sought with which their predictions at the
     positions chosen so far are nearest; the position where they are then farthest apart is added, until they differ
     somewhere by more than 2 σ whatever the parameters: then no readings can be within σ of both.
 
-    Parameters
-    ----------
-    readings : Readings
-        of the record: the positions would be measured after them
-    point : (P,) array
-        of the nominal fit
-    fits : sequence of Fit
-        sets of effects that explain the record, the best first
-    bounds : (float, float)
-        u^max and v^0max: only readings whose sign is certain count
-    room : float
-        what the readings' rounding adds to their bounds, as a fraction of g
+    `point` (P,) is the nominal fit; of the `bounds`, u^max and v^0max, only readings whose sign is certain count;
+    `room` is what the readings' rounding adds to their bounds, as a fraction of g.
 
-    Returns
-    -------
-    list of dict
-        alpha_deg, beta_deg, mounting where there are several, the senses of the approach where they matter, what is
-        separated, and ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at
-        one of the positions at least, over all parameters; more than 2 σ decides
+    Of each: alpha_deg, beta_deg, mounting where there are several, the senses of the approach where they matter, what
+    is separated, and ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at
+    one of the positions at least, over all parameters; more than 2 σ decides.
     """
     chosen = list(fits[:MOST_CANDIDATES])
     lasting = sorted({p for fit in chosen for p in lasting_part(fit)[0]}, key=lambda place: place.title)
@@ -164,12 +141,7 @@ def separating_positions(
 def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], sure: float) -> tuple[float, list[int]]:
     """Positions that decide between two candidates, of those chosen already and up to `MOST_FOR_A_PAIR` new ones.
 
-    Returns
-    -------
-    distance : float
-        least distance of the predictions at the worst of the positions [g]
-    own : list of int
-        the positions that this takes
+    Before them the least distance of the predictions at the worst of the positions [g].
     """
     usable = usable & first.known & second.known
     difference = np.where(usable, first.centre - second.centre, 0.0)
@@ -274,20 +246,8 @@ def second_mounting(
 ) -> dict[str, Any] | None:
     """The preset that tells two sets of linear effects apart best; None where none does it better than the record's.
 
-    Parameters
-    ----------
-    p : Parametrisation
-        with the record's mountings
-    first, second : sequence of EffectPlace
-        what has a signature; not empty
-    titles : (str, str)
-        the sets in words
-
-    Returns
-    -------
-    dict or None
-        ``mounting``, ``separates``, ``correlation_before`` and ``correlation_after``: the largest correlation of what
-        the sets add to the model, over all positions, now and with both mountings
+    Sets with their titles in words. ``correlation_before`` and ``correlation_after``: the largest correlation of what
+    the sets add to the model, over all positions, now and with both mountings.
     """
     if not first or not second:
         return None
@@ -349,22 +309,9 @@ def held_out_rows(fit: Fit) -> tuple[NDArray, NDArray] | None:
 
 
 def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -> Gain | None:
-    """Fit without every fourth position, simulate those by the orchestrator without and with the effect, compare.
+    """Fit without every fourth position, simulate those by the orchestrator without and with the effects, compare.
 
-    Parameters
-    ----------
-    readings : Readings
-    start : (P,) array
-        parameters of the bench where fits begin
-    fit : Fit
-        the model with effects that have kernels
-    gravity : float
-        the model's g [m/s²]
-
-    Returns
-    -------
-    Gain or None
-        None where too few positions remain to judge
+    Fits begin at `start` (P,); `gravity` is the model's g [m/s²]. None where too few positions remain to judge.
     """
     chosen, circumstances = held_out_rows(fit), readings.circumstances
     if chosen is None or 3600.0 * circumstances.hours[-1] * STEPS_PER_GAP > MAX_STEPS * smallest_gap(circumstances):
@@ -380,12 +327,9 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
         scored = scored & ~undecided(readings, trained)[out]
     if scored.sum() < FEWEST_SCORED:
         return None
-    figures: dict[str, Any] = {"rows": out}
-    for name, error in zip(("before", "after"), errors, strict=True):
-        counted = error[scored]
-        figures |= {f"held_out_rms_{name}": float(np.sqrt(np.mean(counted**2)))}
-        figures |= {f"held_out_max_{name}": float(np.abs(counted).max()), name: np.where(scored, error, np.nan)}
-    return Gain(**figures)
+    before, after = (np.where(scored, error, np.nan) for error in errors)
+    gain = gain_of(*(error[scored][:, None] for error in errors), rows=out)
+    return gain.model_copy(update={"before": before, "after": after})
 
 
 def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArray, like: Fit) -> Fit | None:
@@ -437,12 +381,12 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
 
 def effect_entries(fit: Fit) -> list[dict[str, object]]:
     """Effects of a fit, with the sizes of least squares, as a scenario writes them."""
-    estimated_values = fit.values(fit.estimate[len(fit.point) :])
     entries = []
-    for (place, _, variant), linear, stated in zip(fit.ways, estimated_values, fit.values(), strict=True):
-        parameters = place.definition.parameters
-        values = linear if variant is None else stated
-        entries.append({**place.entry, **{p.name: value for p, value in zip(parameters, values, strict=True)}})
+    for (place, _, variant), linear, stated in zip(
+        fit.ways, fit.values(fit.estimate[len(fit.point) :]), fit.values(), strict=True
+    ):
+        names = [parameter.name for parameter in place.definition.parameters]
+        entries.append(place.entry | dict(zip(names, linear if variant is None else stated, strict=True)))
     return entries
 
 
@@ -453,22 +397,11 @@ def extended_scenario(
     moved: NDArray,
     circumstances: Circumstances,
 ) -> Scenario:
-    """A scenario in which table and block, calibrated and extended, stand at each position at its time.
+    """A scenario in which table and block, calibrated and extended, stand at each of n positions at its time.
 
     The table comes to each position in the sense of the record's last move, and its temperature is the record's.
-
-    Parameters
-    ----------
-    parameters : mapping
-        component -> variable -> value
-    effects : sequence of mapping
-        as in a scenario file
-    commands : (n, 2) array
-        commanded angles [rad]
-    moved : (n, 2) array of bool
-        whether the outer and the inner axis turned on the way: one that did not must not decide the inputs' senses
-    circumstances : Circumstances
-        of the n rows
+    `parameters` are those of each component, `effects` as in a scenario file, `commands` (n, 2) angles [rad]; `moved`
+    (n, 2): whether the outer and the inner axis turned on the way: one that did not must not decide the inputs' senses.
     """
     seconds = 3600.0 * circumstances.hours
     gap = smallest_gap(circumstances)
@@ -478,20 +411,16 @@ def extended_scenario(
     after = np.maximum(seconds - 0.25 * gap, 0.25 * step)
     away = commands - APPROACH * np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1) * moved
     temperature = np.full(len(seconds), 20.0) if circumstances.temperature is None else circumstances.temperature
+    angles = np.stack((away, commands), axis=1).reshape(-1, 2)
     rows = {
         "time_s": np.stack((before, after), axis=1).ravel(),
-        "alpha_rad": np.stack((away, commands), axis=1)[:, :, 0].ravel(),
-        "beta_rad": np.stack((away, commands), axis=1)[:, :, 1].ravel(),
+        "alpha_rad": angles[:, 0],
+        "beta_rad": angles[:, 1],
         "temperature_degC": np.repeat(temperature, 2),
     }
     rows["time_s"][0] = 0.0
-    table = {
-        "encoder_fluctuation_bound": 0.0,
-        "earth_rotation": False,
-        "max_rate": [FAST, FAST],
-        "max_acceleration": [FAST, FAST],
-        "initial_angle": away[0].tolist(),
-    }
+    table = {"encoder_fluctuation_bound": 0.0, "earth_rotation": False, "initial_angle": away[0].tolist()}
+    table |= {"max_rate": [FAST, FAST], "max_acceleration": [FAST, FAST]}
     driven = {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"}
     driven |= dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC")
     return composed(

@@ -18,6 +18,7 @@ from ..motion.carry import GyroModel, Motion, carried_attitude, reads
 from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
+from ..result import finite_or_none
 from .evidence import Channel, Evidence, Trial, estimated, rms_size
 from .fit import ARCMIN, Fit, Gain, coefficient_count, export_extended, gain_of
 from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
@@ -49,17 +50,9 @@ OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them rep
 class CarriedRecord(Evidence):
     """A record of a block that is carried, as far as it is known before the simulation is run.
 
-    Attributes
-    ----------
-    found : Inspection
-        of the record
-    block : str
-        "calibrated" or "nominal": whether the gyros' scale factors and misalignments are parameters
-    rates : "instantaneous" or "averaged"
-        what a rate in the record was taken for
-    warnings : tuple of str
-    lacks : tuple of str
-        what to add where nothing can be run
+    `block` is "calibrated" or "nominal": whether the gyros' scale factors and misalignments are parameters; `rates`,
+    "instantaneous" or "averaged", is what a rate in the record was taken for; `lacks` is what to add where nothing can
+    be run.
     """
 
     found: Inspection
@@ -93,20 +86,9 @@ class CarriedRecord(Evidence):
 class Carried(CarriedRecord):
     """Evidence of a carried block, and what it was made from.
 
-    Attributes
-    ----------
-    own : tuple of EffectPlace
-        the gyros' part of the model's parameters
-    motion : Motion
-    model : GyroModel
-        about which the rows are linear
-    attitude : (N, 4) array
-        carried with it
-    reference : Gravity or Truth
-    at_rest : (3, K) array or None
-        what each coefficient adds to the mean at rest that is taken out [rad/s]; None where the bias is free
-    bounds_from : str
-        what the bounds come from, in words
+    `own` is the gyros' part of the model's parameters; about `model` the rows are linear, and `attitude` (N, 4) was
+    carried with it. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s], None
+    where the bias is free; `bounds_from` says in words what the bounds come from.
     """
 
     own: tuple[EffectPlace, ...]
@@ -164,16 +146,7 @@ class Carried(CarriedRecord):
     def gyros_with(
         self, step: NDArray, effects: Mapping[EffectPlace, tuple[float, ...]], coefficients: NDArray
     ) -> GyroModel:
-        """The gyros with a step of the model's parameters and effects of such sizes.
-
-        Parameters
-        ----------
-        step : (P,) array
-        effects : mapping
-            effect -> values of its parameters
-        coefficients : (k,) array
-            the same as coefficients
-        """
+        """The gyros with a step (P,) of the model's parameters and effects, their sizes also as coefficients (k,)."""
         gyros = with_parameters(self.model, self.own, step[self.of_forces :])
         bias = gyros.bias
         if self.at_rest is not None:
@@ -186,10 +159,7 @@ class Carried(CarriedRecord):
     ) -> Callable[[NDArray, Sequence[NDArray]], list[NDArray[np.float64]]]:
         """Export the FMUs that carry the attitude, extended by effects, into a folder; what they give.
 
-        Returns
-        -------
-        callable
-            solution (P + k,), numbers (n,) of some pieces of each scored kind -> errors (n, d) of these by the FMUs
+        That takes a solution (P + k,) and numbers (n,) of some pieces of each scored kind to errors (n, d) of these.
         """
         fmus = export_extended(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
         # What counts the hours must count them from the record's beginning; of a long record a part is run.
@@ -272,15 +242,11 @@ class Carried(CarriedRecord):
 
     def _baseline(self, fit: Fit, *, bounded: bool) -> dict[str, Any]:
         """The model's parameters by least squares beside a fit's effects, and what the record leaves possible."""
-        values = fit.estimate[: len(self.names)]
-        ends = np.full((len(values), 2), np.nan)
-        if bounded:
-            possible = fit.possible(most_rows=self.most_rows)
-            ends = np.array([np.add(possible.ends(k), fit.central[k]) for k in range(len(values))]).reshape(-1, 2)
-            values = np.clip(values, ends[:, 0], ends[:, 1])
+        ends = fit.ends(0.0, self.most_rows) if bounded else np.tile([-np.inf, np.inf], (len(self.names), 1))
+        values = np.clip(fit.estimate[: len(self.names)], *ends.T)
         parameters = [
             {"name": name, "unit": unit, "estimate": float(value)}
-            | {key: float(end) if np.isfinite(end) else None for key, end in zip(("low", "high"), pair, strict=True)}
+            | dict(zip(("low", "high"), map(finite_or_none, pair), strict=True))
             for (name, unit), value, pair in zip(self.names, values, ends, strict=True)
         ]
         return {"radius": self.baseline.radius, "falsified": self.falsified, "parameters": parameters}
@@ -353,9 +319,29 @@ class Carried(CarriedRecord):
         return replace(self, parts=tuple(parts))
 
     def gain(self, fit: Fit) -> Gain:
-        """Errors of pieces that were not used, in arcminutes, by the exported FMUs; the quoted kind first."""
-        count = FOLDS if len(self.motion) <= LONG else FOLDS_OF_LONG
-        kinds = gain_by_folds(self, fit.places, count, self.simulated, ARCMIN)
+        """Errors of pieces that were not used, in arcminutes; the quoted kind first.
+
+        For each block in time the parameters are estimated on the others, without the effects and with them; the
+        exported FMUs are run with these; the errors of the block's own pieces count.
+        """
+        folds, results = self.folds(FOLDS if len(self.motion) <= LONG else FOLDS_OF_LONG), []
+        of_rows = self.of_rows(folds)
+        with tempfile.TemporaryDirectory(prefix="trihedron-extended-", ignore_cleanup_errors=True) as name:
+            for number, places in enumerate(((), fit.places)):
+                folder = Path(name) / str(number)
+                folder.mkdir()
+                simulate, matrix = self.simulated(places, folder), self.matrix(places)
+                errors = [np.full(self.parts[k].error.shape, np.nan) for k in self.scored]
+                for fold in range(of_rows.max() + 1):
+                    solution = estimated(matrix[of_rows != fold], self.residual[of_rows != fold])
+                    held = [np.flatnonzero(folds[k] == fold) for k in self.scored]
+                    for error, at, mine in zip(errors, held, simulate(solution, held), strict=True):
+                        error[at] = mine
+                results.append(errors)
+        kinds = [
+            gain_of(before, after, ARCMIN, over=self.parts[k].label, pieces=len(before))
+            for k, before, after in zip(self.scored, *results, strict=True)
+        ]
         quoted = self.scored.index(self.quoted)
         first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - quoted))
         return first.model_copy(update={"others": others})
@@ -387,47 +373,3 @@ def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArr
         else:
             scale, at = scale + step[at : at + 9], at + 9
     return GyroModel(bias, scale, model.effects)
-
-
-def gain_by_folds(
-    evidence: Evidence,
-    places: Sequence[EffectPlace],
-    count: int,
-    simulated: Callable[[Sequence[EffectPlace], Path], Callable[[NDArray, Sequence[NDArray]], list[NDArray]]],
-    unit: float,
-) -> list[Gain]:
-    """The gain on each scored kind of pieces, cut into blocks in time.
-
-    For each block the parameters are estimated on the others, without the effects and with them; the exported FMUs
-    are run with these; the errors of the block's own pieces count.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    places : sequence of EffectPlace
-        the effects that were named
-    count : int
-        of blocks
-    simulated : callable
-        effects, an empty folder for FMUs -> (solution (P + k,), numbers of some pieces of each kind -> their errors)
-    unit : float
-        in which sizes of errors are quoted
-    """
-    folds, results = evidence.folds(count), []
-    with tempfile.TemporaryDirectory(prefix="trihedron-extended-", ignore_cleanup_errors=True) as name:
-        for number, chosen in enumerate(((), tuple(places))):
-            folder = Path(name) / str(number)
-            folder.mkdir()
-            simulate, matrix = simulated(chosen, folder), evidence.matrix(chosen)
-            errors = [np.full(evidence.parts[k].error.shape, np.nan) for k in evidence.scored]
-            for fold in range(folds.count):
-                used = folds.of_row != fold
-                solution = estimated(matrix[used], evidence.residual[used])
-                held = [np.flatnonzero(folds.of_piece[k] == fold) for k in evidence.scored]
-                for error, at, mine in zip(errors, held, simulate(solution, held), strict=True):
-                    error[at] = mine
-            results.append(errors)
-    return [
-        gain_of(before, after, unit, over=evidence.parts[k].label, pieces=len(before))
-        for k, before, after in zip(evidence.scored, *results, strict=True)
-    ]

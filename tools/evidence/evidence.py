@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import Problem, column_space, sets_of_size, spaces_beyond
-from .fit import Classes, Fit, Gain, blocks_of
+from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits
 
 FOLDS = 8
 """Blocks in time that are left out in turn."""
@@ -33,17 +33,11 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Pieces of a record of one kind.
+    """Pieces of a record of one kind, each from one of its rows `first` (S,) to another, `last` (S,).
 
-    Attributes
-    ----------
-    kind : str
-        "moves": between rests, the direction of gravity is known at both ends; "rests": the block does not turn;
-        "norms": the size of gravity at rest; "windows": the true attitude is known at both ends
-    label : str
-        in words: "0.5 s", "2 moves"
-    first, last : (S,) array of int
-        rows of the record at which each piece begins and ends
+    `kind`: "moves": between rests, the direction of gravity is known at both ends; "rests": the block does not turn;
+    "norms": the size of gravity at rest; "windows": the true attitude is known at both ends. `label` is in words: "0.5
+    s", "2 moves".
     """
 
     kind: str
@@ -67,17 +61,9 @@ class Pieces:
 class Part:
     """Errors of S pieces of one kind, with d components each.
 
-    Attributes
-    ----------
-    pieces : Pieces
-    error, bound : (S, d) array
-        in the part's unit: [rad] of turns and directions, [g] of norms
-    nominal : (S, d, P) array
-        by the parameters of the model
-    columns : (S, d, K) array
-        by the coefficients of the effects
-    scored : bool
-        whether these are the errors that the model is judged by; what is known beside them stands in the other parts
+    `error`, `bound` (S, d) are in the part's unit: [rad] of turns and directions, [g] of norms; `nominal` (S, d, P) are
+    by the parameters of the model, `columns` (S, d, K) by the coefficients of the effects. By the errors that are
+    `scored` the model is judged; what is known beside them stands in the other parts.
     """
 
     pieces: Pieces
@@ -103,19 +89,10 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Errors of one component, and what they may depend on.
+    """Errors (S,) of one component, `label`: ``{"axis": 1}``, and what they may depend on, by name.
 
-    Attributes
-    ----------
-    label : mapping
-        which component: ``{"axis": 1}``
-    error, bound : (S,) array
-    quantities : mapping
-        name -> coordinates (S, k): of one variable each
-    joint : mapping
-        the same of several variables together
-    angles : mapping
-        name -> angle (S,) [rad]: of each, and of all together
+    `quantities` are coordinates (S, k) of one variable each, `joint` of several together; `angles` (S,) [rad] are tried
+    each, and all together.
     """
 
     label: Mapping[str, int]
@@ -133,15 +110,9 @@ Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
 class Trial:
     """What readings that were left out say of some effects of a fit.
 
-    Attributes
-    ----------
-    places : tuple of EffectPlace
-        the effects that are judged
-    folds, blocks : (before, after) or None
-        errors (R,) of what was left out, without and with the effects: parts of the evidence in turn, and blocks in
-        time; None where that is not possible
-    shuffled : iterable of (R,) array
-        the errors of the folds with the effects' signatures moved to where they do not belong
+    `folds` and `blocks` are errors (R,) of what was left out, without and with the effects: parts of the evidence in
+    turn, and blocks in time; None where that is not possible. `shuffled` are the errors of the folds with the effects'
+    signatures moved to where they do not belong.
     """
 
     places: tuple[EffectPlace, ...]
@@ -151,35 +122,11 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class Folds:
-    """Blocks in time: what is left out together.
-
-    Attributes
-    ----------
-    count : int
-    of_piece : tuple of (S,) array of int
-        the fold of each piece, for each part
-    of_row : (M,) array of int
-    """
-
-    count: int
-    of_piece: tuple[NDArray[np.int_], ...]
-    of_row: NDArray[np.int_]
-
-
-@dataclass(frozen=True, eq=False)
 class Evidence:
     """All parts of a record, with the names of their columns.
 
-    Attributes
-    ----------
-    parts : tuple of Part
-    names : tuple of (str, str)
-        name and unit of each parameter of the model
-    point : (P,) array
-        values of these parameters about which the rows are linear
-    places : tuple of EffectPlace
-        effects that can be tried, in the order of their columns
+    `names` are name and unit of each parameter of the model; `point` (P,) their values about which the rows are linear;
+    `places` the effects that can be tried, in the order of their columns.
     """
 
     parts: tuple[Part, ...]
@@ -227,9 +174,9 @@ class Evidence:
 
     def limits_of(self, places: Sequence[EffectPlace]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends of the possible values of each coefficient of some effects."""
-        parameters = [p for place in places for p in place.definition.parameters]
-        low = [-p.largest if p.smallest is None else p.smallest for p in parameters]
-        return np.array(low, dtype=float), np.array([p.largest for p in parameters], dtype=float)
+        ends = [np.array(coefficient_limits(place)) for place in places]
+        low, high = np.hstack([np.zeros((2, 0)), *ends])
+        return low, high
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
         """Values of the parameters of some effects by a solution (P + k,)."""
@@ -418,16 +365,17 @@ class Evidence:
         """Keys of the result that say what to measure so that sets can be told apart."""
         raise NotImplementedError
 
-    def folds(self, count: int = FOLDS) -> Folds:
-        """Blocks in time, each with as many pieces of the shortest scored kind as the others."""
+    def folds(self, count: int = FOLDS) -> list[NDArray[np.int_]]:
+        """Blocks in time, each with as many pieces of the shortest scored kind as the others; each piece's (S,)."""
         main = max((self.parts[k] for k in self.scored), key=len)
-        count = min(count, len(main))
-        edges = np.quantile(_middles(main), np.linspace(0.0, 1.0, count + 1)[1:-1])
-        of_piece = tuple(np.searchsorted(edges, _middles(part)) for part in self.parts)
-        rows = [np.repeat(mine, part.error.shape[1]) for mine, part in zip(of_piece, self.parts, strict=True)]
-        return Folds(count, of_piece, np.concatenate(rows))
+        edges = np.quantile(_middles(main), np.linspace(0.0, 1.0, min(count, len(main)) + 1)[1:-1])
+        return [np.searchsorted(edges, _middles(part)) for part in self.parts]
 
-    def left_out(self, places: Sequence[EffectPlace], folds: Folds) -> NDArray[np.float64]:
+    def of_rows(self, folds: Sequence[NDArray]) -> NDArray[np.int_]:
+        """The block of each row (M,)."""
+        return np.concatenate([np.repeat(m, p.error.shape[1]) for m, p in zip(folds, self.parts, strict=True)])
+
+    def left_out(self, places: Sequence[EffectPlace], folds: Sequence[NDArray]) -> NDArray[np.float64]:
         """Errors (M,) in units of their bounds, those of each fold predicted by least squares over the others.
 
         A piece that reaches into a fold that is left out is left out with it where its middle lies in it.
@@ -437,7 +385,8 @@ class Evidence:
             return left
         scale = np.linalg.norm(matrix, axis=0)
         matrix = matrix / np.where(scale > 0.0, scale, 1.0)
-        outs = [np.flatnonzero(folds.of_row == number) for number in range(folds.count)]
+        of_rows = self.of_rows(folds)
+        outs = [np.flatnonzero(of_rows == number) for number in range(of_rows.max() + 1)]
         grams = np.array([matrix[out].T @ matrix[out] for out in outs])
         products = np.array([matrix[out].T @ self.residual[out] for out in outs])
         for out, gram, product in zip(outs, grams.sum(axis=0) - grams, products.sum(axis=0) - products, strict=True):

@@ -27,30 +27,16 @@ ARCMIN = np.pi / 180.0 / 60.0
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model with a set of effects, fitted to evidence, and linear where it was fitted.
+    """A model with a set of effects `places`, fitted to evidence, and linear where it was fitted.
 
-    Attributes
-    ----------
-    places : tuple of EffectPlace
-        the effects
-    blocks : tuple of slice
-        the coefficients of each
-    at : (P + K,) array
-        parameters of the model and coefficients of the effects about which it is linear
-    step : (P + K,) array
-        from there to where the radius is attained, a Chebyshev centre
-    residual, bound : (M,) array
-        there, and how large it may be
-    jacobian : (M, P + K) array
-        derivatives by parameters and coefficients
-    radius : float
-        least possible largest error over its bound, with coefficients of possible size
-    estimate : (P + K,) array
-        parameters and coefficients of least squares
-    stated : (K,) array
-        the coefficients that are said to be found
-    variants : tuple of (Variant or None)
-        the way in which each effect acts that is not linear
+    `at` (P + K,) are the parameters of the model and the coefficients of the effects, of each a block, about which it
+    is linear; `step` (P + K,) leads from there to where the radius is attained, a Chebyshev centre. `residual`, `bound`
+    (M,) are the errors there and how large they may be, `jacobian` (M, P + K) the derivatives by parameters and
+    coefficients.
+
+    `radius` is the least possible largest error over its bound, with coefficients of possible size; `estimate` (P + K,)
+    are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found;
+    `variants` the ways in which effects act that are not linear.
     """
 
     places: tuple[EffectPlace, ...]
@@ -123,19 +109,17 @@ class Fit:
         )
 
     def possible(self, room: float = 0.0, further: NDArray | None = None, most_rows: int | None = None) -> Possible:
-        """The steps from the Chebyshev centre that keep every error within its bound.
+        """The steps from the Chebyshev centre that keep every error within its bound and `room`.
 
-        Parameters
-        ----------
-        room : float
-            what is added to every bound
-        further : (M, C) array, optional
-            columns of more effects, at zero in the fit
-        most_rows : int, optional
-            as for `Possible`
+        `further` are columns (M, C) of more effects, at zero in the fit; `most_rows` is as for `Possible`.
         """
         jacobian = self.jacobian if further is None else np.hstack((self.jacobian, further))
         return Possible(jacobian, self.left, self.bound + room, most_rows)
+
+    def ends(self, room: float = 0.0, most_rows: int | None = None) -> NDArray[np.float64]:
+        """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it."""
+        possible = self.possible(room, None, most_rows)
+        return np.array([np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))]).reshape(-1, 2)
 
     def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
         """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.
@@ -189,14 +173,8 @@ def _variant_intervals(variant: Variant, reach: Reach) -> tuple[Interval, ...]:
 class Classes:
     """Effects that can be told apart at all, and what each stands for.
 
-    Attributes
-    ----------
-    places : tuple of EffectPlace
-        one of each class, in the order of the catalogue; effects that lie wholly in the model are left out
-    members : tuple of tuple of EffectPlace
-        the others of each class
-    spaces : tuple of array
-        what each adds to the model, as orthonormal columns
+    `places` are one of each class, in the order of the catalogue; effects that lie wholly in the model are left out.
+    `members` are the others of each class, `spaces` what each adds to the model, as orthonormal columns.
     """
 
     places: tuple[EffectPlace, ...]
@@ -206,20 +184,15 @@ class Classes:
     @staticmethod
     def of(places: Sequence[EffectPlace], spaces: Sequence[NDArray]) -> "Classes":
         """Effects sorted by the spaces that they add to the model."""
-        firsts: list[EffectPlace] = []
-        kept: list[NDArray] = []
-        members: list[list[EffectPlace]] = []
+        found: list[tuple[list[EffectPlace], NDArray]] = []
         for place, space in zip(places, spaces, strict=True):
-            if space.shape[1] == 0:
-                continue
-            same = next((k for k, other in enumerate(kept) if same_space(space, other)), None)
-            if same is None:
-                firsts.append(place)
-                kept.append(space)
-                members.append([])
-            else:
-                members[same].append(place)
-        return Classes(tuple(firsts), tuple(tuple(m) for m in members), tuple(kept))
+            same = next((members for members, other in found if same_space(space, other)), None)
+            if same is not None:
+                same.append(place)
+            elif space.shape[1]:
+                found.append(([place], space))
+        kept = [(first, tuple(others), space) for (first, *others), space in found]
+        return Classes(*zip(*kept, strict=True)) if kept else Classes((), (), ())
 
     def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
         """What cannot be told from the effect at `place`."""
@@ -276,6 +249,21 @@ def blocks_of(places: Sequence[EffectPlace]) -> tuple[slice, ...]:
     """The columns of each effect, one after the other."""
     ends = np.cumsum([0, *(coefficient_count(place) for place in places)]).tolist()
     return tuple(slice(start, stop) for start, stop in pairwise(ends))
+
+
+def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ends of the possible coefficients of a linear effect; of amplitude and phase those of the pair that they are."""
+    ends: list[tuple[float, float]] = []
+    for parameter in place.definition.parameters:
+        largest, smallest = parameter.largest, parameter.smallest
+        if parameter.name.endswith("amplitude"):
+            # The square within the circle of the largest amplitude.
+            largest = parameter.largest / np.sqrt(2.0)
+            smallest = -largest
+        same = parameter.name.endswith("phase")
+        ends.append(ends[-1] if same else (-largest if smallest is None else smallest, largest))
+    low, high = np.array(ends, dtype=float).T
+    return low, high
 
 
 def coefficient_count(place: EffectPlace) -> int:

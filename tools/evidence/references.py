@@ -7,7 +7,7 @@ carried attitude too far.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,16 +59,9 @@ Usable = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 class RestNoise:
     """Noise of three gyros, or accelerometers, at rest: white noise and flicker noise of each.
 
-    Attributes
-    ----------
-    white : (3,) array
-        mean square of a mean over one second [rad²/s]
-    flicker : (3,) array
-        square of the flat part of the Allan deviation [rad²/s²]
-    wander : (3,) array
-        mean square of what the means at rest differ by from one rest to the next beside white noise [rad²/s²]
-    span : float
-        length of the record [s]
+    `white` (3,): mean square of a mean over one second [rad²/s²]; `flicker` (3,): square of the flat part of the Allan
+    deviation [rad²/s²]; `wander` (3,): mean square of what the means at rest differ by from one rest to the next beside
+    white noise [rad²/s²]; `span`: length of the record [s].
     """
 
     white: NDArray[np.float64]
@@ -97,45 +90,29 @@ def gyro_noise(found: Inspection, up: NDArray | None) -> RestNoise | None:
     """Noise of the gyros from the rests; None where these are too few or too short to tell.
 
     White noise falls with the averaging time and flicker noise does not: the Allan deviations of a quarter and of half
-    of the median rest tell them apart. What differs between the rests' means, and no drift, no dependence on gravity
-    or on temperature explains, counts as noise too.
-
-    Parameters
-    ----------
-    found : Inspection
-    up : (K, 3) array or None
-        directions of gravity at the rests; None where they are not known
+    of the median rest tell them apart. What differs between the rests' means, and no drift, no dependence on gravity or
+    on temperature explains, counts as noise too; `up` (K, 3) are the directions of gravity at the rests, where known.
     """
-    rests, period = found.rests, found.sampling.period
-    told = white_and_flicker(rates_of(found.record), rests, period)
-    if told is None:
+    noise, rests = rest_noise(found, rates_of(found.record)), found.rests
+    if noise is None:
         return None
-    white, flicker = told
-    wander = rest_wander(rests, up, white / rest_lengths(rests, period)[:, None])
-    return RestNoise(white, flicker, wander, span_of(found))
+    white = noise.white / rest_lengths(rests, found.sampling.period)[:, None]
+    return replace(noise, wander=rest_wander(rests, up, white))
 
 
 def force_deviation(found: Inspection) -> NDArray[np.float64]:
     """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included."""
-    rests, period = found.rests, found.sampling.period
+    rests, noise = found.rests, rest_noise(found, found.record.specific_force)
     assert rests.force_bound is not None
     deviation = rests.force_bound / SCATTER_FACTOR
-    told = white_and_flicker(found.record.specific_force, rests, period)
-    if told is None:
-        return deviation
     # What wanders from rest to rest may be an effect: only the rests themselves tell.
-    noise = RestNoise(*told, np.full(3, np.nan), span_of(found))
-    return np.maximum(deviation, np.sqrt(noise.rate_square(rest_lengths(rests, period))))
+    lengths = rest_lengths(rests, found.sampling.period)
+    return deviation if noise is None else np.maximum(deviation, np.sqrt(noise.rate_square(lengths)))
 
 
-def span_of(found: Inspection) -> float:
-    """Length of a record [s]."""
-    return float(found.record.time_s[-1] - found.record.time_s[0])
-
-
-def white_and_flicker(readings: NDArray, rests: Rests, period: float) -> tuple[NDArray, NDArray] | None:
-    """Of readings (N, 3) at rest: mean square of a mean over one second, and of the flat part, each (3,)."""
-    pieces = [readings[rows] for rows in rests.rows]
+def rest_noise(found: Inspection, readings: NDArray) -> RestNoise | None:
+    """Noise of readings (N, 3) at rest but for what wanders from one rest to the next; None where it cannot be told."""
+    pieces = [readings[rows] for rows in found.rests.rows]
     rows = int(np.median([len(piece) for piece in pieces])) if pieces else 0
     if rows < 8:
         return None
@@ -144,7 +121,9 @@ def white_and_flicker(readings: NDArray, rests: Rests, period: float) -> tuple[N
         return None
     # At a quarter white noise has twice the mean square that it has at half.
     part = np.clip(2.0 * (quarter**2 - half**2), 0.0, quarter**2)
-    return part * (rows // 4) * period, np.maximum(half**2 - 0.5 * part, 0.0)
+    white, flicker = part * (rows // 4) * found.sampling.period, np.maximum(half**2 - 0.5 * part, 0.0)
+    time_s = found.record.time_s
+    return RestNoise(white, flicker, np.full(3, np.nan), float(time_s[-1] - time_s[0]))
 
 
 def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
@@ -184,14 +163,10 @@ def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float
     apart = max(1, round(seconds / period))
     largest = 0.0
     for rows in rests.rows:
-        inside = attitude[rows]
-        if len(inside) <= apart:
-            continue
-        first, second = inside[:-apart], inside[apart:]
-        known = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
-        if known.any():
-            turns = matrices_of(first[known]).transpose(0, 2, 1) @ matrices_of(second[known])
-            largest = max(largest, float(np.abs(Rotation.from_matrix(turns).as_rotvec()).max()))
+        first = np.arange(rows.start, rows.stop - apart)
+        first = first[np.isfinite(attitude[[first, first + apart]]).all(axis=(0, 2))]
+        turns = rotation_vectors(turned(Pieces("rests", "rest", first, first + apart), attitude))
+        largest = max(largest, float(np.abs(turns).max(initial=0.0)))
     return largest
 
 
@@ -199,16 +174,9 @@ def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float
 class Run:
     """A run of the simulation through a record, and what each coefficient adds to it.
 
-    Attributes
-    ----------
-    attitude : (N, 4) array
-        carried, scalar first
-    rows : (B,) array of int
-        every row at which a piece begins or ends, in order
-    integral : (B, 3, P + K) array
-        ∫ C (I + Γ)⁻¹ δω dt up to these rows, per parameter of the gyros and coefficient of their effects
-    own : int
-        P: how many of them are parameters
+    `attitude` (N, 4) as it was carried, scalar first; `rows` (B,): every row at which a piece begins or ends, in order;
+    `integral` (B, 3, P + K): ∫ C (I + Γ)⁻¹ δω dt up to these rows, by each of the P = `own` parameters of the gyros and
+    coefficient of their effects.
     """
 
     attitude: NDArray[np.float64]
@@ -228,16 +196,7 @@ def integrals(
 ) -> NDArray[np.float64]:
     """∫ C (I + Γ)⁻¹ δω dt from the first row to some rows (B,), per coefficient of all effects: (B, 3, K).
 
-    Parameters
-    ----------
-    motion : Motion
-    model : GyroModel
-        with which the attitude was carried
-    attitude : (N, 4) array
-        carried, scalar first
-    places : sequence of EffectPlace
-    rows : (B,) array of int
-        in rising order
+    The attitude (N, 4), scalar first, was carried with the model; the rows rise.
     """
     inverse = model.inverse
     found: list[NDArray] = []
@@ -276,8 +235,7 @@ def means_at_rest(
 
 def turned(pieces: Pieces, attitude: NDArray) -> NDArray[np.float64]:
     """Rotation (S, 3, 3) of each piece by an attitude (N, 4): body at its end to body at its beginning."""
-    start, end = matrices_of(attitude[pieces.first]), matrices_of(attitude[pieces.last])
-    return start.transpose(0, 2, 1) @ end
+    return matrices_of(attitude[pieces.first]).transpose(0, 2, 1) @ matrices_of(attitude[pieces.last])
 
 
 def rotation_vectors(rotation: NDArray) -> NDArray[np.float64]:
@@ -323,17 +281,9 @@ def across(up: NDArray) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What a carried attitude is held against.
+    """What a carried attitude is held against: `scored` are the pieces of each kind that the model is judged by.
 
-    Attributes
-    ----------
-    time_s : (N,) array
-        of the record
-    rests : Rests
-    noise : RestNoise or None
-        of the gyros; None where the record does not tell: bounds are then zero
-    scored : tuple of Pieces
-        of each kind that the model is judged by
+    `noise` is the gyros'; None where the record does not tell it: bounds are then zero.
     """
 
     time_s: NDArray[np.float64]
@@ -355,18 +305,9 @@ class Reference:
 class Gravity(Reference):
     """Gravity is the reference: its direction at the rests, its size, and that the block does not turn there.
 
-    Pieces that are scored are moves over one, two and three rests.
-
-    Attributes
-    ----------
-    ends : tuple of (S, 2) array of int
-        numbers of the rests at the ends of the moves
-    still : Pieces
-        the rests without a gap
-    reading : (K, 3) array
-        the accelerometers' means [g]
-    deviation : (K, 3) array
-        their standard deviation [g]
+    Pieces that are scored are moves over one, two and three rests; `ends` (S, 2) are the numbers of the rests at the
+    ends of each; `still` are the rests without a gap; `reading` (K, 3) and `deviation` (K, 3) are the accelerometers'
+    means and their standard deviation [g].
     """
 
     ends: tuple[NDArray[np.int_], ...]
@@ -394,38 +335,19 @@ class Gravity(Reference):
     def errors(
         self, number: int, rotation: NDArray, up: NDArray, frame: NDArray, chosen: NDArray | slice = slice(None)
     ) -> NDArray[np.float64]:
-        """Errors (S, 2) of directions after chosen moves of one kind, carried back.
+        """Errors (S, 2) of directions after chosen moves of one kind, carried back by their rotations (S, 3, 3).
 
-        Parameters
-        ----------
-        number : int
-            of the kind
-        rotation : (S, 3, 3) array
-            of the moves
-        up, frame : (K, 3) array
-            directions at the rests; those across which the errors are
-        chosen : optional
-            mask or numbers of moves
+        `up` (K, 3) are the directions at the rests, `frame` (K, 3) those across which the errors are.
         """
         before, after = self.ends[number][chosen].T
         apart = np.einsum("sij,sj->si", rotation, up[after]) - up[before]
         return np.einsum("skp,sp->sk", self.across(number, frame, chosen), apart)
 
     def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace]) -> list[Part]:
-        """Norms at the rests, turns at rest, moves.
+        """Norms at the rests, turns at rest, moves, with the nine parameters `x` of the accelerometers.
 
-        Parameters
-        ----------
-        run : Run
-        x : (9,) array
-            of the accelerometers
-        places : sequence of EffectPlace
-            static effects of the accelerometers
-
-        Returns
-        -------
-        list of Part
-            parameters: the accelerometers' nine, then the gyros'; effects: the gyros', then the accelerometers'
+        Parameters are the accelerometers' nine, then the gyros'; effects the gyros', then the accelerometers' static
+        ones, at `places`.
         """
         n, up = inputs_of(x, self.reading), self.directions(x)
         inverse = np.linalg.inv(block_of(x)[0])
@@ -497,13 +419,7 @@ def gravity_pieces(found: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple
 
 @dataclass(frozen=True, eq=False)
 class Truth(Reference):
-    """The true attitude is the reference, over windows of several lengths.
-
-    Attributes
-    ----------
-    attitude : (N, 4) array
-        true, NaN where it is not known
-    """
+    """The true attitude (N, 4) is the reference, NaN where it is not known, over windows of several lengths."""
 
     attitude: NDArray[np.float64]
 

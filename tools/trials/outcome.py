@@ -7,9 +7,9 @@ from typing import Any
 
 from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
-from ..diagnosis.result import NamedEffect, finite_or_none
+from ..diagnosis.result import NamedEffect
 from ..records import PositionRecord, StrapdownRecord
-from ..result import ABSENT, Told
+from ..result import ABSENT, Told, finite_or_none
 from .bench import NOISE_BOUND, Bench
 from .draw import Case
 from .sizes import Hidden
