@@ -159,16 +159,6 @@ def test_beyond_the_valid_range_is_refused_by_name(algorithm: Algorithm) -> None
 
 
 @every
-def test_three_radians_in_a_sample_are_exact_or_refused(algorithm: Algorithm) -> None:
-    model = computer(algorithm)
-    if algorithm.name == "mean-rate":
-        feed(model, (0.0, 3.0, 0.0), 0.0, 0.1)
-        assert distance(model["attitude"], np.array([math.cos(1.5), 0.0, math.sin(1.5), 0.0])) < 1e-15
-    else:
-        assert "valid range" in refused(model, (0.0, 3.0, 0.0))
-
-
-@every
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 3.2, 1e300])
 def test_what_is_no_increment_is_refused_and_changes_nothing(algorithm: Algorithm, bad: float) -> None:
     assert "half a turn" in refused(computer(algorithm), (0.0, bad, 0.0))

@@ -1,6 +1,7 @@
 """Corrected readings: the inverse of the block, bounds that hold for every truth, files that come out right."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -37,6 +38,12 @@ def calibrated(seed: int):
     return bench, result, correction_of(json.loads(result.json_text()), "here")
 
 
+@cache
+def faultless() -> str:
+    """The calibration of a bench without errors, as text."""
+    return calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).json_text()
+
+
 def block_readings(bench: np.ndarray, n: np.ndarray) -> np.ndarray:
     """What the true block reads [g] at inputs n (N, 3) that are fractions of the true g, as it was calibrated."""
     x = dict(zip(TARGETS, target_values(bench, np.eye(3)), strict=True))
@@ -55,7 +62,7 @@ def directions(rng: np.random.Generator, count: int) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(seed):
     bench, _, correction = calibrated(seed)
     truth = directions(np.random.default_rng(100 + seed), 200)
@@ -177,7 +184,7 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
     ],
 )
 def test_a_calibration_edited_by_hand_is_refused(part, change, said):
-    content = calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).to_json()
+    content = json.loads(faultless())
     entry = content if part is None else next(e for e in content[part] if e.get("symbol", "X4") == "X4")
     entry |= change
     with pytest.raises(InputError, match=f"^here: .*{said}"):

@@ -96,11 +96,8 @@ def workers(monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
     return use(ScriptedWorkers(), monkeypatch)
 
 
-@pytest.mark.parametrize(("engine", "jobs"), [("local", 2), ("dask", 2)])
-def test_several_processes_give_the_bytes_of_one(tmp_path, unbroken, engine, jobs):
-    if engine == "dask":
-        pytest.importorskip("distributed")
-    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", engine=engine, jobs=jobs)
+def test_several_processes_give_the_bytes_of_one(tmp_path, unbroken):
+    done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", jobs=2)
     assert (done.runs, done.failed) == (14, 0)
     assert done.cost is not None
     assert done.cost.runs == 14

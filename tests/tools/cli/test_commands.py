@@ -29,33 +29,6 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return status, said.out, said.err
 
 
-def test_version(capsys):
-    status, out, _ = run(capsys, "--version")
-    assert status == 0
-    assert out.strip() == trihedron.__version__
-
-
-def test_from_scenario_to_calibration_by_commands(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    status, out, _ = run(capsys, "simulate", SCENARIOS / "static-calibration.toml", "--out", "run")
-    assert status == 0
-    assert out.split() == ["run/run.parquet", "run/run.json", "run/positions.csv"]
-    status, out, _ = run(
-        capsys, "calibrate", "run/positions.csv", "--noise-bound", "1e-5", "--target", "X4-X5", "--json", "c.json",
-        "--report", "c.html",
-    )  # fmt: skip
-    assert status == 0
-    assert out.startswith("consistent")
-    assert json.loads(Path("c.json").read_text())["parameters"][-1]["symbol"] == "X4-X5"
-    page = Path("c.html").read_text(encoding="utf-8")
-    assert "<svg" in page
-    assert "<script" not in page
-    # The run itself, slews included, is a record too.
-    status, again, _ = run(capsys, "calibrate", "run/run.parquet", "--noise-bound", "1e-5", "--target", "X4-X5")
-    assert status == 0
-    assert again.splitlines()[4] == out.splitlines()[4]
-
-
 def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     status, out, err = run(

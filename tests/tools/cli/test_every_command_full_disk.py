@@ -58,15 +58,3 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
     assert "No space left" in error.splitlines()[-1]
     assert "Traceback" not in error
     assert (result / "left").read_text(encoding="utf-8") == ""
-
-
-@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("command", [c for c in QUICK if c.arguments[0] in ("check", "new")], ids=lambda c: c.title)
-def test_a_full_disk_behind_standard_output(command: Command, here: Path):
-    with Path("/dev/full").open("w") as stream:
-        done = subprocess.run(
-            [sys.executable, "-m", "trihedron.tools.cli", *command.arguments],
-            stdout=stream, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
-        )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr == "trihedron: standard output: cannot be written (No space left on device)\n"

@@ -19,10 +19,6 @@ def whole(folder: Path) -> bool:
     return not list(folder.rglob(".*")) and not list(folder.rglob("*.incomplete"))
 
 
-class Struck(Exception):
-    """Stands for Ctrl-C in the count of calls."""
-
-
 def calls_of(command: Command) -> int:
     """How many calls of our functions a command makes."""
     count = 0

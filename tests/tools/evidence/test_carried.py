@@ -19,7 +19,7 @@ from trihedron.tools.motion.carry import GyroModel, carried_attitude
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.orchestrator.load import usual_flavour
 from trihedron.tools.reports.diagnosis import lines
-from trihedron.tools.trials.draw import Options, draw_case, draw_clean_block
+from trihedron.tools.trials.draw import draw_clean_block
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
@@ -184,19 +184,6 @@ def test_least_squares_and_the_search_agree_on_a_known_error():
         assert order_of_effects(made.of_length(k), [SENSITIVITY, LATENCY]).steps[0].place == SENSITIVITY
 
 
-def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
-    case = draw_case(Options(strapdown=True), 1, 17)
-    assert case.places == (LATENCY,)
-    found = diagnose(case.measured())
-    assert found.verdict == "explained"
-    assert [cause.place for cause in found.causes] == [LATENCY]
-    assert found.gain is not None
-    for gain in (found.gain, *(found.gain.others or ())):
-        assert np.isfinite(gain.before).all()
-        assert np.isfinite(gain.after).all()
-    assert found.gain.improves
-
-
 @pytest.mark.parametrize(("factor", "doubt"), [(1.05, "5 % too long"), (0.97, "3 % too short"), (1.0, None)])
 def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(factor, doubt):
     """Rates times wrong intervals turn the block too far about every axis alike."""
@@ -206,7 +193,7 @@ def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(fa
     assert any(doubt in text for text in found.warnings) if doubt else found.warnings == ()
 
 
-@pytest.mark.parametrize("index", [0, 2, 8])
+@pytest.mark.parametrize("index", [0, 8])
 def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
     """Accelerometers that lag by 200 rows belong to no block: the fit of one goes beyond its parameters' limits."""
     record = clean(index)

