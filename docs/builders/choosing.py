@@ -13,8 +13,10 @@ from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.optimize import isotonic_regression
 
-from choosing_pictures import accuracy_against_cost, aliasing, coning_drift
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from trihedron.models.rotation import multiply
@@ -23,6 +25,19 @@ from trihedron.tools.motion.attitude import algorithm_named, angle_between, atti
 from trihedron.tools.motion.compare import run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.progress import progress_bar
+from trihedron.tools.reports.pictures import (
+    ALERT,
+    BAND,
+    FIRST,
+    INK,
+    MUTED,
+    SECOND,
+    THIRD,
+    WIDTH,
+    drawing,
+    power_of_ten,
+    svg_text,
+)
 
 PAGE = "choose-an-attitude-algorithm.md"
 
@@ -86,6 +101,14 @@ ALIASING_SHOWN = ("mean-rate", "two-sample-rodrigues", "functional-iteration-4",
 CONING_SHOWN = ("mean-rate", "two-sample-rodrigues", "panov", "four-sample-coning", "functional-iteration-8")
 CONING_PHASES = tuple(float(x) for x in np.geomspace(0.05, 0.5 * math.pi, 24))
 """Ω Δt: phase of the cone in one gyro sample [rad]."""
+LOOKS = (
+    {"color": MUTED.light, "marker": "v", "linestyle": "solid"},
+    {"color": FIRST.light, "marker": "o", "linestyle": "solid"},
+    {"color": SECOND.light, "marker": "s", "linestyle": (0, (5, 1.6))},
+    {"color": ALERT.light, "marker": "D", "linestyle": (0, (3, 1.2, 1, 1.2))},
+    {"color": THIRD.light, "marker": "^", "linestyle": (0, (1.4, 1.2))},
+)
+"""Lines of up to five algorithms: they can be told apart without colours."""
 
 
 def situation_errors(situation: Situation, algorithms: Sequence[Algorithm]) -> list[float]:
@@ -267,6 +290,107 @@ def aliasing_table(errors: Sequence[Sequence[float]], rates: Sequence[float]) ->
     for rate, found in zip(rates, errors, strict=True):
         lines.append(f"| {rate:g} | " + " | ".join(f"{math.degrees(error):.1e}" for error in found) + " |")
     return "\n".join(lines)
+
+
+def accuracy_against_cost(
+    situations: Sequence[Situation], names: Sequence[str], costs: Sequence[float], errors: Sequence[Sequence[float]]
+) -> str:
+    """Error [rad] of the named algorithms over operations per gyro sample, for each situation: the further down and
+    left the better (SVG)."""
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 9.0), layout="constrained")
+        for axes, situation, found in zip(figure.subplots(len(situations), 1), situations, errors, strict=True):
+            degrees = np.degrees(found)
+            best = _best_for_cost(costs, degrees)
+            axes.plot(np.array(costs)[best], degrees[best], color=FIRST.light, drawstyle="steps-post", linewidth=0.9)
+            axes.plot(costs, degrees, marker="o", linestyle="none", markersize=4, color=INK.light)
+            axes.plot(np.array(costs)[best], degrees[best], "o", markersize=4.5, color=FIRST.light)
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+            axes.set_xlim(25.0, 6000.0)
+            low, high = float(degrees.min()), float(degrees.max())
+            axes.set_ylim(low / 10.0**1.5, high * 10.0**1.5)
+            _name_points(axes, names, costs, degrees, np.log10(high / low) + 3.0)
+            axes.yaxis.set_major_formatter(power_of_ten)
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axes.set_title(situation.title)
+            axes.set_ylabel("largest error in 60 s [deg]")
+        axes.set_xlabel("operations per gyro sample (a division, root, sine or cosine counts as ten)")
+        return svg_text(figure, "Error of attitude algorithms against their cost in three situations")
+
+
+def _name_points(axes: Axes, names: Sequence[str], costs: Sequence[float], degrees: np.ndarray, decades: float) -> None:
+    """Names right of the points, moved apart where they would meet."""
+    for cheap in (True, False):
+        group = [k for k in range(len(names)) if (costs[k] < 400.0) == cheap]
+        group.sort(key=lambda k: (degrees[k], -costs[k]))
+        x = 1.25 * max(costs[k] for k in group)
+        for k, height in zip(group, _apart(np.log10(degrees[group]), 0.07 * decades), strict=True):
+            axes.annotate(
+                names[k],
+                (costs[k], degrees[k]),
+                xytext=(x, 10.0**height),
+                fontsize=7.5,
+                va="center",
+                arrowprops={"arrowstyle": "-", "color": MUTED.light, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 3.0},
+            )
+
+
+def _apart(heights: np.ndarray, room: float) -> np.ndarray:
+    """Ascending heights moved as little as need be until neighbours have `room` between them."""
+    offset = room * np.arange(len(heights))
+    return isotonic_regression(heights - offset).x + offset
+
+
+def _best_for_cost(costs: Sequence[float], degrees: np.ndarray) -> list[int]:
+    """Those that no cheaper one betters, from the cheapest on."""
+    best: list[int] = []
+    for k in sorted(range(len(costs)), key=lambda k: (costs[k], degrees[k])):
+        if not best or degrees[k] < degrees[best[-1]]:
+            best.append(k)
+    return best
+
+
+def coning_drift(names: Sequence[str], phases: Sequence[float], drift: Sequence[Sequence[float]]) -> str:
+    """Relative drift of each algorithm under coning over Ω Δt, the phase [rad] of the cone in a gyro sample (SVG)."""
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
+        axes = figure.subplots()
+        for name, values, look in zip(names, drift, LOOKS, strict=False):
+            axes.loglog(phases, values, label=name, markersize=3, markevery=4, **look)
+        axes.set_ylim(1e-12, 3.0)
+        axes.set_xlim(min(phases) / 1.1, 1.1 * max(phases))
+        axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1.0, np.pi / 2])
+        axes.xaxis.set_major_formatter(lambda value, _: "π/2" if value > 1.5 else f"{value:g}")
+        axes.xaxis.set_minor_formatter(lambda _, __: "")
+        axes.yaxis.set_major_formatter(power_of_ten)
+        axes.set_xlabel("Ω Δt: phase of the cone in one gyro sample [rad]")
+        axes.set_ylabel("drift left, of the drift to compute")
+        axes.legend(loc="lower right", handlelength=3.2)
+        return svg_text(figure, "Relative drift of attitude algorithms under coning")
+
+
+def aliasing(
+    names: Sequence[str], rates: Sequence[float], errors: Sequence[Sequence[float]], highest_frequency: float
+) -> str:
+    """Error [rad] of each algorithm at each rate of the gyro samples [Hz]; shaded where these cannot show the motion,
+    below twice its highest frequency (SVG)."""
+    table = np.degrees(errors)
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
+        axes = figure.subplots()
+        axes.axvspan(min(rates) / 1.2, 2.0 * highest_frequency, color=BAND.light, linewidth=0)
+        for k, name in enumerate(names):
+            axes.loglog(rates, table[:, k], label=name, markersize=3.5, **LOOKS[k])
+        axes.set_xlim(min(rates) / 1.2, 1.2 * max(rates))
+        axes.set_xticks([500.0, 1000.0, 2000.0, 4000.0, 8000.0])
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.xaxis.set_minor_formatter(lambda _, __: "")
+        axes.yaxis.set_major_formatter(power_of_ten)
+        axes.set_xlabel("gyro samples [Hz]; shaded: fewer than two in a period of the fastest vibration")
+        axes.set_ylabel("largest error in 60 s [deg]")
+        axes.legend(loc="upper right", handlelength=3.2)
+        return svg_text(figure, "Error of attitude algorithms over the rate of the gyro samples")
 
 
 def make_page(docs: Path, *, progress: bool = False) -> list[Path]:

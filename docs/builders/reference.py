@@ -2,22 +2,59 @@
 
 import math
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from effect_pictures import effect_sheet
-from explanation_pictures import interval_picture, strips_picture
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Polygon
+from numpy.typing import NDArray
+
 from trihedron.fmus import components
 from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.units import UNITS
-from trihedron.models.effects import CATALOGUE, Effect, EffectParameter
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, Effect, EffectParameter, EffectPlace
+from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.evidence.bench_effects import Circumstances, Visits, acted_on, signature_columns
 from trihedron.tools.files import write_text
 from trihedron.tools.reports.evidence import residual_sections
+from trihedron.tools.reports.pictures import (
+    ALERT,
+    AXES,
+    BAND,
+    DASHES,
+    FIRST,
+    INK,
+    MUTED,
+    SECOND,
+    THIRD,
+    WIDTH,
+    drawing,
+    svg_text,
+)
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 
 PICTURE_SEED = 2026
 """Of the record that the README shows: the demo's."""
+
+POINTS = 181
+COLUMNS = 4
+SHOWN_LEVELS = {"dead-zone": 0.2, "saturation": 0.8, "quantisation": 0.2}
+"""Levels [g] at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
+SHOWN_ORDER = 2
+READINGS = np.array([[1.0, 0.15], [0.25, 1.0], [0.75, -0.85]])
+"""How three readings depend on two parameters."""
+TRUTH = np.array([0.2, 0.1])
+ERRORS = np.array([-0.6, 0.5, 0.8])
+"""In units of σ."""
+MOVED = np.array([0.0, 0.0, 2.2])
+"""By which what the model lacks moves the readings, in units of σ."""
+REACH = 3.1
 
 
 EFFECTS_INTRODUCTION = (
@@ -112,6 +149,208 @@ def formula_text(effect: Effect) -> str:
         for formula in formulas or {effect.formula: None}
     ]
     return "; ".join(text.replace("|", "\\|").replace("_", "\\_").replace("*", "\\*") for text in texts if text)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A row of positions along which one thing changes.
+
+    Attributes
+    ----------
+    label : str
+        what changes, with its unit
+    along : (N,) array
+        its values
+    at : Positions
+    circumstances : Circumstances
+    """
+
+    label: str
+    along: NDArray
+    at: Positions
+    circumstances: Circumstances
+
+
+def shown_place(effect: Effect) -> EffectPlace:
+    """The place at which an effect is drawn: the first, of second order where it has orders."""
+    places = [place for place in effect.places if place.order in (None, SHOWN_ORDER)]
+    return (places or [EffectPlace("outlier", "position-91", None, (1,))])[0]
+
+
+def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
+    """Along what an effect is drawn: time, temperature, an angle of the table, or the input of the accelerometer."""
+    steps = np.linspace(0.0, 1.0, POINTS)
+    turn, still, ones = 2.0 * math.pi * steps, np.zeros(POINTS), np.ones(POINTS)
+    hours, temperature, senses = still, 20.0 * ones, ones
+    # At α = 90° the first input is sin β; a tilted table shows turns of every kind.
+    alpha, beta, label = 0.5 * math.pi * ones, math.asin(1.0) * (2.0 * steps - 1.0), "input [g]"
+    along = np.sin(beta)
+    if effect.name.endswith("drift"):
+        hours, label, along = steps, "time [h]", steps
+        alpha, beta = 1.1 * ones, 0.6 * ones
+    elif "temperature" in effect.needs:
+        temperature, label = 10.0 + 20.0 * steps, "temperature [°C]"
+        alpha, beta, along = 1.1 * ones, 0.6 * ones, temperature
+    elif place.where == "outer-axis":
+        alpha, beta, label, along = turn, 0.6 * ones, "outer angle [°]", 360.0 * steps
+    elif place.where == "inner-axis":
+        alpha, beta, label, along = 1.1 * ones, turn, "inner angle [°]", 360.0 * steps
+    elif place.effect == "outlier":
+        label, along = "position", np.arange(1.0, POINTS + 1.0)
+    if effect.name in ("backlash", "hysteresis"):
+        # There and back.
+        half = POINTS // 2
+        order = np.append(np.arange(0, POINTS, 2), np.arange(POINTS - 2, -1, -2))
+        alpha, beta, along = alpha[order], beta[order], along[order]
+        senses = np.append(np.ones(half + 1), -np.ones(POINTS - half - 1))
+    circumstances = Circumstances(hours, temperature, senses, senses, True)
+    return Sweep(label, along, Positions(alpha, beta, np.zeros(POINTS, dtype=int)), circumstances)
+
+
+def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
+    """Changes (N, 3) of the readings, over the size of a linear effect [g per unit], or at a level [g]."""
+    here = perfect_bench(sweep.at)
+    rows = Visits(here.parametrisation, sweep.at, sweep.circumstances).rows(here.point)
+    if effect.variants is not None:
+        clean = rows.prediction
+        return acted_on([(place, (SHOWN_LEVELS[effect.name],))], rows, clean) - clean
+    if effect.name == "hysteresis":
+        # One axis moves, and the way there and back of the input is known.
+        rows = replace(rows, input_sense=np.repeat(sweep.circumstances.sense_beta[:, None], 3, axis=1))
+    columns = signature_columns([place], rows)
+    return columns[:, 0].reshape(-1, 3)
+
+
+def perfect_bench(at: Positions) -> Linearisation:
+    """A bench without errors."""
+    p = parametrise({"identity": np.eye(3)})
+    count = len(at.alpha)
+    return linearise(p, at, np.zeros((count, 3)), np.zeros(len(p.symbols)), np.ones(3 * count))
+
+
+def effect_sheet(effects: Sequence[Effect] | None = None) -> str:
+    """Every effect of the catalogue, one small picture each (SVG).
+
+    Parameters
+    ----------
+    effects : sequence of Effect, optional
+        by default those that a record of positions can show
+    """
+    shown = list(POSITION_EFFECTS.values()) if effects is None else list(effects)
+    lines = -(-len(shown) // COLUMNS)
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 1.55 * lines), layout="constrained")
+        grid = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
+        for axes, effect in zip(grid, shown, strict=False):
+            place = shown_place(effect)
+            sweep = sweep_of(effect, place)
+            change = change_along(effect, place, sweep)
+            for p in range(3):
+                if np.any(change[:, p] != 0.0):
+                    axes.plot(sweep.along, change[:, p], color=AXES[p].light, linestyle=DASHES[p], linewidth=1.1)
+            axes.set_title(effect.name + (f" ({SHOWN_ORDER})" if place.order else ""), fontsize=7.5)
+            axes.set_xlabel(sweep.label, fontsize=6.5)
+            axes.tick_params(labelsize=6)
+        for axes in grid[len(shown) :]:
+            axes.set_visible(False)
+        return svg_text(figure, "What each effect does to the readings of the three accelerometers")
+
+
+def strips_picture() -> str:
+    """Three readings with their bounds in the plane of two parameters: consistent, and falsified (SVG)."""
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 3.5), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, moved, title in zip(panels, (0.0 * MOVED, MOVED), ("consistent", "falsified"), strict=True):
+            _strips(axes, READINGS @ TRUTH + ERRORS + moved)
+            axes.set_title(title)
+        panels[0].set_ylabel("second parameter [σ]")
+        return svg_text(figure, "Three readings allow three strips of parameters; with and without a common point")
+
+
+def interval_picture() -> str:
+    """What a guaranteed error and an exact interval are, on the set of possible parameters (SVG)."""
+    reading = READINGS @ TRUTH + ERRORS
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1.0))
+        corners = _strips(above, reading)
+        above.set_ylabel("second parameter [σ]")
+        above.set_aspect("auto")
+        above.set_ylim(-2.2, 1.6)
+        low, high = float(corners[:, 0].min()), float(corners[:, 0].max())
+        weights = _best_weights(np.array([1.0, 0.0]))
+        estimate, error = float(weights @ reading), float(np.abs(weights).sum())
+        look: dict[str, Any] = {"solid_capstyle": "butt"}
+        below.plot([estimate - error, estimate + error], [0.0, 0.0], color=BAND.light, linewidth=15.0, **look)
+        below.plot([low, high], [0.0, 0.0], color=FIRST.light, linewidth=4.0, label="low to high", **look)
+        below.plot([estimate], [0.0], "o", color=INK.light, markersize=4.5, label="estimate")
+        below.plot([TRUTH[0]] * 2, [-0.45, 0.45], color=SECOND.light, linewidth=2.0, label="truth")
+        for end in (low, high):
+            above.axvline(end, color=MUTED.light, linestyle=":")
+            below.axvline(end, color=MUTED.light, linestyle=":")
+        below.set_ylim(-0.7, 0.7)
+        below.set_yticks([])
+        below.grid(visible=False)
+        above.set_xlabel("")
+        below.set_xlabel("first parameter [σ]")
+        band = Patch(facecolor=BAND.light, label="estimate ± guaranteed error")
+        figure.legend(handles=[band, *below.get_legend_handles_labels()[0]], loc="outside upper left", ncols=4)
+        return svg_text(figure, "The set of possible parameters, its extent along the first, and the guaranteed error")
+
+
+def _strips(axes: Axes, reading: NDArray) -> NDArray:
+    """Draw the strips |r − f·x| ≤ 1 and their common points; the corners (K, 2) of these."""
+    colours = (FIRST, SECOND, THIRD)
+    for row, value, colour in zip(READINGS, reading, colours, strict=True):
+        along = np.array([-row[1], row[0]]) / np.linalg.norm(row)
+        middle = row * value / (row @ row)
+        across = row / (row @ row)
+        ends = [middle + s * 12.0 * along + t * across for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        axes.add_patch(Polygon(ends, facecolor=colour.light, alpha=0.16, linewidth=0))
+        for t in (-1.0, 1.0):
+            line = np.array([middle - 12.0 * along + t * across, middle + 12.0 * along + t * across])
+            axes.plot(line[:, 0], line[:, 1], color=colour.light, linewidth=1.0)
+    corners = _corners(reading)
+    if len(corners):
+        axes.add_patch(Polygon(corners, facecolor=INK.light, alpha=0.55, linewidth=0))
+        axes.plot(*TRUTH, marker="+", color=INK.light, markersize=9, markeredgewidth=1.6)
+    else:
+        axes.text(0.03, 0.04, "no common point", transform=axes.transAxes, color=ALERT.light)
+    axes.set_xlim(-REACH, REACH)
+    axes.set_ylim(-REACH, REACH)
+    axes.set_aspect("equal")
+    axes.set_xlabel("first parameter [σ]")
+    return corners
+
+
+def _corners(reading: NDArray) -> NDArray:
+    """Corners (K, 2) of the polygon where all strips meet, in order around it; none where they do not."""
+    found = []
+    for i in range(len(READINGS)):
+        for j in range(i):
+            for s in (-1.0, 1.0):
+                for t in (-1.0, 1.0):
+                    x = np.linalg.solve(READINGS[[i, j]], reading[[i, j]] + np.array([s, t]))
+                    if np.abs(READINGS @ x - reading).max() <= 1.0 + 1e-9:
+                        found.append(x)
+    if not found:
+        return np.zeros((0, 2))
+    corners = np.array(found)
+    away = corners - corners.mean(axis=0)
+    return corners[np.argsort(np.arctan2(away[:, 1], away[:, 0]), kind="stable")]
+
+
+def _best_weights(target: NDArray) -> NDArray:
+    """Weights (3,) of least sum of absolute values with which the rows add up to a target: two of them."""
+    best = np.full(len(READINGS), np.inf)
+    for i in range(len(READINGS)):
+        for j in range(i):
+            weights = np.zeros(len(READINGS))
+            weights[[i, j]] = np.linalg.solve(READINGS[[i, j]].T, target)
+            if np.abs(weights).sum() < np.abs(best).sum():
+                best = weights
+    return best
 
 
 def readme_picture() -> str:

@@ -12,14 +12,16 @@ from choosing import (
     RATES,
     SITUATIONS,
     Situation,
+    accuracy_against_cost,
+    aliasing,
     between_marks,
+    coning_drift,
     make_page,
     operations_per_sample,
     order_table,
     relative_coning_drift,
     situation_errors,
 )
-from choosing_pictures import accuracy_against_cost, aliasing, coning_drift
 from trihedron.tools.motion.attitude import algorithm_named
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from effect_pictures import change_along, effect_sheet, shown_place, sweep_of
+from reference import change_along, effect_sheet, shown_place, sweep_of
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS
 
 

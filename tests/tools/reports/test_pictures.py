@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from explanation_pictures import interval_picture, strips_picture
+from reference import interval_picture, strips_picture
 from trihedron.tools.calibration.model import Positions
 from trihedron.tools.motion.attitude import AttitudeRun
 from trihedron.tools.reports.pictures import COLOURS
