@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ...models.bench import nominal_input, regressors, stand_regressors
-from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
+from ...models.bench import regressors
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ..bounded.programmes import chebyshev_radius
+from ..calibration.model import Positions
 from ..errors import InputError, nearest
+from ..evidence.bench_effects import Circumstances, Visits, is_linear, signature_columns
 from ..orchestrator.stimuli import read_table
 from ..records.columns import LIMITS
 from ..result import Result
@@ -279,33 +281,17 @@ def _imitated(task: Task, effect: EffectPlace, places: Places) -> tuple[float, N
 
 def _columns(task: Task, effect: EffectPlace, places: Places, given: Readings) -> NDArray:
     """What the unit effect adds to the readings that count (M, K)."""
-    entry = CATALOGUE[effect.effect].at(effect)
-    columns = np.zeros((len(places), 3, 1))
-    if entry.variants is None:
-        columns = entry.signature(effect, _rows(task, places)).reshape(len(places), 3, -1)
+    columns = np.zeros((3 * len(places), 1))
+    if is_linear(effect):
+        still, p = np.zeros(len(places)), task.parametrisation
+        at = Positions(*places.angle.T, places.mounting)
+        rows = Visits(p, at, Circumstances(still, still + 20.0, still, still, True)).rows(np.zeros(len(p.symbols)))
+        columns = signature_columns([effect], rows)
     if not columns.any():
         raise InputError(
             f"--detect {effect.title!r}: is not linear, or shows in time, temperature or moves, not by positions alone"
         )
-    return columns[given.position, task.accelerometer[given.sheet]]
-
-
-def _rows(task: Task, places: Places) -> Rows:
-    alpha, beta = places.angle.T
-    matrix = task.parametrisation.matrices[places.mounting]
-    stand = stand_regressors(alpha, beta, matrix)
-    turn = np.stack([np.sin(alpha) * np.cos(beta), -np.sin(alpha) * np.sin(beta), np.zeros(len(places))], axis=1)
-    return Rows(
-        hours=np.zeros(len(places)),
-        alpha=alpha,
-        beta=beta,
-        n=nominal_input(alpha, beta, matrix),
-        by_alpha=-stand[..., 1],
-        by_beta=np.squeeze(matrix @ turn[..., None], -1),
-        by_kappa=stand[..., 0],
-        by_epsilon=stand[..., 2],
-        temperature=np.full(len(places), 20.0),
-    )
+    return columns.reshape(len(places), 3, -1)[given.position, task.accelerometer[given.sheet]]
 
 
 def _promising(task: Task, effect: EffectPlace, here: Places, lattice: Places) -> NDArray:
