@@ -6,6 +6,7 @@ Positions are measured at random against drift, or on the shortest tour.
 import csv
 from collections.abc import Iterator, Sequence
 from importlib import resources
+from itertools import product
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -19,14 +20,15 @@ from ..progress import shown_status
 from ..result import Result
 from .check import EffectDistance, detecting, named_effects
 from .plan import Degrees
-from .positions import TURN, Places, Request, Task, allowed, costs, task_of
-from .search import Bound, bound_positions, drawn, pool_of, rounded, search
+from .positions import TURN, Costs, Places, Request, Task, allowed, costs, pool_of, task_of
+from .search import Bound, bound_positions, drawn, merit, search
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
 FEWEST, MOST_POSITIONS = 5, 60
 """Fewest of a symmetric block, with fifteen parameters."""
+SWEEPS = 6
 EXACT = 10
 """Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
 TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
@@ -200,6 +202,37 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         duration=duration,
         searched=count,
     )
+
+
+def rounded(task: Task, found: Costs) -> Costs:
+    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
+
+    One position after the other goes to the best of the four multiples around it, while the later ones are still where
+    they were; then each may move by one step, while that helps.
+    """
+    step_deg = task.request.resolution_deg
+    assert step_deg is not None
+
+    def best_of(here: Costs, row: int, trials: list[NDArray]) -> Costs:
+        angles = np.repeat(here.places.angle[None], len(trials), axis=0)
+        angles[:, row] = np.radians(np.array(trials) * step_deg)
+        inside = angles[allowed(task, angles[:, row])]
+        if not len(inside):
+            return costs(task, here.places.at(angles[0]))
+        return min((costs(task, here.places.at(angle)) for angle in inside), key=lambda trial: merit(task, trial))
+
+    best = found
+    for row in range(len(found.places)):
+        low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
+        best = best_of(best, row, [low + shift for shift in product((0, 1), repeat=2)])
+    for _ in range(SWEEPS):
+        before = merit(task, best)
+        for row in range(len(found.places)):
+            own = np.round(np.degrees(best.places.angle[row]) / step_deg)
+            best = best_of(best, row, [own + shift for shift in product((0, -1, 1), repeat=2)])
+        if merit(task, best) >= before:
+            break
+    return best
 
 
 def starting_positions(task: Task, count: int) -> list[Places]:

@@ -28,6 +28,8 @@ MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 SAMPLES = 40
 """Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
 EQUAL = 1e-11
+OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
+"""Distances of the pool's lines from the multiples of 90° of both axes."""
 NOT_DETERMINED = 1e3
 """A ratio above this says that the positions do not determine the target."""
 
@@ -438,3 +440,44 @@ def _permutation(here: NDArray, there: NDArray) -> NDArray | None:
             if same.sum() == 1:
                 mixed[int(same.argmax()), column] = sign
     return mixed if (np.abs(mixed).sum(axis=0) == 1).all() and (np.abs(mixed).sum(axis=1) == 1).all() else None
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
+
+    places: Places
+    orbit: NDArray
+    readings: Readings
+
+    def heights(self, dual: NDArray) -> NDArray:
+        """The greatest |F'y| (n,) over the readings of each position."""
+        first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
+        return np.maximum.reduceat(np.abs(self.readings.regressor @ dual[:, None])[:, 0], first)
+
+
+def pool_of(task: Task, extra: Places | None = None) -> Pool:
+    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
+
+    Positions in a keep-out, and those where no reading counts, are left out.
+    """
+    offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
+    lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
+    grid = np.radians(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1).reshape(-1, 2))
+    given = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings))
+    if extra is not None:
+        given = given.joined(extra)
+    group = symmetries(task)
+    images = np.stack([np.round(np.mod(np.degrees(s.of(given.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
+    mounting = np.broadcast_to(given.mounting[:, None, None], (*images.shape[:2], 1))
+    keys = np.concatenate([mounting, images], axis=2)
+    least = np.array([min(map(tuple, of_one)) for of_one in keys])
+    _, orbit = np.unique(least, axis=0, return_inverse=True)
+    every, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
+    places = Places(np.radians(every[:, 1:]), every[:, 0].astype(int))
+    orbit = np.repeat(orbit.ravel(), len(group))[first]
+    read = np.unique(readings(task, places).position)
+    read = read[allowed(task, places.angle[read])]
+    _, orbit = np.unique(orbit[read], return_inverse=True)
+    places = places.chosen(read)
+    return Pool(places, orbit.ravel(), readings(task, places))

@@ -26,7 +26,7 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.sparse import csc_matrix
+from scipy.sparse import block_array, block_diag
 
 from ..bounded.programmes import linear_programme
 from ..progress import progress_bar
@@ -36,15 +36,12 @@ from .positions import (
     NOT_DETERMINED,
     Costs,
     Places,
-    Readings,
+    Pool,
     Task,
     allowed,
     costs,
     free_arcs,
     freedom,
-    on_all_mountings,
-    readings,
-    symmetries,
 )
 
 ELITE = 6
@@ -72,9 +69,6 @@ GAIN = 1e-10
 SMALL_GAIN, SMALL_STEPS = 1e-6, 4
 """An improvement ends after so many steps in a row that gain so little."""
 MENDINGS = 6
-SWEEPS = 6
-OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
-"""Distances of the pool's lines from the multiples of 90° of both axes."""
 SAFE = 1e-9
 """A position this little below 1/r is counted into a region."""
 COVERED = 1e-6
@@ -229,55 +223,37 @@ def improve(
 
 def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | None:
     """A step of the angles (N, 2) [rad] and the merit that the linear model promises; None where it has no solution."""
-    places, given = here.places, here.readings
-    count, (many, size) = len(places), task.weights.shape
-    used = (np.abs(here.weights) > NO_WEIGHT).any(axis=0)
-    kept = used | (given.clearance > 2.0 * radius)
-    rows, columns, values, cost = [], [], [], []
+    places, given, (many, size) = here.places, here.readings, task.weights.shape
+    kept = (np.abs(here.weights) > NO_WEIGHT).any(axis=0) | (given.clearance > 2.0 * radius)
     worst = task.request.criterion == "worst"
     height = here.duals @ given.regressor.T
     near = kept & ((np.abs(height) > 1.0 - NEAR_ONE) | (here.weights != 0.0))
-    column = 0
-    for k in range(many):
-        for sense in (1.0, -1.0):
-            picked = np.flatnonzero(near[k] & ((sense * height[k] > 0.0) | (np.abs(height[k]) < 0.2)))
-            block = sense * given.regressor[picked].T
-            p, j = np.nonzero(block)
-            rows += [k * size + p, np.full(len(picked), many * size + k)]
-            columns += [column + j, column + np.arange(len(picked))]
-            values += [block[p, j], np.ones(len(picked))]
-            cost.append(np.full(len(picked), (LITTLE if worst else 1.0) / many / task.best[k]))
-            column += len(picked)
-    weights_end = column
+    blocks = []
+    for own, tall in zip(near, height, strict=True):
+        plus, minus = (own & ((sense * tall > 0.0) | (np.abs(tall) < 0.2)) for sense in (1.0, -1.0))
+        blocks.append(np.hstack([given.regressor[plus].T, -given.regressor[minus].T]))
+    sizes = [block.shape[1] for block in blocks]
     moved = _by_angles(task, here)
-    k, i, p = np.nonzero(np.abs(moved) > 1e-13)
-    rows.append(k * size + p)
-    columns.append(column + i)
-    values.append(moved[k, i, p])
-    column += 2 * count
-    rows.append(many * size + np.arange(many))
-    columns.append(np.full(many, column))
-    values.append(-task.best)
-    lower = [*task.weights.ravel(), *np.full(many, -np.inf)]
-    upper = [*task.weights.ravel(), *np.zeros(many)]
-    for position, slope, least in _edges(task, here, np.flatnonzero(kept), radius):
-        rows.append(np.full(2, len(lower)))
-        columns.append(weights_end + 2 * position + np.arange(2))
-        values.append(slope)
-        lower.append(least)
-        upper.append(np.inf)
-    matrix = csc_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(len(lower), column + 1)
+    moved = np.where(np.abs(moved) > 1e-13, moved, 0.0).transpose(0, 2, 1).reshape(many * size, -1)
+    edges, least = _edges(task, here, np.flatnonzero(kept), radius)
+    sums = block_diag([np.ones((1, n)) for n in sizes])
+    matrix = block_array(
+        [[block_diag(blocks), moved, None], [sums, None, -task.best[:, None]], [None, edges, None]], format="csc"
     )
     down, up = freedom(task, places.angle, radius)
+    free, angles = sum(sizes), down.size
+    cost = np.repeat((LITTLE if worst else 1.0) / many / task.best, sizes)
     model = linear_programme(
-        np.concatenate([*cost, np.zeros(2 * count), [1.0 if worst else LITTLE]]),
+        np.concatenate([cost, np.zeros(angles), [1.0 if worst else LITTLE]]),
         (
-            np.concatenate([np.zeros(weights_end), -down.ravel(), [0.0]]),
-            np.concatenate([np.full(weights_end, np.inf), up.ravel(), [np.inf]]),
+            np.concatenate([np.zeros(free), -down.ravel(), [0.0]]),
+            np.concatenate([np.full(free, np.inf), up.ravel(), [np.inf]]),
         ),
         (matrix.indptr, matrix.indices, matrix.data),
-        (np.array(lower), np.array(upper)),
+        (
+            np.concatenate([task.weights.ravel(), np.full(many, -np.inf), least]),
+            np.concatenate([task.weights.ravel(), np.zeros(many), np.full(len(least), np.inf)]),
+        ),
     )
     highs = highspy.Highs()
     for name, option in (("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex")):
@@ -287,7 +263,7 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     highs.run()
     if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
         return None
-    move = np.array(highs.getSolution().col_value)[weights_end : weights_end + 2 * count].reshape(count, 2)
+    move = np.array(highs.getSolution().col_value)[free : free + angles].reshape(down.shape)
     return move, float(highs.getInfo().objective_function_value)
 
 
@@ -296,31 +272,32 @@ def _by_angles(task: Task, here: Costs) -> NDArray:
     places, given = here.places, here.readings
     alpha, beta = places.angle[given.position].T
     f = task.regressor[given.sheet]
-    by = (
-        np.einsum("mpij,mi,mj->mp", f, slopes(alpha), basis(beta), optimize=True),
-        np.einsum("mpij,mi,mj->mp", f, basis(alpha), slopes(beta), optimize=True),
+    ways = ((slopes(alpha), basis(beta)), (basis(alpha), slopes(beta)))
+    by = np.stack([np.einsum("mpij,mi,mj->mp", f, a, b, optimize=True) for a, b in ways], axis=1)
+    moved = np.zeros((len(places), len(here.weights), *by.shape[1:]))
+    np.add.at(moved, given.position, here.weights.T[..., None, None] * by[:, None])
+    return moved.transpose(1, 0, 2, 3).reshape(len(here.weights), 2 * len(places), -1)
+
+
+def _boundary(task: Task, sheet: NDArray, angle: NDArray) -> tuple[NDArray, NDArray]:
+    """Base and terms (M, 1 + T) of the clearances of sheets (M,) at angles (M, 2), and their slopes (M, 1 + T, 2)."""
+    forms = np.concatenate([task.base[sheet][:, None], task.terms[sheet]], axis=1)
+    (alpha, beta), (by_alpha, by_beta) = map(basis, angle.T), map(slopes, angle.T)
+    at, *by = (
+        np.einsum("mtij,mi,mj->mt", forms, a, b, optimize=True)
+        for a, b in ((alpha, beta), (by_alpha, beta), (alpha, by_beta))
     )
-    moved = np.zeros((len(here.weights), 2 * len(places), f.shape[1]))
-    for m, position in enumerate(given.position):
-        for axis in (0, 1):
-            moved[:, 2 * position + axis] += here.weights[:, m, None] * by[axis][m]
-    return moved
+    return at, np.stack(by, axis=2)
 
 
-def _edges(task: Task, here: Costs, kept: NDArray, radius: float) -> list[tuple[int, NDArray, float]]:
-    """Linear conditions (position, slope (2,), least) that keep readings near the boundary inside it."""
-    found = []
-    for m in kept:
-        sheet, position = here.readings.sheet[m], int(here.readings.position[m])
-        forms = np.concatenate([task.base[sheet][None], task.terms[sheet]])
-        for shift in task.shifts:
-            alpha, beta = here.places.angle[position] + shift
-            a, b = basis(alpha), basis(beta)
-            value = np.einsum("tij,i,j->t", forms, a, b)
-            slope = np.stack(
-                [np.einsum("tij,i,j->t", forms, slopes(alpha), b), np.einsum("tij,i,j->t", forms, a, slopes(beta))],
-                axis=1,
-            )
+def _edges(task: Task, here: Costs, kept: NDArray, radius: float) -> tuple[NDArray, NDArray]:
+    """Linear conditions (E, 2 N) on the moves, at least (E,), that keep readings near the boundary inside it."""
+    sheets, positions = here.readings.sheet[kept], here.readings.position[kept]
+    there = [_boundary(task, sheets, here.places.angle[positions] + shift) for shift in task.shifts]
+    rows, least = [], []
+    for m, (sheet, position) in enumerate(zip(sheets, positions, strict=True)):
+        for values, lines in there:
+            value, slope = values[m], lines[m]
             reach = np.abs(slope).sum(axis=1) * radius
             clear = value[0] - np.abs(value[1:]).sum() - task.room[sheet]
             if clear > 2.0 * reach.sum():
@@ -331,9 +308,11 @@ def _edges(task: Task, here: Costs, kept: NDArray, radius: float) -> list[tuple[
                 signs = sign.copy()
                 signs[open_terms] *= turned
                 signs[0] = -1.0
-                line = -(signs[:, None] * slope).sum(axis=0)
-                found.append((position, line, INSIDE + float((signs * value).sum()) + task.room[sheet]))
-    return found
+                row = np.zeros_like(here.places.angle)
+                row[position] = -(signs[:, None] * slope).sum(axis=0)
+                rows.append(row.ravel())
+                least.append(INSIDE + float((signs * value).sum()) + task.room[sheet])
+    return np.array(rows).reshape(len(rows), here.places.angle.size), np.array(least)
 
 
 def _mended(task: Task, here: Costs, angle: NDArray) -> NDArray:
@@ -341,100 +320,22 @@ def _mended(task: Task, here: Costs, angle: NDArray) -> NDArray:
     angle = angle.copy()
     used = np.flatnonzero((np.abs(here.weights) > NO_WEIGHT).any(axis=0))
     position, sheet = here.readings.position[used], here.readings.sheet[used]
-    forms = np.concatenate([task.base[sheet][:, None], task.terms[sheet]], axis=1)
     for _ in range(MENDINGS):
         lines: dict[int, list[tuple[NDArray, float]]] = {}
         for shift in task.shifts:
-            alpha, beta = angle[position, 0] + shift[0], angle[position, 1] + shift[1]
-            a, b = basis(alpha), basis(beta)
-            value = np.einsum("mtij,mi,mj->mt", forms, a, b, optimize=True)
+            value, slope = _boundary(task, sheet, angle[position] + shift)
             signs = np.where(value >= 0.0, -1.0, 1.0)
             signs[:, 0] = 1.0
             clear = (signs * value).sum(axis=1) - task.room[sheet]
-            by_alpha = (signs * np.einsum("mtij,mi,mj->mt", forms, slopes(alpha), b, optimize=True)).sum(axis=1)
-            by_beta = (signs * np.einsum("mtij,mi,mj->mt", forms, a, slopes(beta), optimize=True)).sum(axis=1)
+            line = (signs[..., None] * slope).sum(axis=1)
             for m in np.flatnonzero((clear < 0.5 * INSIDE) & (clear > -0.02)):
-                lines.setdefault(int(position[m]), []).append(
-                    (np.array([by_alpha[m], by_beta[m]]), INSIDE - float(clear[m]))
-                )
+                lines.setdefault(int(position[m]), []).append((line[m], INSIDE - float(clear[m])))
         if not lines:
             break
         for where, found in lines.items():
             matrix, missing = np.array([line for line, _ in found]), np.array([amount for _, amount in found])
             angle[where] += np.linalg.lstsq(matrix, missing, rcond=1e-8)[0]
     return angle
-
-
-def rounded(task: Task, found: Costs) -> Costs:
-    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
-
-    One position after the other goes to the best of the four multiples around it, while the later ones are still where
-    they were; then each may move by one step, while that helps.
-    """
-    step_deg = task.request.resolution_deg
-    assert step_deg is not None
-
-    def best_of(here: Costs, row: int, trials: list[NDArray]) -> Costs:
-        angles = np.repeat(here.places.angle[None], len(trials), axis=0)
-        angles[:, row] = np.radians(np.array(trials) * step_deg)
-        inside = angles[allowed(task, angles[:, row])]
-        if not len(inside):
-            return costs(task, here.places.at(angles[0]))
-        return min((costs(task, here.places.at(angle)) for angle in inside), key=lambda trial: merit(task, trial))
-
-    best = found
-    for row in range(len(found.places)):
-        low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
-        best = best_of(best, row, [low + shift for shift in product((0, 1), repeat=2)])
-    for _ in range(SWEEPS):
-        before = merit(task, best)
-        for row in range(len(found.places)):
-            own = np.round(np.degrees(best.places.angle[row]) / step_deg)
-            best = best_of(best, row, [own + shift for shift in product((0, -1, 1), repeat=2)])
-        if merit(task, best) >= before:
-            break
-    return best
-
-
-@dataclass(frozen=True)
-class Pool:
-    """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
-
-    places: Places
-    orbit: NDArray
-    readings: Readings
-
-    def heights(self, dual: NDArray) -> NDArray:
-        """The greatest |F'y| (n,) over the readings of each position."""
-        first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
-        return np.maximum.reduceat(np.abs(self.readings.regressor @ dual[:, None])[:, 0], first)
-
-
-def pool_of(task: Task, extra: Places | None = None) -> Pool:
-    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
-
-    Positions in a keep-out, and those where no reading counts, are left out.
-    """
-    offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
-    lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
-    grid = np.radians(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1).reshape(-1, 2))
-    given = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings))
-    if extra is not None:
-        given = given.joined(extra)
-    group = symmetries(task)
-    images = np.stack([np.round(np.mod(np.degrees(s.of(given.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
-    mounting = np.broadcast_to(given.mounting[:, None, None], (*images.shape[:2], 1))
-    keys = np.concatenate([mounting, images], axis=2)
-    least = np.array([min(map(tuple, of_one)) for of_one in keys])
-    _, orbit = np.unique(least, axis=0, return_inverse=True)
-    every, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
-    places = Places(np.radians(every[:, 1:]), every[:, 0].astype(int))
-    orbit = np.repeat(orbit.ravel(), len(group))[first]
-    read = np.unique(readings(task, places).position)
-    read = read[allowed(task, places.angle[read])]
-    _, orbit = np.unique(orbit[read], return_inverse=True)
-    places = places.chosen(read)
-    return Pool(places, orbit.ravel(), readings(task, places))
 
 
 @dataclass(frozen=True)
@@ -504,16 +405,9 @@ class HittingSet:
         return Bound(low, count, f"pool of {len(self._pool.places)} positions", len(self))
 
     def _cost_of_all(self, k: int) -> float:
-        target, regressor = self._task.weights[k], self._pool.readings.regressor
-        programme = Columns(len(target))
-        programme.aim(target)
-        while True:
-            dual = programme.solve()[1]
-            new = np.argsort(-np.abs(regressor @ dual), kind="stable")[:BATCH]
-            new = new[np.abs(regressor[new] @ dual) > 1.0 + SAFE]
-            if not len(new):
-                return float(dual @ target) / self._task.best[k] * (1.0 - 10 * SAFE)
-            programme.add(regressor[new])
+        gathering = _Gathering(self._task, self._pool, k, -np.inf)
+        gathering.gather(np.arange(len(self._pool.places)), 1, np.zeros(0), 0.0)
+        return float(gathering.dual @ self._task.weights[k]) / self._task.best[k] * (1.0 - 10 * SAFE)
 
     def _cut(self, k: int, ratio: float, answer: NDArray) -> NDArray | None:
         """A dual y (P,) whose region the answer covers by less than one; None when the greedy search finds none."""

@@ -16,6 +16,7 @@ from trihedron.tools.planning.common import (
     apart,
     move_times,
     repeated,
+    rounded,
     shortest_tour,
     stored_counts,
     tour_duration,
@@ -30,9 +31,10 @@ from trihedron.tools.planning.positions import (
     costs,
     freedom,
     parsed_keep_out,
+    pool_of,
     symmetries,
 )
-from trihedron.tools.planning.search import bound_positions, drawn, improve, pool_of, rounded, search
+from trihedron.tools.planning.search import bound_positions, drawn, improve, search
 
 EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 

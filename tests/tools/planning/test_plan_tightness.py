@@ -14,8 +14,8 @@ from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
 from trihedron.tools.planning.plan import Grid, Plan, plan_targets
-from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings
-from trihedron.tools.planning.search import HittingSet, Pool, bound_positions, drawn
+from trihedron.tools.planning.positions import Places, Pool, Task, clearances, costs, readings
+from trihedron.tools.planning.search import HittingSet, bound_positions, drawn
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:
