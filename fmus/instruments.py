@@ -11,7 +11,7 @@ from ..models import accelerometer, attitude, gyro
 from ..models.attitude_algorithms import ALGORITHMS
 from ..models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
-from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE, PREVIOUS_STEPS
+from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE
 from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work
 
 
@@ -74,12 +74,9 @@ ACCELEROMETER_BLOCK = Component(
         state("generator", "state of the random numbers", GENERATOR_SIZE),
         state("held_dwell", "number of the rest whose error is held", 1),
         state("start", "time of the start", 1),
-        state("hours", "time since the start [h]", 1),
-        state("senses", "senses of the last changes of the inputs", 3),
         state("previous_input", "specific force at its last change", 3),
-        state("turning", "rate at the end of the last step, angular acceleration over it", 6),
+        state("context", "the circumstances that effects read", CONTEXT_SIZE),
         work("n", "inputs in g", 3),
-        work("context", "the circumstances that effects read", CONTEXT_SIZE),
         work("added", "what effects add", 3),
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),
     ),
@@ -181,13 +178,11 @@ GYRO_BLOCK = Component(
         state("error", "error of the sample [rad/s]", 3),
         state("generator", "state of the random numbers", GENERATOR_SIZE),
         state("start", "time of the start", 1),
-        state("hours", "time since the start [h]", 1),
         state("last_step", "length of the last step; 0 before the first", 1),
         state("last_rate", "rate at the end of the last step", 3),
         state("rate_of_step", "mean rate over the last step", 3),
-        state("previous_rates", "mean rates over the steps before, the newest first", 3 * PREVIOUS_STEPS),
+        state("context", "the circumstances that effects read", GYRO_CONTEXT_SIZE),
         state("carried", "what the quanta left of the increments [rad]", 3),
-        work("context", "the circumstances that effects read", GYRO_CONTEXT_SIZE),
         work("added", "what effects add", 3),
         work("own", "what each gyro's own input adds to its reading [rad/s]", 3),
     ),
@@ -229,13 +224,11 @@ GYRO_COMPENSATION = Component(
             variability="discrete",
         ),
         state("start", "time of the start", 1),
-        state("hours", "time since the start [h]", 1),
         state("last_step", "length of the last step; 0 before the first", 1),
         state("nominal", "mean rate over the last step, effects not taken out", 3),
         state("corrected", "mean rate over the last step, effects taken out once", 3),
-        state("nominal_rates", "such rates over the steps before, the newest first", 3 * PREVIOUS_STEPS),
-        state("corrected_rates", "such rates over the steps before, the newest first", 3 * PREVIOUS_STEPS),
-        work("context", "the circumstances that effects read", GYRO_CONTEXT_SIZE),
+        state("context", "the circumstances that effects read, with such rates", GYRO_CONTEXT_SIZE),
+        state("corrected_context", "the same with effects taken out once", GYRO_CONTEXT_SIZE),
         work("added", "what effects add", 3),
         work("right", "right side of the equations", 3),
         work("n", "their solution", 3),

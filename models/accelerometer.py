@@ -10,7 +10,7 @@ chosen by the sign s of its own input: (1.1), solved for the input.
 import math
 
 from .random_numbers import seed_generator, symmetric
-from .restricted import CONTEXT_SIZE, GRAVITY, HOURS, INPUT, RATE, SENSE_INPUT, TEMPERATURE, Vector
+from .restricted import ANGULAR_ACCELERATION, GRAVITY, HOURS, INPUT, RATE, SENSE_INPUT, TEMPERATURE, Vector
 
 ROUNDING = 1e-12
 """Change of an input [g] that may be rounding."""
@@ -30,32 +30,6 @@ def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector)
     """
 
 
-def nominal_reading(
-    n: Vector,
-    scale_error_plus: Vector,
-    scale_error_minus: Vector,
-    gamma_21: float,
-    gamma_31: float,
-    gamma_12: float,
-    gamma_32: float,
-    gamma_13: float,
-    gamma_23: float,
-    bias: Vector,
-    own: Vector,
-    reading: Vector,
-) -> None:
-    """Readings (3,) [g] of a block without fluctuation at the inputs n (3,) [g]: n + Γn + b; `own` (3,): n + Γ± n."""
-    reading[0] = n[0] + gamma_12 * n[1] + gamma_13 * n[2] + bias[0]
-    reading[1] = n[1] + gamma_21 * n[0] + gamma_23 * n[2] + bias[1]
-    reading[2] = n[2] + gamma_31 * n[0] + gamma_32 * n[1] + bias[2]
-    for p in range(3):
-        scale_error = scale_error_minus[p]
-        if n[p] > 0.0:
-            scale_error = scale_error_plus[p]
-        reading[p] = reading[p] + scale_error * n[p]
-        own[p] = n[p] + scale_error * n[p]
-
-
 def respond(
     specific_force: Vector,
     temperature: float,
@@ -72,42 +46,26 @@ def respond(
     effect: Vector,
     reading: Vector,
     error: Vector,
-    hours: Vector,
-    senses: Vector,
-    turning: Vector,
-    n: Vector,
     context: Vector,
+    n: Vector,
     added: Vector,
     own: Vector,
 ) -> None:
-    """Readings (3,) [m/s²] that follow the inputs at once, with the error [g] that the last step drew."""
+    """Readings (3,) [m/s²] that follow the inputs at once, n + Γn + b and the error [g] that the last step drew."""
     for p in range(3):
         n[p] = specific_force[p] / gravity
-    for i in range(CONTEXT_SIZE):
-        context[i] = 0.0
-    context[HOURS] = hours[0]
     context[TEMPERATURE] = temperature
     context[GRAVITY] = gravity
-    for i in range(6):
-        # Rate and angular acceleration stand side by side.
-        context[RATE + i] = turning[i]
+    reading[0] = n[0] + gamma_12 * n[1] + gamma_13 * n[2] + bias[0]
+    reading[1] = n[1] + gamma_21 * n[0] + gamma_23 * n[2] + bias[1]
+    reading[2] = n[2] + gamma_31 * n[0] + gamma_32 * n[1] + bias[2]
     for p in range(3):
         context[INPUT + p] = n[p]
-        context[SENSE_INPUT + p] = senses[p]
-    nominal_reading(
-        n,
-        scale_error_plus,
-        scale_error_minus,
-        gamma_21,
-        gamma_31,
-        gamma_12,
-        gamma_32,
-        gamma_13,
-        gamma_23,
-        bias,
-        own,
-        reading,
-    )
+        scale_error = scale_error_minus[p]
+        if n[p] > 0.0:
+            scale_error = scale_error_plus[p]
+        reading[p] = reading[p] + scale_error * n[p]
+        own[p] = n[p] + scale_error * n[p]
     reading_effects(context, n, effect, added)
     for p in range(3):
         reading[p] = reading[p] + added[p] + error[p]
@@ -123,23 +81,23 @@ def draw_error(noise_bound: float, held_fraction: float, held: Vector, generator
         error[p] = noise_bound * (held_fraction * held[p] + (1.0 - held_fraction) * white)
 
 
-def follow_input(p: int, specific_force: float, gravity: float, senses: Vector, previous_input: Vector) -> None:
-    """Keep the sense of the last change of an input; what rounding alone does is no change."""
+def follow_input(p: int, specific_force: float, gravity: float, context: Vector, previous_input: Vector) -> None:
+    """Keep the sense of the last change of an input in the context; what rounding alone does is no change."""
     change = specific_force - previous_input[p]
     if math.fabs(change) > ROUNDING * gravity:
-        senses[p] = 1.0
+        context[SENSE_INPUT + p] = 1.0
         if change < 0.0:
-            senses[p] = -1.0
+            context[SENSE_INPUT + p] = -1.0
         previous_input[p] = specific_force
 
 
-def follow_rate(step: float, rate: Vector, turning: Vector) -> None:
-    """Keep the rate at the end of a step, and the angular acceleration over it, in `turning` (6,)."""
+def follow_rate(step: float, rate: Vector, context: Vector) -> None:
+    """Keep the rate at the end of a step, and the angular acceleration over it, in the context."""
     for p in range(3):
-        turning[3 + p] = 0.0
+        context[ANGULAR_ACCELERATION + p] = 0.0
         if step > 0.0:
-            turning[3 + p] = (rate[p] - turning[p]) / step
-        turning[p] = rate[p]
+            context[ANGULAR_ACCELERATION + p] = (rate[p] - context[RATE + p]) / step
+        context[RATE + p] = rate[p]
 
 
 def initialise(
@@ -156,24 +114,22 @@ def initialise(
     generator: Vector,
     held_dwell: Vector,
     start: Vector,
-    hours: Vector,
-    senses: Vector,
+    context: Vector,
     previous_input: Vector,
-    turning: Vector,
 ) -> int:
     """Draw the first errors; returns 0 or the number of a message."""
     if not gravity > 0.0:
         return 1
     start[0] = time
-    hours[0] = 0.0
+    context[HOURS] = 0.0
     seed_generator(seed, 2.0, generator)
     for p in range(3):
         held[p] = symmetric(generator)
         # The first input is a change from none.
-        senses[p] = 0.0
+        context[SENSE_INPUT + p] = 0.0
         previous_input[p] = 0.0
-        follow_input(p, specific_force[p], gravity, senses, previous_input)
-    follow_rate(0.0, rate, turning)
+        follow_input(p, specific_force[p], gravity, context, previous_input)
+    follow_rate(0.0, rate, context)
     held_dwell[0] = dwell
     draw_error(noise_bound, held_fraction, held, generator, error)
     return 0
@@ -193,10 +149,8 @@ def step(
     generator: Vector,
     held_dwell: Vector,
     start: Vector,
-    hours: Vector,
-    senses: Vector,
+    context: Vector,
     previous_input: Vector,
-    turning: Vector,
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
@@ -205,11 +159,11 @@ def step(
             return 2
         if not math.fabs(rate[p]) < 1e300:
             return 3
-        follow_input(p, specific_force[p], gravity, senses, previous_input)
+        follow_input(p, specific_force[p], gravity, context, previous_input)
     # A step of 1e-14 s, with which some masters end, tells no acceleration.
     if step > 1e-9:
-        follow_rate(step, rate, turning)
-    hours[0] = (time + step - start[0]) / 3600.0
+        follow_rate(step, rate, context)
+    context[HOURS] = (time + step - start[0]) / 3600.0
     if dwell != held_dwell[0]:
         held_dwell[0] = dwell
         for p in range(3):
@@ -218,7 +172,8 @@ def step(
     return 0
 
 
-def is_invertible(
+def initialise_inverse(
+    gravity: float,
     scale_error_plus: Vector,
     scale_error_minus: Vector,
     gamma_21: float,
@@ -227,29 +182,29 @@ def is_invertible(
     gamma_32: float,
     gamma_13: float,
     gamma_23: float,
-) -> float:
-    """1.0 when each accelerometer follows its own input more than the two others together, for both signs, else 0.0.
+) -> int:
+    """Check that each accelerometer follows its own input more than the two others together, for both signs.
 
     Then the readings grow with the inputs along every line, whichever scale factors hold: each reading has exactly
-    one input, whose signs choose the very scale factors that it was solved with.
+    one input, whose signs choose the very scale factors that it was solved with. Returns 0 or the number
+    of a message.
     """
-    certain = 1.0
+    if not gravity > 0.0:
+        return 1
     for p in range(3):
         others = math.fabs(gamma_12) + math.fabs(gamma_13)
         if p == 1:
             others = math.fabs(gamma_21) + math.fabs(gamma_23)
         if p == 2:
             others = math.fabs(gamma_31) + math.fabs(gamma_32)
-        if not 1.0 + scale_error_plus[p] > others:
-            certain = 0.0
-        if not 1.0 + scale_error_minus[p] > others:
-            certain = 0.0
-    return certain
+        if not (1.0 + scale_error_plus[p] > others and 1.0 + scale_error_minus[p] > others):
+            return 2
+    return 0
 
 
-def solve_signs(
-    right: Vector,
-    signs: Vector,
+def step_inverse(
+    reading: Vector,
+    gravity: float,
     scale_error_plus: Vector,
     scale_error_minus: Vector,
     gamma_21: float,
@@ -258,14 +213,32 @@ def solve_signs(
     gamma_32: float,
     gamma_13: float,
     gamma_23: float,
-    diagonal: Vector,
-    n: Vector,
-) -> float:
-    """Solve A(signs) n = right by Cramer's rule; returns how far n (3,) [g] is from having these signs."""
+) -> int:
+    """Check parameters, which may have been tuned, and readings; returns 0 or the number of a message."""
+    refused = initialise_inverse(
+        gravity, scale_error_plus, scale_error_minus, gamma_21, gamma_31, gamma_12, gamma_32, gamma_13, gamma_23
+    )
+    if refused > 0:
+        return refused
     for p in range(3):
-        diagonal[p] = 1.0 + scale_error_minus[p]
-        if signs[p] > 0.0:
-            diagonal[p] = 1.0 + scale_error_plus[p]
+        # Infinity and NaN fail the comparison.
+        if not math.fabs(reading[p]) < 1e300:
+            return 3
+    return 0
+
+
+def solve(
+    right: Vector,
+    diagonal: Vector,
+    gamma_21: float,
+    gamma_31: float,
+    gamma_12: float,
+    gamma_32: float,
+    gamma_13: float,
+    gamma_23: float,
+    n: Vector,
+) -> None:
+    """Solve A n = right (3,) by Cramer's rule; `diagonal` (3,) is A's."""
     minor_1 = diagonal[1] * diagonal[2] - gamma_23 * gamma_32
     minor_2 = gamma_21 * diagonal[2] - gamma_23 * gamma_31
     minor_3 = gamma_21 * gamma_32 - diagonal[1] * gamma_31
@@ -285,15 +258,6 @@ def solve_signs(
         + right[0] * minor_3
         + right[1] * (gamma_12 * gamma_31 - diagonal[0] * gamma_32)
     ) / determinant
-    missed = 0.0
-    for p in range(3):
-        # An input of zero counts as negative, as in the block.
-        wrong = n[p]
-        if signs[p] > 0.0:
-            wrong = -n[p]
-        if wrong > missed:
-            missed = wrong
-    return missed
 
 
 def respond_inverse(
@@ -318,102 +282,39 @@ def respond_inverse(
     """Specific force (3,) [m/s²] that the block answers with these readings (3,) [m/s²].
 
     The signs of the readings less bias are tried first; where the inputs that they give have other signs, all eight
-    patterns are, in a fixed order. One fits when `is_invertible`; at an input that is zero to rounding none may fit
-    exactly: then the pattern that misses least is taken, which both scale factors agree on to rounding.
+    patterns are, in a fixed order. One fits when the inverse is certain (`initialise_inverse`); at an input that is
+    zero to rounding none may fit exactly: then the pattern that misses least is taken, which both scale factors agree
+    on to rounding.
     """
     for p in range(3):
         right[p] = reading[p] / gravity - bias[p]
-        signs[p] = -1.0
-        if right[p] > 0.0:
-            signs[p] = 1.0
-    least = solve_signs(
-        right,
-        signs,
-        scale_error_plus,
-        scale_error_minus,
-        gamma_21,
-        gamma_31,
-        gamma_12,
-        gamma_32,
-        gamma_13,
-        gamma_23,
-        diagonal,
-        n,
-    )
-    for p in range(3):
-        best[p] = n[p]
-    if least > 0.0:
-        for pattern in range(8):
-            rest = pattern
+        signs[p] = right[p]
+    least = 1.0
+    for pattern in range(9):
+        if least > 0.0:
+            rest = pattern - 1
             for p in range(3):
-                signs[p] = -1.0
-                if rest >= 4:
-                    signs[p] = 1.0
-                    rest = rest - 4
-                rest = 2 * rest
-            missed = solve_signs(
-                right,
-                signs,
-                scale_error_plus,
-                scale_error_minus,
-                gamma_21,
-                gamma_31,
-                gamma_12,
-                gamma_32,
-                gamma_13,
-                gamma_23,
-                diagonal,
-                n,
-            )
-            if missed < least:
+                if pattern > 0:
+                    signs[p] = -1.0
+                    if rest >= 4:
+                        signs[p] = 1.0
+                        rest = rest - 4
+                    rest = 2 * rest
+                diagonal[p] = 1.0 + scale_error_minus[p]
+                if signs[p] > 0.0:
+                    diagonal[p] = 1.0 + scale_error_plus[p]
+            solve(right, diagonal, gamma_21, gamma_31, gamma_12, gamma_32, gamma_13, gamma_23, n)
+            missed = 0.0
+            for p in range(3):
+                # An input of zero counts as negative, as in the block.
+                wrong = n[p]
+                if signs[p] > 0.0:
+                    wrong = -n[p]
+                if wrong > missed:
+                    missed = wrong
+            if pattern == 0 or missed < least:
                 least = missed
                 for p in range(3):
                     best[p] = n[p]
     for p in range(3):
         specific_force[p] = gravity * best[p]
-
-
-def initialise_inverse(
-    gravity: float,
-    scale_error_plus: Vector,
-    scale_error_minus: Vector,
-    gamma_21: float,
-    gamma_31: float,
-    gamma_12: float,
-    gamma_32: float,
-    gamma_13: float,
-    gamma_23: float,
-) -> int:
-    """Check the parameters; returns 0 or the number of a message."""
-    if not gravity > 0.0:
-        return 1
-    certain = is_invertible(
-        scale_error_plus, scale_error_minus, gamma_21, gamma_31, gamma_12, gamma_32, gamma_13, gamma_23
-    )
-    if not certain > 0.0:
-        return 2
-    return 0
-
-
-def step_inverse(
-    reading: Vector,
-    scale_error_plus: Vector,
-    scale_error_minus: Vector,
-    gamma_21: float,
-    gamma_31: float,
-    gamma_12: float,
-    gamma_32: float,
-    gamma_13: float,
-    gamma_23: float,
-) -> int:
-    """Check readings and parameters, which may have been tuned; returns 0 or the number of a message."""
-    certain = is_invertible(
-        scale_error_plus, scale_error_minus, gamma_21, gamma_31, gamma_12, gamma_32, gamma_13, gamma_23
-    )
-    if not certain > 0.0:
-        return 2
-    for p in range(3):
-        # Infinity and NaN fail the comparison.
-        if not math.fabs(reading[p]) < 1e300:
-            return 3
-    return 0

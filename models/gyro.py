@@ -16,7 +16,6 @@ import math
 
 from .random_numbers import seed_generator, symmetric
 from .restricted import (
-    GYRO_CONTEXT_SIZE,
     HOURS,
     INPUT,
     INTERVAL,
@@ -48,53 +47,40 @@ def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector)
 
 
 def describe_step(
+    hours: float,
+    step: float,
     temperature: float,
     specific_force: Vector,
     interval: float,
     gravity: float,
-    hours: Vector,
-    last_step: Vector,
-    previous_rates: Vector,
     context: Vector,
 ) -> None:
-    """Write the circumstances of a step into `context` (38,), for the effects."""
-    for i in range(GYRO_CONTEXT_SIZE):
-        context[i] = 0.0
-    context[HOURS] = hours[0]
+    """Write the circumstances of a step into `context` (38,), for the effects; the rates before it stand there."""
+    context[HOURS] = hours
     context[TEMPERATURE] = temperature
     # Before the first step the body turns steadily: any length will do, but none that cannot divide.
     context[STEP_LENGTH] = 1.0
-    if last_step[0] > 0.0:
-        context[STEP_LENGTH] = last_step[0]
+    if step > 0.0:
+        context[STEP_LENGTH] = step
     context[INTERVAL] = context[STEP_LENGTH]
-    if interval > 0.0 and last_step[0] > 0.0:
+    if interval > 0.0 and step > 0.0:
         context[INTERVAL] = interval
     for p in range(3):
         context[INPUT + p] = specific_force[p] / gravity
-    for i in range(3 * PREVIOUS_STEPS):
-        context[PREVIOUS_RATE + i] = previous_rates[i]
 
 
 def read_rates(
-    temperature: float,
-    specific_force: Vector,
-    interval: float,
-    gravity: float,
     scale_misalignment: Vector,
     bias: Vector,
     effect: Vector,
     error: Vector,
-    hours: Vector,
-    last_step: Vector,
     rate_of_step: Vector,
-    previous_rates: Vector,
-    rate_reading: Vector,
     context: Vector,
+    rate_reading: Vector,
     added: Vector,
     own: Vector,
 ) -> None:
     """Readings (3,) [rad/s] at the mean rate `rate_of_step` (3,) [rad/s], with the error [rad/s] that was drawn."""
-    describe_step(temperature, specific_force, interval, gravity, hours, last_step, previous_rates, context)
     reading_effects(context, rate_of_step, effect, added)
     for p in range(3):
         value = rate_of_step[p]
@@ -128,11 +114,9 @@ def initialise(
     error: Vector,
     generator: Vector,
     start: Vector,
-    hours: Vector,
     last_step: Vector,
     last_rate: Vector,
     rate_of_step: Vector,
-    previous_rates: Vector,
     carried: Vector,
     context: Vector,
     added: Vector,
@@ -142,7 +126,6 @@ def initialise(
     if not gravity > 0.0:
         return 1
     start[0] = time
-    hours[0] = 0.0
     last_step[0] = 0.0
     seed_generator(seed, 4.0, generator)
     for p in range(3):
@@ -153,38 +136,22 @@ def initialise(
         carried[p] = 0.0
         increment_reading[p] = 0.0
         for k in range(PREVIOUS_STEPS):
-            previous_rates[3 * k + p] = rate[p]
+            context[PREVIOUS_RATE + 3 * k + p] = rate[p]
     draw_error(noise_bound, generator, error)
-    read_rates(
-        temperature,
-        specific_force,
-        interval,
-        gravity,
-        scale_misalignment,
-        bias,
-        effect,
-        error,
-        hours,
-        last_step,
-        rate_of_step,
-        previous_rates,
-        rate_reading,
-        context,
-        added,
-        own,
-    )
+    describe_step(0.0, 0.0, temperature, specific_force, interval, gravity, context)
+    read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
     return 0
 
 
-def keep_rate(first: int, rate_of_step: Vector, previous_rates: Vector) -> None:
+def keep_rate(first: int, rate_of_step: Vector, context: Vector) -> None:
     """Move the rate of the step before into the history; before the first step the body turned as in it."""
     for k in range(PREVIOUS_STEPS):
-        at = PREVIOUS_STEPS - 1 - k
+        at = PREVIOUS_RATE + 3 * (PREVIOUS_STEPS - 1 - k)
         for p in range(3):
-            if first == 1 or at == 0:
-                previous_rates[3 * at + p] = rate_of_step[p]
+            if first == 1 or at == PREVIOUS_RATE:
+                context[at + p] = rate_of_step[p]
             else:
-                previous_rates[3 * at + p] = previous_rates[3 * at - 3 + p]
+                context[at + p] = context[at - 3 + p]
 
 
 def mean_rate(
@@ -233,11 +200,9 @@ def step(
     error: Vector,
     generator: Vector,
     start: Vector,
-    hours: Vector,
     last_step: Vector,
     last_rate: Vector,
     rate_of_step: Vector,
-    previous_rates: Vector,
     carried: Vector,
     context: Vector,
     added: Vector,
@@ -260,31 +225,15 @@ def step(
     if not math.fabs(interval) < 1e300:
         return 5
     if last_step[0] > 0.0:
-        keep_rate(0, rate_of_step, previous_rates)
+        keep_rate(0, rate_of_step, context)
     mean_rate(step, input_kind, rate, increment, last_rate, rate_of_step)
     if last_step[0] == 0.0:
-        keep_rate(1, rate_of_step, previous_rates)
+        keep_rate(1, rate_of_step, context)
     last_step[0] = step
-    hours[0] = (time + step - start[0]) / 3600.0
     draw_error(noise_bound, generator, error)
-    read_rates(
-        temperature,
-        specific_force,
-        interval,
-        gravity,
-        scale_misalignment,
-        bias,
-        effect,
-        error,
-        hours,
-        last_step,
-        rate_of_step,
-        previous_rates,
-        rate_reading,
-        context,
-        added,
-        own,
-    )
+    hours = (time + step - start[0]) / 3600.0
+    describe_step(hours, step, temperature, specific_force, interval, gravity, context)
+    read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
     take_increment(step, quantum, rate_reading, carried, increment_reading)
     return 0
 
@@ -329,12 +278,11 @@ def initialise_inverse(
     rate: Vector,
     increment: Vector,
     start: Vector,
-    hours: Vector,
     last_step: Vector,
-    nominal_rates: Vector,
-    corrected_rates: Vector,
     nominal: Vector,
     corrected: Vector,
+    context: Vector,
+    corrected_context: Vector,
 ) -> int:
     """Begin at `time`, without a rate: there is no increment yet. Returns 0 or the number of a message."""
     if not gravity > 0.0:
@@ -343,7 +291,6 @@ def initialise_inverse(
     if not certain > 0.0:
         return 2
     start[0] = time
-    hours[0] = 0.0
     last_step[0] = 0.0
     for p in range(3):
         rate[p] = 0.0
@@ -351,8 +298,8 @@ def initialise_inverse(
         nominal[p] = 0.0
         corrected[p] = 0.0
         for k in range(PREVIOUS_STEPS):
-            nominal_rates[3 * k + p] = 0.0
-            corrected_rates[3 * k + p] = 0.0
+            context[PREVIOUS_RATE + 3 * k + p] = 0.0
+            corrected_context[PREVIOUS_RATE + 3 * k + p] = 0.0
     return 0
 
 
@@ -381,13 +328,11 @@ def step_inverse(
     rate: Vector,
     increment: Vector,
     start: Vector,
-    hours: Vector,
     last_step: Vector,
-    nominal_rates: Vector,
-    corrected_rates: Vector,
     nominal: Vector,
     corrected: Vector,
     context: Vector,
+    corrected_context: Vector,
     added: Vector,
     right: Vector,
     n: Vector,
@@ -410,23 +355,23 @@ def step_inverse(
     if not math.fabs(interval) < 1e300:
         return 5
     if last_step[0] > 0.0:
-        keep_rate(0, nominal, nominal_rates)
-        keep_rate(0, corrected, corrected_rates)
+        keep_rate(0, nominal, context)
+        keep_rate(0, corrected, corrected_context)
     for p in range(3):
         right[p] = increment_reading[p] / step - bias[p]
     solve_response(scale_misalignment, right, nominal)
     if last_step[0] == 0.0:
-        keep_rate(1, nominal, nominal_rates)
+        keep_rate(1, nominal, context)
     first = last_step[0]
     last_step[0] = step
-    hours[0] = (time + step - start[0]) / 3600.0
-    describe_step(temperature, specific_force, interval, gravity, hours, last_step, nominal_rates, context)
+    hours = (time + step - start[0]) / 3600.0
+    describe_step(hours, step, temperature, specific_force, interval, gravity, context)
     reading_effects(context, nominal, effect, added)
     take_out(scale_misalignment, nominal, added, right, n, corrected)
     if first == 0.0:
-        keep_rate(1, corrected, corrected_rates)
-    describe_step(temperature, specific_force, interval, gravity, hours, last_step, corrected_rates, context)
-    reading_effects(context, corrected, effect, added)
+        keep_rate(1, corrected, corrected_context)
+    describe_step(hours, step, temperature, specific_force, interval, gravity, corrected_context)
+    reading_effects(corrected_context, corrected, effect, added)
     take_out(scale_misalignment, nominal, added, right, n, rate)
     for p in range(3):
         increment[p] = rate[p] * step
