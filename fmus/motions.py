@@ -11,6 +11,7 @@ from ..models.harmonic_motion import HARMONICS
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
 from ..models.table_commands import AXIS_PLAN_SIZE, POSITIONS
+from ..models.turntable_geometry import STAND_SIZE
 from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, work
 from .units import STANDARD_GRAVITY
 
@@ -123,19 +124,16 @@ TURNTABLE_MOTION = Component(
         ),
         output("dwell", "number of rests begun", variability="discrete", type="integer"),
         output("at_rest", "whether both axes rest", variability="discrete", type="boolean"),
-        state("start", "time of the start"),
+        state("stand", "what stays as it is over a run", STAND_SIZE),
         state("last_step", "length of the last step"),
         state("plan", "plans of both axes", 2 * AXIS_PLAN_SIZE),
         state("mounting_attitude", "attitude of the block against the inner frame", 4),
-        state("earth_rate_in_base", "rotation of the Earth in base axes", 3),
         state("generator", "state of the random numbers", GENERATOR_SIZE),
         state("fluctuation", "the encoders' fluctuation as a fraction of its bound", 2),
-        state("senses", "senses of the last moves", 2),
         state("motion", "angles and rates of the moves", 4),
         work("times", "ends of phases", 10),
-        work("vector", "a vector", 3),
         work("work", "a quaternion", 4),
-        work("context", "the circumstances that effects read", CONTEXT_SIZE),
+        state("context", "the circumstances that effects read", CONTEXT_SIZE),
         work("added", "what effects add", 2),
         work("shifted", "angles", 2),
         work("turns", "small turns that effects add", 4),

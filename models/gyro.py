@@ -287,8 +287,7 @@ def initialise_inverse(
     """Begin at `time`, without a rate: there is no increment yet. Returns 0 or the number of a message."""
     if not gravity > 0.0:
         return 1
-    certain = can_be_solved(scale_misalignment)
-    if not certain > 0.0:
+    if can_be_solved(scale_misalignment) == 0.0:
         return 2
     start[0] = time
     last_step[0] = 0.0
@@ -343,8 +342,7 @@ def step_inverse(
     """
     if step <= 1e-9 * last_step[0]:
         return 0
-    certain = can_be_solved(scale_misalignment)
-    if not certain > 0.0:
+    if can_be_solved(scale_misalignment) == 0.0:
         return 2
     for p in range(3):
         # Infinity and NaN fail the comparison.

@@ -9,10 +9,23 @@ Source: Golovan, Matasov, Tarygin 2022, section 1.
 import math
 
 from .random_numbers import seed_generator, symmetric
-from .restricted import Vector
+from .restricted import SENSE_ALPHA, TEMPERATURE, Vector
 from .rotation import is_rotation, quaternion_of_matrix, turn_by_vector
 from .table_commands import AXIS_PLAN_SIZE, follow_move, plan_move
-from .turntable_geometry import integrate_increment, observe
+from .turntable_geometry import (
+    ACCELERATION,
+    EARTH_IN_BASE,
+    EPSILON,
+    FLUCTUATION_BOUND,
+    KAPPA,
+    SHIFT,
+    START,
+    TRUE_GRAVITY,
+    integrate_increment,
+    move_axes,
+    observe,
+    turn_with_earth,
+)
 
 EARTH_RATE = 7.292115e-5
 """Rotation rate of the Earth [rad/s] (WGS 84)."""
@@ -55,14 +68,12 @@ def initialise(
     attitude_inertial: Vector,
     dwell: Vector,
     at_rest: Vector,
-    start: Vector,
+    stand: Vector,
     last_step: Vector,
     plan: Vector,
     mounting_attitude: Vector,
-    earth_rate_in_base: Vector,
     generator: Vector,
     fluctuation: Vector,
-    senses: Vector,
     motion: Vector,
     work: Vector,
     context: Vector,
@@ -75,26 +86,24 @@ def initialise(
     for axis in range(2):
         if not (max_rate[axis] > 0.0 and max_acceleration[axis] > 0.0):
             return 2
-        plan_move(
-            plan,
-            axis,
-            time,
-            initial_angle[axis],
-            0.0,
-            initial_angle[axis],
-            max_rate[axis],
-            max_acceleration[axis],
-        )
-        rate[axis] = 0.0
-        senses[axis] = 0.0
-    start[0] = time
+        initial = initial_angle[axis]
+        plan_move(plan, axis, time, initial, 0.0, initial, max_rate[axis], max_acceleration[axis])
+        stand[ACCELERATION + axis] = max_acceleration[axis]
+        context[SENSE_ALPHA + axis] = 0.0
     last_step[0] = 0.0
     quaternion_of_matrix(mounting, mounting_attitude)
     turn_by_vector(mounting_attitude, mounting_error[0], mounting_error[1], mounting_error[2], work)
     earth = EARTH_RATE * earth_rotation
-    earth_rate_in_base[0] = earth * math.cos(latitude) * math.cos(azimuth)
-    earth_rate_in_base[1] = earth * math.cos(latitude) * math.sin(azimuth)
-    earth_rate_in_base[2] = earth * math.sin(latitude)
+    stand[EARTH_IN_BASE] = earth * math.cos(latitude) * math.cos(azimuth)
+    stand[EARTH_IN_BASE + 1] = earth * math.cos(latitude) * math.sin(azimuth)
+    stand[EARTH_IN_BASE + 2] = earth * math.sin(latitude)
+    stand[START] = time
+    stand[KAPPA] = kappa
+    stand[EPSILON] = epsilon
+    stand[SHIFT] = alpha_offset + alpha_star
+    stand[SHIFT + 1] = beta_offset
+    stand[TRUE_GRAVITY] = gravity * (1.0 - gravity_error)
+    stand[FLUCTUATION_BOUND] = encoder_fluctuation_bound
     for i in range(3):
         increment[i] = 0.0
     seed_generator(seed, 1.0, generator)
@@ -102,58 +111,28 @@ def initialise(
     fluctuation[1] = symmetric(generator)
     dwell[0] = 1.0
     at_rest[0] = 1.0
-    observe(
-        time,
-        temperature,
-        kappa,
-        epsilon,
-        alpha_offset + alpha_star,
-        beta_offset,
-        gravity * (1.0 - gravity_error),
-        max_acceleration,
-        effect,
-        angle,
-        rate,
-        specific_force,
-        attitude,
-        attitude_inertial,
-        start,
-        plan,
-        mounting_attitude,
-        earth_rate_in_base,
-        senses,
-        motion,
-        work,
-        context,
-        turns,
-    )
-    read_encoders(
-        encoder_fluctuation_bound,
-        effect,
-        angle,
-        angle_reading,
-        fluctuation,
-        motion,
-        context,
-        added,
-    )
+    context[TEMPERATURE] = temperature
+    move_axes(time, stand, plan, motion, angle, rate, context)
+    observe(stand, mounting_attitude, effect, angle, context, turns, work, attitude, specific_force)
+    turn_with_earth(time - stand[START], stand, attitude, work, attitude_inertial)
+    read_encoders(stand, effect, angle, fluctuation, motion, context, added, angle_reading)
     return 0
 
 
 def read_encoders(
-    encoder_fluctuation_bound: float,
+    stand: Vector,
     effect: Vector,
     angle: Vector,
-    angle_reading: Vector,
     fluctuation: Vector,
     motion: Vector,
     context: Vector,
     added: Vector,
+    angle_reading: Vector,
 ) -> None:
     """Readings of both encoders at the moment that was observed."""
     encoder_effects(context, angle, effect, added)
     for axis in range(2):
-        angle_reading[axis] = motion[2 * axis] + added[axis] + encoder_fluctuation_bound * fluctuation[axis]
+        angle_reading[axis] = motion[2 * axis] + added[axis] + stand[FLUCTUATION_BOUND] * fluctuation[axis]
 
 
 def step(
@@ -161,16 +140,7 @@ def step(
     step: float,
     command: Vector,
     temperature: float,
-    kappa: float,
-    epsilon: float,
-    alpha_offset: float,
-    beta_offset: float,
-    alpha_star: float,
-    gravity: float,
-    gravity_error: float,
-    encoder_fluctuation_bound: float,
     max_rate: Vector,
-    max_acceleration: Vector,
     effect: Vector,
     angle: Vector,
     angle_reading: Vector,
@@ -181,17 +151,14 @@ def step(
     attitude_inertial: Vector,
     dwell: Vector,
     at_rest: Vector,
-    start: Vector,
+    stand: Vector,
     last_step: Vector,
     plan: Vector,
     mounting_attitude: Vector,
-    earth_rate_in_base: Vector,
     generator: Vector,
     fluctuation: Vector,
-    senses: Vector,
     motion: Vector,
     times: Vector,
-    vector: Vector,
     work: Vector,
     context: Vector,
     added: Vector,
@@ -208,68 +175,31 @@ def step(
         if not math.fabs(command[axis]) <= 1e6:
             return 3
         if command[axis] != plan[AXIS_PLAN_SIZE * axis + 3]:
-            follow_move(plan, axis, max_acceleration[axis], time, motion)
-            plan_move(
-                plan,
-                axis,
-                time,
-                motion[2 * axis],
-                motion[2 * axis + 1],
-                command[axis],
-                max_rate[axis],
-                max_acceleration[axis],
-            )
+            follow_move(plan, axis, stand[ACCELERATION + axis], time, motion)
+            at = motion[2 * axis]
+            fast = motion[2 * axis + 1]
+            plan_move(plan, axis, time, at, fast, command[axis], max_rate[axis], stand[ACCELERATION + axis])
+    context[TEMPERATURE] = temperature
     integrate_increment(
         time,
         time + step,
-        temperature,
-        plan,
-        alpha_offset + alpha_star,
-        beta_offset,
-        kappa,
-        epsilon,
-        max_acceleration,
+        stand,
         mounting_attitude,
-        earth_rate_in_base,
         effect,
-        start,
-        senses,
-        increment,
+        plan,
         motion,
-        times,
+        increment,
         attitude,
-        vector,
+        times,
         work,
         context,
         shifted,
         turns,
         turn_rates,
     )
-    observe(
-        time + step,
-        temperature,
-        kappa,
-        epsilon,
-        alpha_offset + alpha_star,
-        beta_offset,
-        gravity * (1.0 - gravity_error),
-        max_acceleration,
-        effect,
-        angle,
-        rate,
-        specific_force,
-        attitude,
-        attitude_inertial,
-        start,
-        plan,
-        mounting_attitude,
-        earth_rate_in_base,
-        senses,
-        motion,
-        work,
-        context,
-        turns,
-    )
+    move_axes(time + step, stand, plan, motion, angle, rate, context)
+    observe(stand, mounting_attitude, effect, angle, context, turns, work, attitude, specific_force)
+    turn_with_earth(time + step - stand[START], stand, attitude, work, attitude_inertial)
     resting = 0.0
     if rate[0] == 0.0 and rate[1] == 0.0:
         resting = 1.0
@@ -279,14 +209,5 @@ def step(
         fluctuation[0] = symmetric(generator)
         fluctuation[1] = symmetric(generator)
     at_rest[0] = resting
-    read_encoders(
-        encoder_fluctuation_bound,
-        effect,
-        angle,
-        angle_reading,
-        fluctuation,
-        motion,
-        context,
-        added,
-    )
+    read_encoders(stand, effect, angle, fluctuation, motion, context, added, angle_reading)
     return 0

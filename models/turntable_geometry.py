@@ -11,9 +11,28 @@ Source: Golovan, Matasov, Tarygin 2022, section 1; to first order this is (1.3).
 
 import math
 
-from .restricted import ALPHA, BETA, CONTEXT_SIZE, HOURS, SENSE_ALPHA, SENSE_BETA, TEMPERATURE, Vector
+from .restricted import ALPHA, BETA, HOURS, SENSE_ALPHA, Vector
 from .rotation import multiply, set_quaternion, to_body, turn, turn_by_vector
 from .table_commands import AXIS_PLAN_SIZE, fastest_rate, follow_move, phase_ends
+
+STAND_SIZE = 12
+"""What stays as it is over a run, in one vector; these constants are its places."""
+START = 0
+"""time of the start [s]"""
+KAPPA = 1
+"""κ [rad]"""
+EPSILON = 2
+"""ε [rad]"""
+SHIFT = 3
+"""readings of the encoders less true angles, Δα + α* and Δβ [rad] (two places)"""
+TRUE_GRAVITY = 5
+"""gravity [m/s²]"""
+FLUCTUATION_BOUND = 6
+"""bound of the encoders' fluctuation [rad]"""
+ACCELERATION = 7
+"""limits of the axes' accelerations [rad/s²] (two places)"""
+EARTH_IN_BASE = 9
+"""rotation of the Earth in base axes [rad/s] (three places)"""
 
 MAX_ANGLE_PER_QUADRATURE = 0.25
 """Longest turn [rad] that one five-point Gauss rule integrates to rounding."""
@@ -33,16 +52,11 @@ def geometry_effects(context: Vector, angles: Vector, effect: Vector, turns: Vec
     return 0.0
 
 
-def set_table_context(elapsed: float, temperature: float, angles: Vector, senses: Vector, context: Vector) -> None:
-    """Write the circumstances of the table, `elapsed` [s] after the start, into the context."""
-    for i in range(CONTEXT_SIZE):
-        context[i] = 0.0
+def set_table_context(elapsed: float, angles: Vector, context: Vector) -> None:
+    """Write the true angles of the table, `elapsed` [s] after the start, into the context; the rest stands there."""
     context[HOURS] = elapsed / 3600.0
-    context[TEMPERATURE] = temperature
     context[ALPHA] = angles[0]
     context[BETA] = angles[1]
-    context[SENSE_ALPHA] = senses[0]
-    context[SENSE_BETA] = senses[1]
 
 
 def attitude_in_base(
@@ -62,104 +76,59 @@ def attitude_in_base(
     multiply(attitude, mounting_attitude, attitude)
 
 
-def update_senses(plan: Vector, rate: Vector, senses: Vector) -> None:
-    """Senses (2,) of the last moves from the rates; of a move that began and ended within a step, from its plan."""
+def move_axes(
+    time: float, stand: Vector, plan: Vector, motion: Vector, angle: Vector, rate: Vector, context: Vector
+) -> None:
+    """True angles and rates of both axes at `time`, and the context.
+
+    The sense of a move that began and ended within a step is that of its plan.
+    """
     for axis in range(2):
+        follow_move(plan, axis, stand[ACCELERATION + axis], time, motion)
+        angle[axis] = motion[2 * axis] - stand[SHIFT + axis]
+        rate[axis] = motion[2 * axis + 1]
         if rate[axis] > 0.0:
-            senses[axis] = 1.0
+            context[SENSE_ALPHA + axis] = 1.0
         elif rate[axis] < 0.0:
-            senses[axis] = -1.0
+            context[SENSE_ALPHA + axis] = -1.0
         elif plan[AXIS_PLAN_SIZE * axis + 8] > 0.0:
-            senses[axis] = plan[AXIS_PLAN_SIZE * axis + 7]
+            context[SENSE_ALPHA + axis] = plan[AXIS_PLAN_SIZE * axis + 7]
+    set_table_context(time - stand[START], angle, context)
 
 
 def observe(
-    time: float,
-    temperature: float,
-    kappa: float,
-    epsilon: float,
-    alpha_shift: float,
-    beta_shift: float,
-    true_gravity: float,
-    max_acceleration: Vector,
+    stand: Vector,
+    mounting_attitude: Vector,
     effect: Vector,
     angle: Vector,
-    rate: Vector,
-    specific_force: Vector,
-    attitude: Vector,
-    attitude_inertial: Vector,
-    start: Vector,
-    plan: Vector,
-    mounting_attitude: Vector,
-    earth_rate_in_base: Vector,
-    senses: Vector,
-    motion: Vector,
-    work: Vector,
     context: Vector,
     turns: Vector,
-) -> None:
-    """Angles, rates, senses, context, attitudes and specific force at `time`."""
-    for axis in range(2):
-        follow_move(plan, axis, max_acceleration[axis], time, motion)
-        rate[axis] = motion[2 * axis + 1]
-    angle[0] = motion[0] - alpha_shift
-    angle[1] = motion[2] - beta_shift
-    elapsed = time - start[0]
-    update_senses(plan, rate, senses)
-    set_table_context(elapsed, temperature, angle, senses, context)
-    if geometry_effects(context, angle, effect, turns) > 0.0:
-        attitude_in_base(
-            angle[0] + turns[1],
-            angle[1] + turns[3],
-            kappa + turns[0],
-            epsilon + turns[2],
-            mounting_attitude,
-            attitude,
-            work,
-        )
-    else:
-        attitude_in_base(angle[0], angle[1], kappa, epsilon, mounting_attitude, attitude, work)
-    to_body(attitude, 0.0, 0.0, true_gravity, specific_force)
-    set_quaternion(1.0, 0.0, 0.0, 0.0, attitude_inertial)
-    turn_by_vector(
-        attitude_inertial,
-        earth_rate_in_base[0] * elapsed,
-        earth_rate_in_base[1] * elapsed,
-        earth_rate_in_base[2] * elapsed,
-        work,
-    )
-    multiply(attitude_inertial, attitude, attitude_inertial)
-
-
-def add_angle_increment(
-    motion: Vector,
-    kappa: float,
-    epsilon: float,
-    mounting_attitude: Vector,
-    earth_rate_in_base: Vector,
-    weight: float,
-    increment: Vector,
-    attitude: Vector,
-    vector: Vector,
     work: Vector,
+    attitude: Vector,
+    specific_force: Vector,
 ) -> None:
-    """Add `weight` [s] times the block's angular rate against inertial space, in block axes, to `increment` (3,)."""
-    alpha_rate = motion[1]
-    beta_rate = motion[3]
-    across = alpha_rate * math.cos(epsilon)
-    to_body(
-        mounting_attitude,
-        across * math.cos(motion[2]),
-        -across * math.sin(motion[2]),
-        alpha_rate * math.sin(epsilon) + beta_rate,
-        vector,
-    )
-    for i in range(3):
-        increment[i] = increment[i] + weight * vector[i]
-    attitude_in_base(motion[0], motion[2], kappa, epsilon, mounting_attitude, attitude, work)
-    to_body(attitude, earth_rate_in_base[0], earth_rate_in_base[1], earth_rate_in_base[2], vector)
-    for i in range(3):
-        increment[i] = increment[i] + weight * vector[i]
+    """Attitude against the base, and specific force, at the true angles."""
+    alpha = angle[0]
+    beta = angle[1]
+    kappa = stand[KAPPA]
+    epsilon = stand[EPSILON]
+    if geometry_effects(context, angle, effect, turns) > 0.0:
+        alpha = alpha + turns[1]
+        beta = beta + turns[3]
+        kappa = kappa + turns[0]
+        epsilon = epsilon + turns[2]
+    attitude_in_base(alpha, beta, kappa, epsilon, mounting_attitude, attitude, work)
+    to_body(attitude, 0.0, 0.0, stand[TRUE_GRAVITY], specific_force)
+
+
+def turn_with_earth(elapsed: float, stand: Vector, attitude: Vector, work: Vector, attitude_inertial: Vector) -> None:
+    """Attitude against the inertial frame that was the base's at the start, `elapsed` [s] ago."""
+    set_quaternion(1.0, 0.0, 0.0, 0.0, attitude_inertial)
+    x = stand[EARTH_IN_BASE] * elapsed
+    y = stand[EARTH_IN_BASE + 1] * elapsed
+    z = stand[EARTH_IN_BASE + 2] * elapsed
+    turn_by_vector(attitude_inertial, x, y, z, work)
+    multiply(attitude_inertial, attitude, attitude_inertial)
 
 
 def find_turn_rates(
@@ -205,78 +174,65 @@ def find_turn_rates(
                     turn_rates[i] = turn_rates[i] + weight * rate / spacing * turns[i]
 
 
-def add_turned_increment(
-    motion: Vector,
+def add_increment(
     elapsed: float,
-    temperature: float,
-    kappa: float,
-    epsilon: float,
-    mounting_attitude: Vector,
-    earth_rate_in_base: Vector,
     weight: float,
+    turned: float,
+    stand: Vector,
+    mounting_attitude: Vector,
     effect: Vector,
-    senses: Vector,
+    motion: Vector,
     increment: Vector,
     attitude: Vector,
-    vector: Vector,
     work: Vector,
     context: Vector,
     shifted: Vector,
     turns: Vector,
     turn_rates: Vector,
 ) -> None:
-    """`add_angle_increment` with the small turns that effects add, and their rates."""
-    shifted[0] = motion[0]
-    shifted[1] = motion[2]
-    set_table_context(elapsed, temperature, shifted, senses, context)
-    find_turn_rates(motion, context, effect, shifted, turns, turn_rates)
-    shifted[0] = motion[0]
-    shifted[1] = motion[2]
-    set_table_context(elapsed, temperature, shifted, senses, context)
-    geometry_effects(context, shifted, effect, turns)
+    """Add `weight` [s] times the block's angular rate against inertial space, in block axes, to `increment` (3,).
+
+    `turned` is 1.0 where effects add small turns; `turns` and `turn_rates` (4,) are zeros where not.
+    """
+    if turned > 0.0:
+        shifted[0] = motion[0]
+        shifted[1] = motion[2]
+        set_table_context(elapsed, shifted, context)
+        find_turn_rates(motion, context, effect, shifted, turns, turn_rates)
+        shifted[0] = motion[0]
+        shifted[1] = motion[2]
+        set_table_context(elapsed, shifted, context)
+        geometry_effects(context, shifted, effect, turns)
     alpha = motion[0] + turns[1]
     beta = motion[2] + turns[3]
-    lean = epsilon + turns[2]
+    lean = stand[EPSILON] + turns[2]
     along = motion[1] + turn_rates[1]
     down = -turn_rates[0] * math.sin(alpha)
     first = along * math.cos(lean) - down * math.sin(lean)
     second = turn_rates[0] * math.cos(alpha) + turn_rates[2]
     third = along * math.sin(lean) + down * math.cos(lean)
-    to_body(
-        mounting_attitude,
-        first * math.cos(beta) + second * math.sin(beta),
-        second * math.cos(beta) - first * math.sin(beta),
-        third + motion[3] + turn_rates[3],
-        vector,
-    )
+    x = first * math.cos(beta) + second * math.sin(beta)
+    y = second * math.cos(beta) - first * math.sin(beta)
+    to_body(mounting_attitude, x, y, third + motion[3] + turn_rates[3], work)
     for i in range(3):
-        increment[i] = increment[i] + weight * vector[i]
-    attitude_in_base(alpha, beta, kappa + turns[0], lean, mounting_attitude, attitude, work)
-    to_body(attitude, earth_rate_in_base[0], earth_rate_in_base[1], earth_rate_in_base[2], vector)
+        increment[i] = increment[i] + weight * work[i]
+    attitude_in_base(alpha, beta, stand[KAPPA] + turns[0], lean, mounting_attitude, attitude, work)
+    to_body(attitude, stand[EARTH_IN_BASE], stand[EARTH_IN_BASE + 1], stand[EARTH_IN_BASE + 2], work)
     for i in range(3):
-        increment[i] = increment[i] + weight * vector[i]
+        increment[i] = increment[i] + weight * work[i]
 
 
 def integrate_increment(
     begin: float,
     end: float,
-    temperature: float,
-    plan: Vector,
-    alpha_shift: float,
-    beta_shift: float,
-    kappa: float,
-    epsilon: float,
-    max_acceleration: Vector,
+    stand: Vector,
     mounting_attitude: Vector,
-    earth_rate_in_base: Vector,
     effect: Vector,
-    start: Vector,
-    senses: Vector,
-    increment: Vector,
+    plan: Vector,
     motion: Vector,
-    times: Vector,
+    increment: Vector,
     attitude: Vector,
-    vector: Vector,
+    times: Vector,
     work: Vector,
     context: Vector,
     shifted: Vector,
@@ -290,9 +246,11 @@ def integrate_increment(
     """
     for i in range(3):
         increment[i] = 0.0
+    for i in range(4):
+        turn_rates[i] = 0.0
     shifted[0] = 0.0
     shifted[1] = 0.0
-    set_table_context(0.0, temperature, shifted, senses, context)
+    set_table_context(0.0, shifted, context)
     turned = geometry_effects(context, shifted, effect, turns)
     count = phase_ends(plan, begin, end, times)
     for k in range(count - 1):
@@ -314,41 +272,22 @@ def integrate_increment(
                 if node == 1 or node == 3:
                     offset = -offset
                 moment = middle + 0.5 * piece * offset
-                follow_move(plan, 0, max_acceleration[0], moment, motion)
-                follow_move(plan, 1, max_acceleration[1], moment, motion)
-                motion[0] = motion[0] - alpha_shift
-                motion[2] = motion[2] - beta_shift
-                if turned > 0.0:
-                    add_turned_increment(
-                        motion,
-                        moment - start[0],
-                        temperature,
-                        kappa,
-                        epsilon,
-                        mounting_attitude,
-                        earth_rate_in_base,
-                        0.5 * piece * weight,
-                        effect,
-                        senses,
-                        increment,
-                        attitude,
-                        vector,
-                        work,
-                        context,
-                        shifted,
-                        turns,
-                        turn_rates,
-                    )
-                else:
-                    add_angle_increment(
-                        motion,
-                        kappa,
-                        epsilon,
-                        mounting_attitude,
-                        earth_rate_in_base,
-                        0.5 * piece * weight,
-                        increment,
-                        attitude,
-                        vector,
-                        work,
-                    )
+                for axis in range(2):
+                    follow_move(plan, axis, stand[ACCELERATION + axis], moment, motion)
+                    motion[2 * axis] = motion[2 * axis] - stand[SHIFT + axis]
+                add_increment(
+                    moment - stand[START],
+                    0.5 * piece * weight,
+                    turned,
+                    stand,
+                    mounting_attitude,
+                    effect,
+                    motion,
+                    increment,
+                    attitude,
+                    work,
+                    context,
+                    shifted,
+                    turns,
+                    turn_rates,
+                )
