@@ -43,12 +43,7 @@ class SolverError(ArithmeticError):
 class Polytope:
     """{x: lower ≤ J x ≤ upper}, kept warm so that many objectives are cheap.
 
-    Parameters
-    ----------
-    jacobian : (M, n) array
-        of full column rank
-    scale : (M,) array
-        size of each row, positive: tolerances are relative to it
+    J (M, n) has full column rank; tolerances are relative to `scale` (M,), the size of each row, positive.
     """
 
     def __init__(self, jacobian: NDArray, scale: NDArray):
@@ -72,19 +67,9 @@ class Polytope:
         self._highs.changeRowsBounds(len(rows), rows, *ends)  # pyright: ignore
 
     def maximise(self, weights: NDArray) -> tuple[float, NDArray, NDArray]:
-        """The greatest weights'x over the set.
+        """The greatest weights'x over the set, the vertex x (n,) where it is attained, and duals (M,).
 
-        Parameters
-        ----------
-        weights : (n,) array
-
-        Returns
-        -------
-        value : float
-        x : (n,) array
-            where it is attained, a vertex
-        duals : (M,) array
-            Φ with Φ'J = weights: how the value changes with each row's active end
+        The duals Φ, with Φ'J = weights, say how the value changes with each row's active end.
         """
         self._highs.changeColsCost(len(self._columns), self._columns, np.asarray(weights, dtype=float))
         while True:
@@ -135,36 +120,22 @@ def chebyshev_radius(
 ) -> tuple[float, NDArray, NDArray]:
     """The least possible max |residual − jacobian x| / bound, with the proof that nothing less is possible.
 
-    Parameters
-    ----------
-    jacobian : (M, n) array
-        of any rank; the units of its columns do not matter
-    residual : (M,) array
-    bound : (M,) array
-        positive
-    low, high : (n,) array, optional
-        ends of x; the duals prove the radius only without them
+    The jacobian (M, n) may have any rank; the units of its columns do not matter. Bounds (M,) are positive; `low` and
+    `high` (n,) are ends of x: the duals prove the radius only without them.
 
-    Returns
-    -------
-    radius : float
-        above 1 no x keeps every residual within its bound
-    x : (n,) array
-        a centre
-    duals : (M,) array
-        jacobian'duals = 0, sum of bound·|duals| = 1, residual'duals = radius: the measurements with a dual other
-        than zero, at most rank + 1, prove the radius by themselves
+    Radius: above 1 no x keeps every residual within its bound; x: a centre; duals (M,): jacobian'duals = 0, sum of
+    bound·|duals| = 1, residual'duals = radius: the measurements with a dual other than zero, at most rank + 1, prove
+    the radius by themselves.
     """
     taken = first_rows(jacobian / bound[:, None])
     while True:
-        radius, x, duals = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high))
+        every = np.zeros(len(bound))
+        radius, x, every[taken] = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high))
         if len(taken) == len(bound):
-            return radius, x, duals
+            return radius, x, every
         excess = np.abs(residual - jacobian @ x) / bound - radius
         more = _most_violated(excess, taken, TOLERANCE * max(1.0, radius))
         if not len(more):
-            every = np.zeros(len(bound))
-            every[taken] = duals
             return radius, x, every
         taken = np.append(taken, more)
 
@@ -179,7 +150,7 @@ def _chebyshev(
     size[size == 0.0] = 1.0
     matrix = jacobian / bound[:, None] / size
     stretch = max(1.0, float(np.abs(target).max(initial=0.0)))
-    both = np.vstack([np.hstack([matrix, np.ones((rows, 1))]), np.hstack([matrix, -np.ones((rows, 1))])])
+    both = np.block([[matrix, np.ones((rows, 1))], [matrix, -np.ones((rows, 1))]])
     infinite = np.full(rows, highspy.kHighsInf)
     free = np.full(columns, highspy.kHighsInf)
     low, high = (
@@ -202,31 +173,14 @@ def _chebyshev(
 def least_largest(
     matrix: NDArray, lower: NDArray, upper: NDArray, offset: NDArray, slopes: NDArray
 ) -> tuple[float, NDArray]:
-    """The least possible max |offset + slopes x| over {x: lower ≤ matrix x ≤ upper}, and where it is attained.
+    """The least possible max |offset + slopes x| over {x: lower ≤ matrix x ≤ upper}, and where (n,) it is attained.
 
-    Parameters
-    ----------
-    matrix : (M, n) array
-        of full column rank
-    lower, upper : (M,) array
-    offset : (R,) array
-    slopes : (R, n) array
-
-    Returns
-    -------
-    least : float
-    x : (n,) array
+    The matrix (M, n) has full column rank; offset (R,), slopes (R, n).
     """
     unit = float((upper - lower).min()) / 2.0
     rows, columns = matrix.shape
     more = np.ones((len(offset), 1))
-    stacked = np.vstack(
-        [
-            np.hstack([matrix, np.zeros((rows, 1))]),
-            np.hstack([slopes, more]),
-            np.hstack([slopes, -more]),
-        ]
-    )
+    stacked = np.block([[matrix, np.zeros((rows, 1))], [slopes, more], [slopes, -more]])
     infinite = np.full(len(offset), highspy.kHighsInf)
     free = np.full(columns, highspy.kHighsInf)
     highs = _model(
@@ -265,15 +219,9 @@ def linear_programme(
     matrix: tuple[NDArray, NDArray, NDArray],
     row_ends: tuple[NDArray, NDArray],
 ) -> highspy.HighsLp:
-    """The least cost'x with x between its ends and the rows between theirs, as HiGHS takes it.
+    """The least cost'x (n,) with x between its ends and the rows (M,) between theirs, as HiGHS takes it.
 
-    Parameters
-    ----------
-    cost : (n,) array
-    ends : (n,) array, (n,) array
-    matrix : (n + 1,) array, (K,) array, (K,) array
-        column by column: where each begins, and the rows and values of its elements
-    row_ends : (M,) array, (M,) array
+    The matrix goes column by column: where each begins (n + 1,), and the rows and values (K,) of its elements.
     """
     lp = highspy.HighsLp()
     lp.num_col_, lp.num_row_ = len(cost), len(row_ends[0])
@@ -321,23 +269,12 @@ def _solve(highs: highspy.Highs) -> highspy.HighsSolution:
 class Possible:
     """The steps x from a fit that keep every error within its bound: |left - jacobian x| ≤ bound.
 
-    Parameters
-    ----------
-    jacobian : (M, n) array
-        of any rank; the units of its columns do not matter
-    left : (M,) array
-        errors at the fit; where one is beyond its bound, that much is allowed
-    bound : (M,) array
-    most_rows : int, optional
-        of more rows so many are taken, spread over all: fewer rows leave more possible, so what they bound is bounded
+    The jacobian (M, n) may have any rank; the units of its columns do not matter. `left` (M,) are the errors at the
+    fit; where one is beyond its bound, that much is allowed. Of more rows than `most_rows` so many are taken, spread
+    over all: fewer rows leave more possible, so what they bound is bounded.
 
-    Attributes
-    ----------
-    matrix, lower, upper : arrays
-        the same set as lower ≤ matrix y ≤ upper
-    span : (n, rank) array
-        orthonormal basis of what the rows determine of the columns times their scale: x = span y / scale
-    scale : (n,) array
+    `matrix`, `lower`, `upper`: the same set as lower ≤ matrix y ≤ upper; `span` (n, rank): orthonormal basis of what
+    the rows determine of the columns times their `scale` (n,): x = span y / scale.
     """
 
     def __init__(self, jacobian: NDArray, left: NDArray, bound: NDArray, most_rows: int | None = None) -> None:

@@ -37,13 +37,9 @@ ROUNDS_AT_FIRST = (2, 6, 12)
 
 
 def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
-    """The x (n,) of least sum of squares of target - matrix x; directions that are not determined stay at zero.
+    """The x (n,) of least sum of squares of target (M,) - matrix (M, n) x; what is not determined stays at zero.
 
-    Parameters
-    ----------
-    matrix : (M, n) array
-        the units of its columns do not matter
-    target : (M,) array
+    The units of the matrix's columns do not matter.
     """
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
@@ -95,16 +91,8 @@ def spread_directions(count: int, steps: int) -> list[NDArray[np.float64]]:
 class Problem:
     """A linear fit in units of the bounds, with the columns of candidate effects.
 
-    Attributes
-    ----------
-    residual : (M,) array
-        over the bounds
-    nominal : (M, P) array
-        columns that are always there
-    columns : (M, C) array
-        columns of all candidates
-    blocks : tuple of slice
-        the columns of each candidate
+    `residual` (M,), `nominal` (M, P): columns that are always there; `columns` (M, C): of all candidates, `blocks`: the
+    columns of each.
     """
 
     residual: NDArray
@@ -143,21 +131,11 @@ class Problem:
 
 @dataclass(frozen=True)
 class Projection:
-    """A problem under weights, with the nominal columns projected out.
+    """A problem under weights (M,), with the nominal columns projected out.
 
-    Attributes
-    ----------
-    weights : (M,) array
-    basis : (M, p) array
-        orthonormal, of the weighted nominal columns
-    residual : (M,) array
-        weighted, projected
-    columns : (M, C) array
-        of all candidates, weighted, projected
-    gram : (C, C) array
-        their products with each other
-    product : (C,) array
-        their products with the residual
+    `basis` (M, p) is orthonormal, of the weighted nominal columns; `residual` (M,) and `columns` (M, C), of all
+    candidates, are weighted and projected; `gram` (C, C) and `product` (C,) are the columns' products with each other
+    and with the residual.
     """
 
     weights: NDArray
@@ -174,14 +152,7 @@ class Projection:
 
 
 def project(problem: Problem, weights: NDArray) -> Projection:
-    """Weigh the rows and project out the nominal columns.
-
-    Parameters
-    ----------
-    problem : Problem
-    weights : (M,) array
-        not negative, with sum 1
-    """
+    """Weigh the rows, by weights (M,) that are not negative, and project out the nominal columns."""
     root = np.sqrt(weights)
     basis, residual = without_nominal(problem, root)
     columns = root[:, None] * problem.columns
@@ -230,23 +201,11 @@ def sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int =
     """All sets of a size that keep every residual of the linear model within its bound, to the slack.
 
     A set is refused when some weights prove that its radius is above one and the slack; the weights that refuse one set
-    are tried on all others, and what no bound refuses is decided by a linear programme.
+    are tried on all others, and what no bound refuses is decided by a linear programme. About the most promising come
+    first.
 
-    Parameters
-    ----------
-    problem : Problem
-        the nominal model and the candidates, linear at its fit
-    size : int
-        effects and outliers together, 0 to 3
-    slack : float
-        what the linearisation may be wrong by, in units of the bounds
-    most_outliers : int
-        0 to 2: enough outliers explain anything
-
-    Yields
-    ------
-    EffectSet
-        about the most promising first
+    The problem is linear at the nominal model's fit; its `size`, 0 to 3, counts effects and outliers together; `slack`
+    is what the linearisation may be wrong by, in units of the bounds; of outliers, 0 to 2, enough explain anything.
     """
     limit = (1.0 + slack) ** 2
     weights = np.full(len(problem.residual), 1.0 / len(problem.residual))

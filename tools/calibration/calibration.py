@@ -19,7 +19,15 @@ from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
 from ..result import Result, finite_or_none
 from .estimates import FeasibleSet, chebyshev_centre, estimated_values, exact_intervals, fit
-from .model import Linearisation, Parametrisation, Positions, mountings_for, parametrise, reading_jacobian
+from .model import (
+    Linearisation,
+    Positions,
+    every_position,
+    mountings_for,
+    parametrise,
+    reading_jacobian,
+    table_position,
+)
 from .targets import (
     Target,
     asked_priors,
@@ -295,8 +303,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     if falsified:
         proof = (np.abs(duals) * bounded.bound > 1e-9)[: len(here.bound)]
         witness = [
-            Reading(position=int(record.position[i]), accelerometer=int(axis))
-            for i, axis in zip(here.position[proof], here.accelerometer[proof], strict=True)
+            Reading(position=int(record.position[k // 3]), accelerometer=int(k % 3 + 1)) for k in np.flatnonzero(proof)
         ]
     mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
     if unbounded:
@@ -456,26 +463,15 @@ def _contradiction(here: Linearisation, number: NDArray, limit: float) -> str | 
 
 
 def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, float]) -> list[TablePosition]:
-    """A few positions that, added to those measured, determine every target.
+    """A few positions that, added to those measured, determine every target with weights (T, P).
 
     Chosen one by one from a coarse grid, the one that adds most information (the determinant) first; only readings
     whose sign is certain by (1.7), with its bounds u^max and v^0max, count.
-
-    Parameters
-    ----------
-    here : Linearisation
-        what was measured
-    weights : (T, P) array
-        the targets
     """
     p = here.parametrisation
-    degrees = np.arange(0, 360, GRID_STEP_DEG)
-    alpha_deg, beta_deg, mounting = (
-        grid.ravel() for grid in np.meshgrid(degrees, degrees, range(len(p.mountings)), indexing="ij")
-    )
-    grid = Positions(np.radians(alpha_deg), np.radians(beta_deg), mounting)
+    grid = every_position(p, np.radians(np.arange(0, 360, GRID_STEP_DEG)))
     rows = reading_jacobian(p, here.point, grid)
-    rows = np.where(admissible(grid.alpha, grid.beta, p.matrices[mounting], bounds=bounds)[..., None], rows, 0.0)
+    rows = np.where(admissible(grid.alpha, grid.beta, p.matrices[grid.mounting], bounds=bounds)[..., None], rows, 0.0)
     information = here.jacobian.T @ here.jacobian
     chosen: list[TablePosition] = []
     while len(chosen) < MAX_POSITIONS and not _determines(information, weights):
@@ -483,7 +479,7 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
         gain = np.linalg.slogdet(np.eye(3) + rows @ spread @ rows.transpose(0, 2, 1))[1]
         best = int(np.argmax(np.round(gain, 9)))
         information = information + rows[best].T @ rows[best]
-        chosen.append(_table_position(p, float(alpha_deg[best]), float(beta_deg[best]), int(mounting[best])))
+        chosen.append(TablePosition(**table_position(p, grid, best)))
     return chosen
 
 
@@ -491,15 +487,7 @@ def repeats(here: Linearisation, count: int = 4) -> list[TablePosition]:
     """Positions of the record, spread over it, that would tell the noise if they were measured again."""
     p, at = here.parametrisation, here.positions
     rows = np.unique(np.linspace(0, len(at.alpha) - 1, count).round().astype(int))
-    alpha, beta = np.degrees(at.alpha).tolist(), np.degrees(at.beta).tolist()
-    return [_table_position(p, alpha[k], beta[k], int(at.mounting[k])) for k in rows]
-
-
-def _table_position(p: Parametrisation, alpha_deg: float, beta_deg: float, mounting: int) -> TablePosition:
-    position = TablePosition(alpha_deg=alpha_deg, beta_deg=beta_deg)
-    if len(p.mountings) > 1:
-        position["mounting"] = p.mountings[mounting]
-    return position
+    return [TablePosition(**table_position(p, at, k)) for k in rows]
 
 
 def _determines(information: NDArray, weights: NDArray) -> bool:

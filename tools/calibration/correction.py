@@ -33,20 +33,11 @@ Measured = PositionRecord | RawRecord | StrapdownRecord
 
 @dataclass(frozen=True)
 class Correction:
-    """The inverse of a calibrated block, Γ lower triangular, in units of `gravity`.
+    """The inverse of a calibrated block, Γ lower triangular, in units of `gravity`, the calibration's g [m/s²].
 
-    Attributes
-    ----------
-    gravity : float
-        the calibration's g [m/s²]
-    plus, minus : (3,) array
-        1 + Γ⁺ and 1 + Γ⁻ of each accelerometer
-    gamma : (3, 3) array
-        Γ below the diagonal, 0 elsewhere
-    bias : (3,) array
-        [g]
-    low, high : (3, 3, 3, 3) array
-        what accelerometer p reads beyond its input at the input (i, j, k) − 1, at least and at most [g]
+    `plus`, `minus` (3,) are 1 + Γ⁺ and 1 + Γ⁻ of each accelerometer, `gamma` (3, 3) is Γ below the diagonal and 0
+    elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3): what accelerometer p reads beyond its input at the input
+    (i, j, k) − 1, at least and at most [g].
     """
 
     gravity: float
@@ -178,12 +169,8 @@ def _steepness(correction: Correction) -> float:
 class Levelling:
     """Error of the vertical that readings at rest give, in each row [rad].
 
-    Attributes
-    ----------
-    before : (N,) array
-        angle between the readings as they are and as corrected
-    after : (N,) array
-        guaranteed: the corrected readings are not further from the truth
+    `before` (N,) is the angle between the readings as they are and as corrected; `after` (N,) is guaranteed: the
+    corrected readings are not further from the truth.
     """
 
     before: NDArray

@@ -62,28 +62,14 @@ def fit(
     bounds: tuple[float, float],
     extent: NDArray,
 ) -> Linearisation:
-    """Fit the exact model by least squares, relinearising to convergence, and linearise at the fit.
+    """Fit the exact model to readings (N, 3) over g by least squares, relinearising to convergence; linear at the fit.
 
-    The first estimate is from measurements whose sign is certain by (1.7); then all are used, with the signs of the
-    inputs from the estimate. Where the estimate leaves a sign open the bound is widened by |Γ⁺ − Γ⁻| |n|. Directions
-    of the parameters that the measurements leave open stay at zero, and the bounds are widened by what they may do.
+    The first estimate is from measurements whose sign is certain by (1.7), with its `bounds` u^max and v^0max; then all
+    are used, with the signs of the inputs from the estimate. Where the estimate leaves a sign open the bound, σ as a
+    fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Directions of the parameters that the measurements leave open stay at
+    zero, and the bounds are widened by what they may do, each at most of its `extent` (P,).
 
-    Parameters
-    ----------
-    parametrisation, positions
-    reading : (N, 3) array
-        readings over g
-    noise_bound : float
-        σ, as a fraction of g
-    bounds : (float, float)
-        u^max and v^0max of (1.7)
-    extent : (P,) array
-        how large each parameter may be where the measurements leave it open
-
-    Raises
-    ------
-    InputError
-        when the fit does not converge
+    An InputError when the fit does not converge.
     """
     bound = np.full(reading.size, noise_bound)
     matrices = parametrisation.matrices[positions.mounting]
@@ -162,25 +148,14 @@ class _Problem:
 
 
 def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
-    """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
+    """Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
+
+    What to add to the bound of each measurement (3 N,), as a fraction of g; `certain` (N, 3) is where the sign was
+    certain before anything was known, by the `bounds` u^max and v^0max of (1.7).
 
     At first (1.7) says how far an input may be from its estimate. With the bounds that follow, all measurements
     together say it better, by any weights that are unbiased (those of least squares are at hand), and so on until
     nothing is gained: truth is within the bounds of the readings at every step, the fit within its residuals.
-
-    Parameters
-    ----------
-    here : Linearisation
-        at the fit
-    certain : (N, 3) array of bool
-        where the sign was certain before anything was known
-    noise_bound, bounds
-        σ, as a fraction of g; u^max and v^0max of (1.7)
-
-    Returns
-    -------
-    (3 N,) array
-        what to add to the bound of each measurement, as a fraction of g
     """
     extra = np.zeros(here.input.shape)
     if certain.all():

@@ -8,6 +8,7 @@ weights are unit vectors and any other linear combination is a short sum.
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import atan, cos, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
@@ -97,24 +98,11 @@ def mountings_of(given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
 
 
 def mountings_for(record: PositionRecord, given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
-    """The matrix of every mounting of a record, in the order in which they first appear.
+    """The matrix (3, 3) of every mounting of a record, in the order in which they first appear.
 
-    Parameters
-    ----------
-    record : PositionRecord
-        its `mounting` column, where it has one, names the mountings
-    given : mapping or str
-        matrices by name, a preset's name, or the path of a TOML file
-
-    Returns
-    -------
-    dict of str to (3, 3) array
-        one entry when the record has no `mounting` column
-
-    Raises
-    ------
-    InputError
-        for an unreadable file, a matrix that is no rotation, a mounting of the record without a matrix
+    The record's `mounting` column, where it has one, names them; else there is one entry. Given are matrices by name, a
+    preset's name, or the path of a TOML file. An InputError for an unreadable file, a matrix that is no rotation, a
+    mounting of the record without a matrix.
     """
     option = given if isinstance(given, str) else ""
     preset, source = option in PRESETS, f"--mounting {option}" if option else "mounting"
@@ -152,18 +140,9 @@ def mountings_for(record: PositionRecord, given: Mapping[str, ArrayLike] | str) 
 class Parametrisation:
     """Parameters of the fit.
 
-    Attributes
-    ----------
-    symbols : tuple of str
-        one for each of the P parameters, `X8@name` where there are several mountings
-    mountings : tuple of str
-        names of the K mountings
-    matrices : (K, 3, 3) array
-        Q of each
-    selection : (K, 18, P) array
-        the 18 targets of each mounting are `selection[k] @ parameters`
-    symmetric : bool
-        one scale factor for each accelerometer
+    `symbols` are the names of the P parameters, `X8@name` where there are several mountings; `matrices` (K, 3, 3) are
+    the Q of the K mountings; the 18 targets of each are `selection[k] @ parameters`, `selection` (K, 18, P). The
+    symmetric baseline has one scale factor for each accelerometer.
     """
 
     symbols: tuple[str, ...]
@@ -175,22 +154,30 @@ class Parametrisation:
 
 @dataclass(frozen=True)
 class Positions:
-    """Table positions at which the block was, or might be, read.
+    """N table positions at which the block was, or might be, read.
 
-    Attributes
-    ----------
-    alpha, beta : (N,) array
-        encoder readings [rad]
-    mounting : (N,) array of int
-        index into the mountings of the parametrisation
-    tilts : (N, 2) array or None
-        small turns [rad] by which κ and ε differ from the parameters' at each position; none by default
+    `alpha`, `beta` (N,) are encoder readings [rad], `mounting` (N,) indices into the mountings of the parametrisation,
+    `tilts` (N, 2) small turns [rad] by which κ and ε differ from the parameters' at each position; none by default.
     """
 
     alpha: NDArray
     beta: NDArray
     mounting: NDArray
     tilts: NDArray | None = None
+
+
+def every_position(p: Parametrisation, angles: NDArray) -> Positions:
+    """Every pair of angles [rad] with every mounting."""
+    grids = np.meshgrid(angles, angles, range(len(p.mountings)), indexing="ij")
+    alpha, beta, mounting = (grid.ravel() for grid in grids)
+    return Positions(alpha, beta, mounting.astype(int))
+
+
+def table_position(p: Parametrisation, at: Positions, row: int, digits: int = 12) -> dict[str, Any]:
+    """One of the positions as results write it: angles of the table [deg], and the mounting where there are several."""
+    alpha, beta = np.round(np.degrees([at.alpha[row], at.beta[row]]), digits).tolist()
+    angles = {"alpha_deg": alpha, "beta_deg": beta}
+    return angles | ({"mounting": p.mountings[int(at.mounting[row])]} if len(p.mountings) > 1 else {})
 
 
 def parametrise(mountings: Mapping[str, ArrayLike], *, symmetric: bool = False) -> Parametrisation:
@@ -253,46 +240,33 @@ class Linearisation:
 
     Measurements are ordered position by position, accelerometers 1, 2, 3 within each: M = 3 N.
 
-    Attributes
-    ----------
-    parametrisation : Parametrisation
-        the parameters and the mountings
-    positions : Positions
-        angles [rad] and mountings of the N positions
-    reading : (N, 3) array
-        readings over g
-    point : (P,) array
-        X̂, in the order of `parametrisation.symbols`
-    prediction : (N, 3) array
-        exact readings over g at the point
-    residual : (M,) array
-        reading less prediction
-    jacobian : (M, P) array
-        exact derivatives of the prediction
-    bound : (M,) array
-        σ, or more where the sign of the input is open, as fractions of g
-    position, accelerometer : (M,) arrays of int
-        index of the row in the record from 0, and accelerometer from 1
-    input, sign : (N, 3) array
-        inputs of the accelerometers [g] at the point, and the sign (+1, -1) that chose each scale factor
-    span : (P, rank) array
-        orthonormal basis of what the measurements determine, for an aligned bench or, when that is everything, at
-        the point; the identity when they determine everything
+    `reading` (N, 3) are the readings over g, `point` (P,) is X̂, in the order of `symbols`; `residual` (M,) is reading
+    less prediction, `jacobian` (M, P) has the exact derivatives of the prediction; `bound` (M,) is σ, or more where the
+    sign of the input is open, as fractions of g; `sign` (N, 3) of the inputs, +1 or -1, chose each scale factor.
+
+    `span` (P, rank) is an orthonormal basis of what the measurements determine, for an aligned bench or, when that is
+    everything, at the point; the identity when they determine everything.
     """
 
     parametrisation: Parametrisation
     positions: Positions
     reading: NDArray
     point: NDArray
-    prediction: NDArray
     residual: NDArray
     jacobian: NDArray
     bound: NDArray
-    position: NDArray
-    accelerometer: NDArray
-    input: NDArray
     sign: NDArray
     span: NDArray
+
+    @cached_property
+    def prediction(self) -> NDArray:
+        """Exact readings over g (N, 3) at the point."""
+        return predicted_reading(self.parametrisation, self.point, self.positions, self.sign)
+
+    @cached_property
+    def input(self) -> NDArray:
+        """Inputs of the accelerometers (N, 3) [g] at the point."""
+        return predicted_input(self.parametrisation, self.point, self.positions)
 
     @property
     def deficient(self) -> bool:
@@ -321,29 +295,14 @@ def linearise(
 
     The signs (N, 3) of the inputs are by default those at the point.
     """
-    n = predicted_input(parametrisation, point, positions)
-    sign = np.where(n >= 0.0, 1, -1) if sign is None else sign
-    prediction = predicted_reading(parametrisation, point, positions, sign)
+    if sign is None:
+        sign = np.where(predicted_input(parametrisation, point, positions) >= 0.0, 1, -1)
+    residual = (reading - predicted_reading(parametrisation, point, positions, sign)).ravel()
     jacobian = reading_jacobian(parametrisation, point, positions, sign).reshape(-1, len(point))
     span = determined(nominal_jacobian(parametrisation, positions), float(bound.min()))
     if span.shape[1] == len(point):
         span = determined(jacobian, float(bound.min()))
-    count = len(reading)
-    return Linearisation(
-        parametrisation,
-        positions,
-        reading,
-        point,
-        prediction,
-        (reading - prediction).ravel(),
-        jacobian,
-        bound,
-        np.repeat(np.arange(count), 3),
-        np.tile([1, 2, 3], count),
-        n,
-        sign,
-        span,
-    )
+    return Linearisation(parametrisation, positions, reading, point, residual, jacobian, bound, sign, span)
 
 
 def nominal_jacobian(parametrisation: Parametrisation, positions: Positions) -> NDArray:

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import product
 
 import numpy as np
@@ -304,7 +304,7 @@ class Prior:
 class WithPriors(Linearisation):
     """A linearisation with a row for each prior after those of the measurements: 0 = weights'X within its limit.
 
-    `residual`, `jacobian`, `bound` and `span` count the priors; `reading`, `position`, `accelerometer` do not.
+    `residual`, `jacobian`, `bound` and `span` count the priors; `reading` and `sign` do not.
     """
 
     prior: NDArray
@@ -360,7 +360,7 @@ def with_priors(here: Linearisation, priors: Sequence[Prior]) -> Linearisation:
         return here
     rows = np.array([prior.weights for prior in priors])
     jacobian = np.vstack([here.jacobian, rows])
-    values = vars(here) | {
+    values = {own.name: getattr(here, own.name) for own in fields(here)} | {
         "residual": np.append(here.residual, -rows @ here.point),
         "jacobian": jacobian,
         "bound": np.append(here.bound, [prior.limit for prior in priors]),

@@ -57,13 +57,7 @@ def diagnose(
 
 
 def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False) -> Diagnosis:
-    """The diagnosis of evidence, whatever the record.
-
-    Raises
-    ------
-    SolverError
-        where the errors are too large for linear programmes
-    """
+    """The diagnosis of evidence, whatever the record; a SolverError where errors are too large to solve."""
     told: dict[str, Any] = {"evidence": evidence, "causes": (), "extended": None, "gain": None, **evidence.head()}
     if missing := evidence.missing():
         return _result("insufficient", told, missing)
@@ -148,11 +142,8 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
 def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     """Upper bounds of the effects that were not found, each added to the model that explains the record.
 
-    Returns
-    -------
-    tuple of dict
-        effect, where, order, axes, parameter, unit and ``above``: sizes above it are excluded; effects that the record
-        does not bound below their largest possible size are left out
+    Of each parameter with effect, where, order and axes: sizes above ``above`` are excluded; effects that the record
+    does not bound below their largest possible size are left out.
     """
     found, room, count = [], evidence.room(fit), len(fit.at)
     for place, columns in evidence.beside(fit):
@@ -181,12 +172,9 @@ def largest_size(possible: Possible, column: int, name: str) -> float:
 def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...]:
     """How much of the residual a smooth function of one quantity predicts at readings that it was not fitted to.
 
-    Returns
-    -------
-    tuple of dict
-        the label of the component, ``on``: the quantity, ``explained``: the part of the residual's sum of squares that
-        is predicted when each reading is left out in turn; ``explainable``: the part that is more than noise within
-        the bound, uniform, would be on average. The most telling quantity first, then those of several variables
+    Of each component, by its label, and quantity ``on``: ``explained``, the part of the residual's sum of squares that
+    is predicted when each reading is left out in turn; ``explainable``, the part that is more than noise within the
+    bound, uniform, would be on average. The most telling quantity first, then those of several variables.
     """
     found, joint = [], []
     for channel in channels:

@@ -29,14 +29,9 @@ SHOWN = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The smallest sets that explain a record.
+    """The smallest sets that explain a record, the least radius first; the model without effects where it stands.
 
-    Attributes
-    ----------
-    fits : tuple of Fit
-        the least radius first; the model without effects where it stands
-    complete : bool
-        whether they are all; else the search was cut off
+    `complete`: whether they are all; else the search was cut off.
     """
 
     fits: tuple[Fit, ...]
@@ -101,13 +96,10 @@ def compared_places(
 
 
 def likeness(evidence: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-    """Cosines of the least angles between what linear effects add to the model on a record's rows.
+    """Cosines (K, K) of the least angles between what linear effects add to the model on a record's rows.
 
-    Returns
-    -------
-    (K, K) array
-        1 where one can be sized to look just like the other, 0 where nothing of it can; a row of zeros for an effect
-        that adds nothing here
+    1 where one can be sized to look just like the other, 0 where nothing of it can; a row of zeros for an effect that
+    adds nothing here.
     """
     spaces = spaces_beyond(evidence.nominal, [evidence.columns_of([place]) for place in places])
     return np.array([[cosine(a, b) for b in spaces] for a in spaces]).reshape(len(spaces), len(spaces))

@@ -18,7 +18,16 @@ from ...models.bench import TARGETS, admissible
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Possible, least_largest
 from ..bounded.sets import column_space, cosine, spaces_beyond
-from ..calibration.model import PRESETS, Parametrisation, Positions, parametrise, predicted_input, reading_jacobian
+from ..calibration.model import (
+    PRESETS,
+    Parametrisation,
+    Positions,
+    every_position,
+    parametrise,
+    predicted_input,
+    reading_jacobian,
+    table_position,
+)
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, readings_at, signature_columns
@@ -125,12 +134,7 @@ def separating_positions(
             names[row] = list(dict.fromkeys((*names.get(row, ()), first.fit.title, second.fit.title)))
     positions = []
     for row, distance in apart.items():
-        position: dict[str, Any] = {
-            "alpha_deg": float(np.round(np.degrees(at.alpha[row]), 6)),
-            "beta_deg": float(np.round(np.degrees(at.beta[row]), 6)),
-        }
-        if len(p.mountings) > 1:
-            position["mounting"] = p.mountings[int(at.mounting[row])]
+        position = table_position(p, at, row, digits=6)
         if sided:
             position["approach_alpha"] = int(visits.circumstances.sense_alpha[row])
             position["approach_beta"] = int(visits.circumstances.sense_beta[row])
@@ -186,7 +190,7 @@ def _possible_visits(
 ) -> tuple[Visits, bool]:
     """A grid of positions with every mounting and those where outliers would be; and whether senses are in it."""
     p, circumstances = measured.parametrisation, measured.circumstances
-    grid = dense_positions(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
+    grid = every_position(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
     outliers = {place for fit in fits for place in fit.places if place.effect == "outlier"}
     rows = sorted({int(place.where.removeprefix("position-")) - 1 for place in outliers})
     own = measured.at
@@ -217,13 +221,6 @@ def _possible_visits(
 # Mountings
 
 
-def dense_positions(p: Parametrisation, angles: NDArray) -> Positions:
-    """Every pair of angles [rad] with every mounting."""
-    grids = np.meshgrid(angles, angles, range(len(p.mountings)), indexing="ij")
-    alpha, beta, mounting = (grid.ravel() for grid in grids)
-    return Positions(alpha, beta, mounting.astype(int))
-
-
 def dense_spaces(p: Parametrisation, places: Sequence[EffectPlace]) -> list[NDArray]:
     """What each effect's signature adds to the nominal model over a dense set of positions, as orthonormal columns.
 
@@ -231,7 +228,7 @@ def dense_spaces(p: Parametrisation, places: Sequence[EffectPlace]) -> list[NDAr
     order that no angle follows. To first order: the model is linearised at a faultless bench.
     """
     angles = np.radians(np.arange(0.5 * DENSE_STEP_DEG, 360.0, DENSE_STEP_DEG))
-    at, point = dense_positions(p, angles), np.zeros(len(p.symbols))
+    at, point = every_position(p, angles), np.zeros(len(p.symbols))
     bench = reading_jacobian(p, point, at).reshape(3 * len(at.alpha), -1)
     index = np.arange(len(at.alpha))
     # Fractional parts of multiples of irrational numbers fill the unit interval evenly and are unrelated.

@@ -3,7 +3,7 @@
 The simulation is run about the calibrated block, and once more about one large effect.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
@@ -20,8 +20,8 @@ from ..motion.norm import LARGEST, NAMES, inputs_of
 from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
 from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
-from .evidence import Evidence, estimated
-from .fit import coefficient_count
+from .evidence import estimated
+from .fit import blocks_of, coefficient_count
 from .references import (
     FEWEST_WINDOWS,
     LENGTHS,
@@ -118,31 +118,19 @@ def warnings_of(found: Inspection) -> tuple[str, ...]:
     return (*found.record.warnings, *said)
 
 
-def gyro_places(motion: Motion, own: Sequence[EffectPlace]) -> list[EffectPlace]:
-    """Effects of the gyros that can be tried beside those of the model."""
-    told = [e for e in STRAPDOWN_EFFECTS.values() if "temperature" not in e.needs or motion.temperature is not None]
-    return [place for effect in told if effect.variants is None for place in effect.places if place not in own]
-
-
-def force_places(motion: Motion) -> list[EffectPlace]:
-    """Linear static effects of the accelerometers."""
-    told = [e for e in POSITION_EFFECTS.values() if "temperature" not in e.needs or motion.temperature is not None]
-    own = [e for e in told if e.component == "AccelerometerBlock" and e.variants is None and e.untold is None]
-    return [place for effect in own for place in effect.places]
+def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
+    """Places of those effects that are linear and whose circumstances the record tells."""
+    told = [e for e in effects if "temperature" not in e.needs or motion.temperature is not None]
+    return [place for effect in told if effect.variants is None for place in effect.places]
 
 
 def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous") -> Carried:
     """The evidence of a record about its calibrated block; against the true attitude where the record has it.
 
-    Parameters
-    ----------
-    found : Inspection
-        without true attitude: with a consistent or falsified norm calibration
-    block : "calibrated" or "nominal"
-        whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
-        where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else
-    rates : str
-        as for `motion_of`
+    A record without true attitude has a consistent or falsified norm calibration. `block`, "calibrated" or "nominal",
+    says whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
+    where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else. `rates` is as
+    for `motion_of`.
     """
     motion = motion_of(found.record, found.sampling, found.gravity, rates)
     x, model, own = np.zeros(0), GyroModel(bias=rest_mean(found)), (BIAS, SCALE) if block == "calibrated" else ()
@@ -155,13 +143,17 @@ def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous")
 
     def about(x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
         """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
-        gyros = gyro_places(motion, own) if tried else []
-        forces = force_places(motion) if tried and len(x) else []
+        gyros = [p for p in linear_places(STRAPDOWN_EFFECTS.values(), motion) if tried and p not in own]
+        static = [e for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock" and e.untold is None]
+        forces = linear_places(static, motion) if tried and len(x) else []
         attitude, at_rest = carried_attitude(motion, model, found.gravity), None
         integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
         if not own:
-            at_rest = added_at_rest(found, motion, model, gyros)
-            integral = integral - integral[..., _columns(gyros, [BIAS])] @ at_rest
+            bias = blocks_of(gyros)[gyros.index(BIAS)]
+            at_rest = means_at_rest(motion, model, gyros, found.rests.rows)
+            # That of the bias is in the mean already.
+            at_rest[:, bias] = 0.0
+            integral = integral - integral[..., bias] @ at_rest
         run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
         parts = reference.parts(run, x, forces) if isinstance(reference, Gravity) else reference.parts(run)
         names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
@@ -216,22 +208,6 @@ def rest_mean(found: Inspection) -> NDArray[np.float64]:
     return lengths @ found.rests.rate / lengths.sum()
 
 
-def added_at_rest(
-    found: Inspection, motion: Motion, model: GyroModel, places: Sequence[EffectPlace]
-) -> NDArray[np.float64]:
-    """What each coefficient (3, K) adds to the mean at rest that is taken out; that of the bias adds none."""
-    others = [place for place in places if place != BIAS]
-    added = np.zeros((3, sum(coefficient_count(place) for place in places)))
-    if others:
-        added[:, _columns(places, others)] = means_at_rest(motion, model, others, found.rests.rows)
-    return added
-
-
-def _columns(places: Sequence[EffectPlace], wanted: Sequence[EffectPlace]) -> NDArray[np.int_]:
-    """The columns of some of the effects."""
-    return Evidence((), (), np.zeros(0), tuple(places)).numbers_of(wanted)
-
-
 def about_main_effect(made: Carried) -> Carried:
     """The evidence about the effect that makes most of its errors; as it is where none does.
 
@@ -273,14 +249,7 @@ def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArra
     """The evidence about effects of the gyros of such sizes: the second order of their run is in the errors.
 
     The errors are those of a run with the effects, and what these do to first order is added again: as if they acted
-    linearly.
-
-    Parameters
-    ----------
-    made : Carried
-    places : sequence of EffectPlace
-    solution : (P + k,) array
-        steps of the model's parameters and the effects' coefficients
+    linearly. A solution (P + k,) are steps of the model's parameters and the effects' coefficients.
     """
     count = len(made.names)
     step, size = solution[:count], solution[count:]
@@ -340,12 +309,9 @@ def of_windows(made: Carried, kept: Sequence[NDArray]) -> Carried:
 
 
 def check_record(found: Inspection) -> None:
-    """Refuse a record whose parts cannot belong together.
+    """Refuse a record whose parts cannot belong together; one line says why.
 
-    Raises
-    ------
-    InputError
-        one line: gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves
+    Gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves.
     """
     path = found.record.path
     said = truth_check(found) or found.turning.said
