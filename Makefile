@@ -16,8 +16,9 @@ PYTEST = $(BIN)/python -m pytest -c tests/pytest.ini --rootdir tests
 demo: $(READY)
 	$(BIN)/trihedron demo --out demo-results
 
+# A file stays with one worker: what its tests share is made once.
 test: $(READY)
-	$(PYTEST) tests -n $(WORKERS) -m "not acceptance and not benchmark_ratio"
+	$(PYTEST) tests -n $(WORKERS) --dist loadscope -m "not acceptance and not benchmark_ratio"
 
 acceptance: $(READY)
 	$(PYTEST) tests -n $(WORKERS) -m acceptance -s

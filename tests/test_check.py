@@ -216,12 +216,6 @@ def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
     assert (checked.good, checked.kind) == (True, "SSP archive"), str(checked)
 
 
-def test_a_misspelt_file_names_the_nearest(tmp_path: Path):
-    written(tmp_path, "", "scenario.toml")
-    with pytest.raises(th.InputError, match=r"scenari\.toml: no such file; did you mean 'scenario\.toml'\?"):
-        th.check(tmp_path / "scenari.toml")
-
-
 def test_lines_of_toml_are_those_of_every_table_and_key():
     """Against the structure that tomllib reads: every location is found, and the key stands in its line."""
     text = (

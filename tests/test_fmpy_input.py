@@ -102,12 +102,3 @@ def test_records_that_have_no_steps_are_refused(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("\n".join(["time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2", *rows, ""]))
     with pytest.raises(InputError, match=r"r\.csv, row 4: is 0\.5 rows off a uniform sampling of 0\.1 s"):
         write_fmpy_input(tmp_path / "r.csv", tmp_path / "out.csv")
-
-
-def test_one_call_gives_the_run_as_a_table(tmp_path: Path) -> None:
-    scenarios = Path(__file__).resolve().parents[1] / "scenarios"
-    table = th.simulate(scenarios / "table-attitude.toml", out=tmp_path / "run").to_polars()
-    assert table.equals(pl.read_csv(tmp_path / "run" / "run.csv", schema=table.schema))
-    assert table.height == 1201
-    with pytest.raises(InputError, match=r"^run\.step: unknown key; did you mean 'step_s'\?$"):
-        th.simulate({"run": {"step": 1.0, "step_s": 1.0}, "fmus": {"t": {"component": "TurntableMotion"}}})

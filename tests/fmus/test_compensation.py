@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,14 +48,6 @@ def test_signs_that_the_readings_do_not_show():
         reading, recovered = there_and_back(parameters, force)
         np.testing.assert_allclose(recovered, force, rtol=0, atol=1e-13)
     assert (np.sign(reading) == np.sign(force)).tolist() == [False, True, True]
-
-
-def test_the_scale_factor_of_each_sign_counts():
-    for sign, scale in ((1.0, 0.01), (-1.0, -0.02)):
-        parameters = {"scale_error_plus[3]": 0.01, "scale_error_minus[3]": -0.02}
-        reading, recovered = there_and_back(parameters, (0.0, 0.0, sign * GRAVITY))
-        assert reading[2] == pytest.approx(sign * GRAVITY * (1 + scale), rel=1e-15)
-        assert recovered[2] == pytest.approx(sign * GRAVITY, rel=1e-15)
 
 
 def test_errors_without_a_certain_inverse_are_refused():

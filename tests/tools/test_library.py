@@ -92,8 +92,6 @@ def test_results_show_themselves(run, hidden, tmp_path):
     results = [
         run,
         calibration,
-        th.diagnose(hidden.record, noise_bound=1e-5),
-        th.plan("X4", grid=5.0),
         th.plan_positions(6, starts=1, cuts=0),
         th.export("AccelerometerBlock", out=tmp_path),
         th.apply(calibration, tmp_path / "r.csv"),

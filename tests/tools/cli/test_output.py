@@ -7,10 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from trihedron.models.bench import elementary, elementary_reading
+from simulated_bench import simulated
 from trihedron.tools import cli
+from trihedron.tools.records import write_record
 
 PROGRAM = [sys.executable, "-m", "trihedron.tools.cli"]
 
@@ -18,17 +20,8 @@ PROGRAM = [sys.executable, "-m", "trihedron.tools.cli"]
 @pytest.fixture
 def record(tmp_path, monkeypatch) -> Path:
     """A record of a faultless bench, in the current folder."""
-    import numpy as np
-
     monkeypatch.chdir(tmp_path)
-    angles = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
-    alpha, beta = np.radians(np.array(angles, dtype=float)).T
-    reading = 9.80665 * elementary_reading(elementary(), alpha, beta, np.eye(3))
-    lines = ["position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"]
-    for k, ((a, b), f) in enumerate(zip(angles, reading, strict=True)):
-        lines.append(f"{k + 1},{60 * k},{a},{b},{f[0]:.9f},{f[1]:.9f},{f[2]:.9f}")
-    path = tmp_path / "record.csv"
-    path.write_text("\n".join(lines) + "\n")
+    write_record(simulated(np.zeros(24)), tmp_path / "record.csv")
     return Path("record.csv")
 
 

@@ -34,9 +34,8 @@ def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None)
     return Witness.of(next(evidence.trials(evidence.refit(case.places if place is None else [place]))))
 
 
-@pytest.mark.parametrize("seed", [501, 502])
-def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not(seed):
-    witness = judged(seed)
+def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not():
+    witness = judged(501)
     assert witness.folds is not None
     assert witness.folds.rms_after < NOISE_BOUND < witness.folds.rms_before
     assert witness.shuffles is not None

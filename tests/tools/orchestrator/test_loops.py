@@ -216,9 +216,9 @@ def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch
 
 
 def test_a_record_with_strings_runs_as_plain_python(foreign: Path) -> None:
-    fmus = {"g": {**GAIN, "parameters": {"label": "a "}}}
-    table = run(foreign, fmus, stimuli=[{"to": "g.word", "constant": "b"}]).table
-    assert table["g.said"].to_list() == ["a b"] * 11
+    fmus = {"g": {**GAIN, "parameters": {"label": "größe "}}, "h": GAIN}
+    table = run(foreign, fmus, connections=wires("g.said -> h.word"), stimuli=[{"to": "g.word", "constant": "µ"}]).table
+    assert table["h.said"].to_list() == ["nonegröße µ"] * 11
 
 
 NATIVE = """<?xml version="1.0" encoding="UTF-8"?>

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import os
 import re
 import signal
@@ -58,23 +57,6 @@ def test_initial_outputs_are_passed_on_in_initialisation_and_before_the_first_st
     assert table["second.y[1]"][0] == 6.0
     assert table["sum.at_first"][0] == 6.0
     assert table["sum.total"].to_list() == [6.0 * k for k in range(11)]
-
-
-def test_every_type_is_set_passed_on_and_recorded(foreign: Path) -> None:
-    parameters = {"gain": 2, "times": 3, "inverted": True, "label": "größe "}
-    fmus = {"first": {**GAIN, "parameters": parameters}, "second": GAIN}
-    ends = {"y": "u", "counted": "count", "marked": "mark", "said": "word"}
-    connections = wires(*(f"first.{output} -> second.{given}" for output, given in ends.items()))
-    constants = {"u": [1.5, -2.0], "count": 7, "mark": False, "word": "µ"}
-    stimuli = [{"to": f"first.{name}", "constant": value} for name, value in constants.items()]
-    table = run(foreign, fmus, connections=connections, stimuli=stimuli).table
-    for row in (0, 1, 10):
-        found = table.row(row, named=True)
-        assert (found["second.y[1]"], found["second.y[2]"]) == (-9.0, 12.0)
-        assert (found["second.counted"], found["second.marked"]) == (21, True)
-        assert (found["first.said"], found["second.said"]) == ("größe µ", "nonegröße µ")
-    assert table.schema["second.counted"] == pl.Int32
-    assert table.schema["second.marked"] == pl.Boolean
 
 
 def test_two_instances_of_one_file_are_independent(foreign: Path) -> None:
@@ -169,14 +151,6 @@ def test_the_same_scenario_gives_the_same_bytes(foreign: Path, tmp_path: Path, f
     assert {p.name for p in tmp_path.iterdir()} == {"a", "b"}
 
 
-def test_a_long_run_keeps_its_last_tick(foreign: Path) -> None:
-    """0.1 is no binary fraction; the last row is at the stop time all the same."""
-    setting = {"stop_s": 2000.0, "step_s": 0.1}
-    table = run(foreign, {"clock": CLOCK}, run=setting, record={"every": 20_000}).table
-    assert math.isclose(table["time_s"][-1], 2000.0, rel_tol=1e-15)
-    assert table["clock.count"][-1] == 20_000
-
-
 @pytest.mark.parametrize(
     ("way", "says"),
     [
@@ -196,12 +170,6 @@ def test_an_fmu_that_fails(foreign: Path, way: str, says: str) -> None:
     assert said.startswith("FMU 'pump' (Failing.fmu): ")
     pattern = says if ".*" in says else re.escape(says)
     assert re.search(pattern, said), said
-
-
-def test_an_fmu_runs_again_after_it_has_failed(foreign: Path) -> None:
-    for way in ("raises", "nan"):
-        refusal(foreign, {"pump": {**FAILING, "parameters": {"way": WAYS[way]}}})
-    assert run(foreign, {"pump": FAILING}).table["pump.y"][-1] == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize(

@@ -193,46 +193,21 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
 
 def test_by_commands(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "positions.csv").write_text("alpha_deg,beta_deg\n0,0\n10,20\n30,-40\n")
-    (tmp_path / "bench.toml").write_text(
-        """schema = "trihedron.scenario/1"
-[run]
-step_s = 0.1
-[fmus.table]
-component = "TurntableMotion"
-[fmus.block]
-component = "AccelerometerBlock"
-[[connections]]
-from = "table.specific_force"
-to = "block.specific_force"
-[[stimuli]]
-to = "table.command"
-programme = "positions.csv"
-dwell_s = 5
-[record]
-format = "csv"
-[record.columns]
-alpha_deg = "table.angle_reading[1]"
-beta_deg = "table.angle_reading[2]"
-f1_mps2 = "block.reading[1]"
-f2_mps2 = "block.reading[2]"
-f3_mps2 = "block.reading[3]"
-"""
-    )
+    th.new("scenario", "bench.toml", positions=6)
     assert cli.main(["export-ssp", "bench.toml", "--out", "bench.ssp"]) == 0
     assert cli.main(["simulate", "bench.toml", "--out", "direct"]) == 0
     assert cli.main(["simulate", "bench.ssp", "--out", "through"]) == 0
     assert capsys.readouterr().out.split()[0] == "bench.ssp"
-    for name in ("run.csv", "positions.csv"):
+    for name in ("run.parquet", "positions.csv"):
         assert Path("through", name).read_bytes() == Path("direct", name).read_bytes()
     assert json.loads(Path("through/run.json").read_text())["steps"] > 100
     assert cli.main(["simulate", "bench.toml", "--step", "0.1"]) == 2
     assert "--step: belongs to an .ssp" in capsys.readouterr().err
     assert cli.main(["export-ssp", "bench.toml", "--out", "bench.toml"]) == 2
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "bench-positions.csv",
         "bench.ssp",
         "bench.toml",
         "direct",
-        "positions.csv",
         "through",
-    ]
+    }
