@@ -6,85 +6,35 @@ For weights w ≥ 0 with sum 1 and rows in units of their bounds, radius² ≥ m
 columns that are always there projected out once, that minimum costs a few small numbers for each set of further
 columns: this is what settles a hundred thousand sets in seconds. Lawson's algorithm (weights grow where residuals are
 large) makes the bound sharp.
+
+A set is for compiled code a row of five whole numbers: up to three candidates, then up to two readings that are left
+out; -1 stands for none. Deleting reading a of weight w_a, residual r and leverage h takes r²/(1 - h) off the weighted
+sum of squares, and the others' weights then sum to 1 - w_a; two readings have a formula of order two.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
-from .programmes import chebyshev_radius
+from ..compiled import compiled_and_kept
+from .programmes import chebyshev_radius, column_space
 
-DETERMINED = 1e-8
-"""Directions whose singular value is below this part of the largest are not determined."""
-SAME_SPACE = 1e-7
-"""Largest sine of an angle between two spaces that are called the same."""
-IMITATED = 1e-7
-"""Columns of which so little is left, relatively, are imitated."""
-DEPENDENT = 1e-9
-"""A direction of columns, each of size one, that is so small is none."""
 MAX_SET = 3
 MOST_OUTLIERS = 2
 FEW = 32
 """For so few sets their own bounds cost less than another projection."""
 ROUNDS_AT_FIRST = (2, 6, 12)
 """Rounds of Lawson's algorithm for the nominal model, one after the other: every set is tried with their weights."""
-
-
-def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
-    """The x (n,) of least sum of squares of target (M,) - matrix (M, n) x; what is not determined stays at zero.
-
-    The units of the matrix's columns do not matter.
-    """
-    size = np.linalg.norm(matrix, axis=0)
-    size[size == 0.0] = 1.0
-    u, values, directions = np.linalg.svd(matrix / size, full_matrices=False)
-    kept = values > DETERMINED * values.max(initial=0.0)
-    return (directions[kept].T @ ((u[:, kept].T @ target) / values[kept])) / size
-
-
-def column_space(columns: NDArray) -> NDArray[np.float64]:
-    """Orthonormal basis of the space that columns span; their units do not matter."""
-    size = np.linalg.norm(columns, axis=0)
-    u, values, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    return u[:, values > DEPENDENT * values.max(initial=0.0)] if values.max(initial=0.0) > 0.0 else u[:, :0]
-
-
-def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[np.float64]]:
-    """What blocks of columns (M, k) add to the space of other columns (M, P), as orthonormal columns."""
-    base = column_space(imitated)
-    spaces = []
-    for block in blocks:
-        left = block - base @ (base.T @ block)
-        left[:, np.linalg.norm(left, axis=0) < IMITATED * np.linalg.norm(block, axis=0)] = 0.0
-        spaces.append(column_space(left))
-    return spaces
-
-
-def same_space(a: NDArray, b: NDArray) -> bool:
-    """Whether two orthonormal bases span the same space."""
-    return a.shape == b.shape and float(np.linalg.norm(a - b @ (b.T @ a), 2)) < SAME_SPACE
-
-
-def cosine(a: NDArray, b: NDArray) -> float:
-    """Cosine of the least angle between the spaces of two orthonormal bases; 0 where one is empty."""
-    return min(1.0, float(np.linalg.norm(a.T @ b, 2))) if a.shape[1] and b.shape[1] else 0.0
-
-
-def spread_directions(count: int, steps: int) -> list[NDArray[np.float64]]:
-    """Unit vectors (count,) spread over all directions; of opposite ones one is enough."""
-    if count == 1:
-        return [np.ones(1)]
-    if count == 2:
-        angles = math.pi * np.arange(steps) / steps
-        return [np.array([math.cos(angle), math.sin(angle)]) for angle in angles]
-    vectors = np.random.default_rng(0).normal(size=(4 * steps, count))
-    return list(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+WIDTH = 5
+MOST_COLUMNS = 32
+"""An effect has at most nine columns, a set at most three effects."""
+REFUSED, ACCEPTED, UNDECIDED = 0, 1, 2
+ROUNDS = 30
+"""Rounds before a set is handed to a linear programme."""
 
 
 @dataclass(frozen=True)
@@ -284,3 +234,283 @@ def linear_radius(problem: Problem, candidate: EffectSet) -> float:
     kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
     columns = np.hstack((problem.nominal, problem.columns[:, problem.columns_of(candidate.effects)]))[kept]
     return chebyshev_radius(columns, problem.residual[kept], np.ones(len(kept)))[0]
+
+
+@compiled_and_kept
+def _append(projection, candidate, factor, count):
+    """Extend a Cholesky factor of so many columns by those of a candidate; dependent ones are passed over."""
+    _, _, _, _, gram, product, starts, sizes = projection
+    chosen, triangle, solved = factor
+    first = starts[candidate]
+    for column in range(first, first + sizes[candidate]):
+        for m in range(count):
+            value = gram[column, chosen[m]]
+            for q in range(m):
+                value -= triangle[count, q] * triangle[m, q]
+            triangle[count, m] = value / triangle[m, m]
+        pivot = gram[column, column]
+        for q in range(count):
+            pivot -= triangle[count, q] * triangle[count, q]
+        if pivot > 1e-9 * gram[column, column] and pivot > 0.0:
+            triangle[count, count] = np.sqrt(pivot)
+            value = product[column]
+            for q in range(count):
+                value -= triangle[count, q] * solved[q]
+            solved[count] = value / triangle[count, count]
+            chosen[count] = column
+            count += 1
+    return count
+
+
+@compiled_and_kept
+def _of_effects(projection, total, candidates, factor):
+    """How many columns candidates (3,) have in their factor, and their squared bound."""
+    count = 0
+    for candidate in candidates:
+        if candidate >= 0:
+            count = _append(projection, candidate, factor, count)
+    square = total
+    for q in range(count):
+        square -= factor[2][q] * factor[2][q]
+    return count, max(0.0, square)
+
+
+@compiled_and_kept
+def _reading(projection, row, factor, count, own):
+    """Residual and leverage of a reading beside the chosen columns; `own` takes its row of these, made orthonormal."""
+    _, basis, residual, columns, _, _, _, _ = projection
+    chosen, triangle, solved = factor
+    left, leverage = residual[row], np.sum(basis[row] * basis[row])
+    for m in range(count):
+        value = columns[row, chosen[m]]
+        for q in range(m):
+            value -= triangle[m, q] * own[q]
+        own[m] = value / triangle[m, m]
+        left -= own[m] * solved[m]
+        leverage += own[m] * own[m]
+    return left, leverage
+
+
+@compiled_and_kept
+def _product(basis, a, b, own, count):
+    """Of the rows of two readings in the space of nominal and chosen columns."""
+    product = 0.0
+    for q in range(count):
+        product += own[a, q] * own[b, q]
+    for q in range(basis.shape[1]):
+        product += basis[a, q] * basis[b, q]
+    return product
+
+
+@compiled_and_kept
+def _without_one(square, residual, leverage, weight):
+    left = 1.0 - leverage
+    if left <= 1e-9 or weight >= 1.0 - 1e-9:
+        return 0.0
+    return max(0.0, square - residual * residual / left) / (1.0 - weight)
+
+
+@compiled_and_kept
+def _without_two(square, residuals, leverages, cross, weight):
+    ra, rb = residuals
+    left_a, left_b = 1.0 - leverages[0], 1.0 - leverages[1]
+    determinant = left_a * left_b - cross * cross
+    if determinant <= 1e-9 or weight >= 1.0 - 1e-9:
+        return 0.0
+    taken = (left_b * ra * ra + left_a * rb * rb + 2.0 * cross * ra * rb) / determinant
+    return max(0.0, square - taken) / (1.0 - weight)
+
+
+@compiled_and_kept
+def bounds_of(sets, projection):
+    """Squared bounds (n,) of sets (n, 5) under one projection.
+
+    A projection is weights, basis, residual, columns, gram, product as `sets.Projection` has them, then the first
+    column and the number of columns of each candidate.
+    """
+    weights, basis, residual = projection[0], projection[1], projection[2]
+    factor, own, total = _room(residual)
+    found = np.empty(len(sets))
+    for n in range(len(sets)):
+        count, square = _of_effects(projection, total, sets[n, :3], factor)
+        a, b = sets[n, 3], sets[n, 4]
+        if a >= 0:
+            ra, ha = _reading(projection, a, factor, count, own[a])
+            if b < 0:
+                square = _without_one(square, ra, ha, weights[a])
+            else:
+                rb, hb = _reading(projection, b, factor, count, own[b])
+                cross = _product(basis, a, b, own, count)
+                square = _without_two(square, (ra, rb), (ha, hb), cross, weights[a] + weights[b])
+        found[n] = square
+    return found
+
+
+@compiled_and_kept
+def _room(residual):
+    """A Cholesky factor of no columns, room for a row of each reading, and the residual's sum of squares."""
+    factor = np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
+    total = 0.0
+    for value in residual:
+        total += value * value
+    return factor, np.zeros((len(residual), MOST_COLUMNS)), total
+
+
+@compiled_and_kept
+def _kept(survivors, count, numbers, a, b):
+    if count == len(survivors):
+        survivors = np.concatenate((survivors, np.empty_like(survivors)))
+    survivors[count] = (numbers[0], numbers[1], numbers[2], a, b)
+    return survivors
+
+
+@compiled_and_kept
+def _surviving(sets, outliers, limit, projection):
+    """Of sets (n, 3) of candidates, each with every choice of so many outliers, those that are not refused."""
+    weights, basis, residual = projection[0], projection[1], projection[2]
+    factor, own, total = _room(residual)
+    rows = len(residual)
+    r, h = np.empty(rows), np.empty(rows)
+    survivors, found = np.empty((1024, WIDTH), dtype=np.int64), 0
+    for numbers in sets:
+        count, square = _of_effects(projection, total, numbers, factor)
+        if outliers == 0:
+            if square <= limit:
+                survivors = _kept(survivors, found, numbers, -1, -1)
+                found += 1
+            continue
+        for m in range(rows):
+            r[m], h[m] = _reading(projection, m, factor, count, own[m])
+        for a in range(rows):
+            if outliers == 1:
+                if _without_one(square, r[a], h[a], weights[a]) <= limit:
+                    survivors = _kept(survivors, found, numbers, a, -1)
+                    found += 1
+                continue
+            for b in range(a + 1, rows):
+                # The smallest eigenvalue of the formula's matrix is not below this.
+                left = 1.0 - h[a] - h[b]
+                weight = weights[a] + weights[b]
+                if left > 1e-6 and square - (r[a] * r[a] + r[b] * r[b]) / left > limit * (1.0 - weight):
+                    continue
+                cross = _product(basis, a, b, own, count)
+                if _without_two(square, (r[a], r[b]), (h[a], h[b]), cross, weight) <= limit:
+                    survivors = _kept(survivors, found, numbers, a, b)
+                    found += 1
+    return survivors[:found]
+
+
+def surviving_sets(effects, outliers, limit, projection):
+    """All sets (n, 5) of so many effects and outliers whose squared bound under a projection is not above the limit."""
+    every = list(combinations(range(len(projection[-1])), effects))
+    sets = np.full((len(every), 3), -1)
+    sets[:, :effects] = every
+    return _surviving(sets, outliers, limit, projection)
+
+
+@compiled_and_kept
+def settle(problem, chosen_set, weights, limit):
+    """One set's (REFUSED, ACCEPTED or UNDECIDED, weights (M,) with which it ended).
+
+    A problem is a matrix, the residual, the number of nominal columns, which come first, and the first column after
+    these and the number of columns of each candidate; the chosen set is a row of five.
+    """
+    matrix, residual, always, starts, sizes = problem
+    rows = len(residual)
+    used = np.empty(matrix.shape[1], dtype=np.int64)
+    count = always
+    for k in range(always):
+        used[k] = k
+    for k in range(3):
+        if chosen_set[k] >= 0:
+            for column in range(starts[chosen_set[k]], starts[chosen_set[k]] + sizes[chosen_set[k]]):
+                used[count] = always + column
+                count += 1
+    w = weights.copy()
+    for k in range(3, len(chosen_set)):
+        if chosen_set[k] >= 0:
+            w[chosen_set[k]] = 0.0
+    w /= w.sum()
+    alive = 0
+    for m in range(rows):
+        if w[m] > 0.0:
+            alive += 1
+    normal = np.empty((count, count))
+    right = np.empty(count)
+    x = np.empty(count)
+    misfit = np.empty(rows)
+    for _ in range(ROUNDS):
+        normal[:] = 0.0
+        right[:] = 0.0
+        for m in range(rows):
+            if w[m] > 0.0:
+                for p in range(count):
+                    value = w[m] * matrix[m, used[p]]
+                    right[p] += value * residual[m]
+                    for q in range(p + 1):
+                        normal[p, q] += value * matrix[m, used[q]]
+        _solve(normal, right, x)
+        # Once more with what is left, so that the sum of squares is the least to rounding.
+        for again in range(2):
+            square, largest = 0.0, 0.0
+            right[:] = 0.0
+            for m in range(rows):
+                if w[m] > 0.0:
+                    value = residual[m]
+                    for p in range(count):
+                        value -= matrix[m, used[p]] * x[p]
+                    misfit[m] = value
+                    square += w[m] * value * value
+                    largest = max(largest, abs(value))
+                    if again == 0:
+                        for p in range(count):
+                            right[p] += w[m] * matrix[m, used[p]] * value
+                else:
+                    misfit[m] = 0.0
+            if again == 0:
+                correction = np.empty(count)
+                _substitute(normal, right, correction)
+                x += correction
+        if square > limit:
+            return REFUSED, w
+        if largest <= 1.0:
+            return ACCEPTED, w
+        total = 0.0
+        for m in range(rows):
+            total += w[m] * abs(misfit[m])
+        for m in range(rows):
+            if w[m] > 0.0:
+                w[m] = 0.99 * w[m] * abs(misfit[m]) / total + 0.01 / alive
+    return UNDECIDED, w
+
+
+@compiled_and_kept
+def _solve(normal, right, x):
+    """Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column) and the solution."""
+    count = len(right)
+    for p in range(count):
+        pivot = normal[p, p]
+        size = pivot
+        for q in range(p):
+            value = normal[p, q]
+            for k in range(q):
+                value -= normal[p, k] * normal[q, k]
+            normal[p, q] = value / normal[q, q] if normal[q, q] > 0.0 else 0.0
+            pivot -= normal[p, q] * normal[p, q]
+        normal[p, p] = np.sqrt(pivot) if pivot > 1e-12 * size and pivot > 0.0 else 0.0
+    _substitute(normal, right, x)
+
+
+@compiled_and_kept
+def _substitute(factor, right, x):
+    count = len(right)
+    for p in range(count):
+        value = right[p]
+        for q in range(p):
+            value -= factor[p, q] * x[q]
+        x[p] = value / factor[p, p] if factor[p, p] > 0.0 else 0.0
+    for p in range(count - 1, -1, -1):
+        value = x[p]
+        for q in range(p + 1, count):
+            value -= factor[q, p] * x[q]
+        x[p] = value / factor[p, p] if factor[p, p] > 0.0 else 0.0

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ..bounded.programmes import Interval, chebyshev_radius
-from ..bounded.sets import Problem, column_space, project, sets_of_size
+from ..bounded.programmes import Interval, chebyshev_radius, column_space
+from ..bounded.sets import Problem, project, sets_of_size
 from ..calibration.calibration import (
     STANDARD_BOUNDS,
     Calibration,
@@ -26,21 +26,19 @@ from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
 from ..result import finite_or_none
-from .bench_effects import (
-    Circumstances,
-    added_bound,
-    circumstances_of,
-    is_linear,
-    readings_at,
-    signature_columns,
-)
 from .bench_model import (
     Cast,
+    Circumstances,
     Readings,
     Relaxation,
+    added_bound,
     centre_of,
+    circumstances_of,
     fitted,
+    is_linear,
     predicted_errors,
+    readings_at,
+    signature_columns,
     usual_misfit,
     with_possible_sizes,
 )

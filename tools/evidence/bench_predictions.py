@@ -16,8 +16,7 @@ from scipy.linalg import block_diag
 from ...fmus.parameters import component_parameters
 from ...models.bench import TARGETS, admissible
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Possible, least_largest
-from ..bounded.sets import column_space, cosine, spaces_beyond
+from ..bounded.programmes import Possible, column_space, cosine, least_largest, spaces_beyond
 from ..calibration.model import (
     PRESETS,
     Parametrisation,
@@ -30,8 +29,20 @@ from ..calibration.model import (
 )
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
-from .bench_effects import Circumstances, Visits, acted_on, added_bound, is_linear, readings_at, signature_columns
-from .bench_model import MAX_LEVERAGE, Cast, Readings, fitted, leverages
+from .bench_model import (
+    MAX_LEVERAGE,
+    Cast,
+    Circumstances,
+    Readings,
+    Visits,
+    acted_on,
+    added_bound,
+    fitted,
+    is_linear,
+    leverages,
+    readings_at,
+    signature_columns,
+)
 from .fit import Fit, Gain, composed, gain_of
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Interval, chebyshev_radius
-from ..bounded.sets import Problem, column_space, sets_of_size, spaces_beyond
+from ..bounded.programmes import Interval, chebyshev_radius, column_space, spaces_beyond
+from ..bounded.sets import Problem, sets_of_size
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits
 
 FOLDS = 8

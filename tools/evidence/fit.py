@@ -14,8 +14,7 @@ from pydantic import Field
 from ...fmus import build
 from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.rows import Variant
-from ..bounded.programmes import Interval, Possible, Reach, polar_intervals
-from ..bounded.sets import column_space, same_space
+from ..bounded.programmes import Interval, Possible, Reach, column_space, polar_intervals, same_space
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..diagnosis.procedure import is_stable
 from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOfEffects, Witness
-from ..diagnosis.search import is_stable
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
 from ..files import write_text

@@ -17,7 +17,7 @@ from ...models.bench import ELEMENTARY, elementary, elementary_reading
 from ...models.effects import POSITION_EFFECTS
 from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
-from ..evidence.bench_effects import Circumstances, circumstances_of
+from ..evidence.bench_model import Circumstances, circumstances_of
 from ..evidence.bench_predictions import dense_spaces
 from ..evidence.fit import Classes, composed
 from ..orchestrator import simulate

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ..bounded.programmes import chebyshev_radius
-from ..bounded.sets import column_space, sharpened, spread_directions
+from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
+from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
 from ..diagnosis.result import NamedEffect
-from ..evidence.bench_effects import Circumstances, Visits, acted_on, added_bound, signature_columns
+from ..evidence.bench_model import Circumstances, Visits, acted_on, added_bound, signature_columns
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""

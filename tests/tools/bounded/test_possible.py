@@ -8,8 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from other_solver import farthest
-from trihedron.tools.bounded.programmes import BOUNDING, ENCLOSING, Possible, largest_length, polar_intervals
-from trihedron.tools.bounded.sets import column_space, cosine, least_squares, same_space, spaces_beyond
+from trihedron.tools.bounded.programmes import (
+    BOUNDING,
+    ENCLOSING,
+    Possible,
+    column_space,
+    cosine,
+    largest_length,
+    least_squares,
+    polar_intervals,
+    same_space,
+    spaces_beyond,
+)
 
 
 def problem(seed: int, rows: int = 24, columns: int = 4):

@@ -9,7 +9,7 @@ import pytest
 
 from bench_cases import bench_case
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.tools.bounded.sets import same_space
+from trihedron.tools.bounded.programmes import same_space
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench import bench_evidence

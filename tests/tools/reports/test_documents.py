@@ -16,7 +16,7 @@ from page_text import MAKERS, bent, clean, few, html_of, page_of, shown, text_of
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.search import compared_places, likeness
+from trihedron.tools.diagnosis.procedure import compared_places, likeness
 from trihedron.tools.document.blocks import Page, Section, notebook, text
 from trihedron.tools.document.notation import to_bound, typeset
 from trihedron.tools.evidence.bench import bench_evidence
