@@ -4,35 +4,9 @@
 see ``dir(th)``. Nothing is imported before it is used. Frames and symbols stand in `trihedron.models`.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import tools
-
-if TYPE_CHECKING:
-    from .tools.library import (
-        Check,
-        Exported,
-        InputError,
-        Installation,
-        Simulation,
-        apply,
-        attitude_of_record,
-        calibrate,
-        check,
-        diagnose,
-        doctor,
-        export,
-        hide,
-        inspect,
-        new,
-        plan,
-        plan_positions,
-        read_record,
-        run_campaign,
-        simulate,
-    )
-
-    __version__: str
 
 __all__ = [
     "Check",
@@ -57,6 +31,14 @@ __all__ = [
     "run_campaign",
     "simulate",
 ]
+_TYPES = {
+    "Check": "check",
+    "Exported": "exporting",
+    "InputError": "errors",
+    "Installation": "installation",
+    "Simulation": "orchestrator",
+}
+"""Where the types of results are defined that a user's annotations name."""
 
 
 def __getattr__(name: str) -> Any:
@@ -66,9 +48,9 @@ def __getattr__(name: str) -> Any:
 
         return version("trihedron")
     if name in __all__:
-        from .tools import library
+        from importlib import import_module
 
-        return getattr(library, name)
+        return getattr(import_module(f"trihedron.tools.{_TYPES.get(name, 'library')}"), name)
     raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
 
 

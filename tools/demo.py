@@ -14,9 +14,9 @@ import numpy as np
 import polars as pl
 
 from ..fmus import components
-from ..models.bench import ELEMENTARY, TARGETS, elementary, target_values
+from ..models.bench import TARGETS, target_values
 from .calibration import Calibration, calibrate
-from .diagnosis import Diagnosis, diagnose
+from .diagnosis import diagnose
 from .document.blocks import Page, Section
 from .document.page import html
 from .evidence.fit import export_extended
@@ -29,8 +29,9 @@ from .reports.bench import run_section
 from .reports.calibration import calibration_section
 from .reports.diagnosis import sections_of
 from .reports.inspection import attitude_lines, attitude_section
-from .trials.bench import NOISE_BOUND
+from .trials.bench import NOISE_BOUND, true_elementary
 from .trials.draw import draw_alone
+from .trials.outcome import judged
 from .trials.suite import write_hidden_record
 
 STATIC_CALIBRATION = "static-calibration.toml"
@@ -82,16 +83,16 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     say("3  Measure: a record with one hidden effect comes in")
     measured = out / "measured.csv"
     answer_file = out / "hidden-answer.json"
-    write_hidden_record(draw_alone(seed, effects=EXTENDING_EFFECTS), measured, answer_file, progress=True)
+    case = draw_alone(seed, effects=EXTENDING_EFFECTS)
+    write_hidden_record(case, measured, answer_file, progress=True)
 
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
     diagnosis = diagnose(read_record(measured, PositionRecord), noise_bound=NOISE_BOUND, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = list(export_extended([cause.place for cause in diagnosis.causes], out / "extended").values())
     print(diagnosis)
-    hidden = json.loads(answer_file.read_text(encoding="utf-8"))["hidden"]
-    named = names_the_hidden_effect(diagnosis, hidden)
-    print(f"what was hidden: {words_of(hidden)} -> {'named' if named else 'NOT named'}")
+    hidden, named = words_of(case.answer()["hidden"]), judged(case, diagnosis).outcome == "right"
+    print(f"what was hidden: {hidden} -> {'named' if named else 'NOT named'}")
 
     say("5  Attitude: a real record through the attitude computer")
     attitude = attitude_of_measured_record(out)
@@ -107,7 +108,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
             "A measured record with a hidden effect",
             [
                 "A second bench was simulated with one more piece of physics composed into its FMUs. The diagnosis saw "
-                f"the record alone. What had been hidden: {words_of(hidden)}."
+                f"the record alone. What had been hidden: {hidden}."
             ],
             files=[measured, answer_file],
         ),
@@ -149,38 +150,15 @@ def copied_scenario(out: Path) -> Path:
 
 def true_targets(scenario: Scenario) -> dict[str, float]:
     """True values of the 18 targets of a scenario's bench (the mounting is the identity)."""
-    values: dict[str, Any] = {}
-    for setting in scenario.fmus.values():
-        if setting.component in ("TurntableMotion", "AccelerometerBlock"):
-            values |= components()[setting.component].parameter_starts | setting.parameters
-    chosen: dict[str, float] = {}
-    for name in ELEMENTARY:
-        stem, _, number = name.rpartition("_")
-        if name in values:
-            chosen[name] = float(values[name])
-        elif stem in values and number.isdigit():
-            chosen[name] = float(np.ravel(values[stem])[int(number) - 1])
-    return dict(zip(TARGETS, target_values(elementary(**chosen), np.eye(3)).tolist(), strict=True))
+    settings = [s for s in scenario.fmus.values() if s.component in ("TurntableMotion", "AccelerometerBlock")]
+    truth = {str(s.component): components()[str(s.component)].parameter_starts | s.parameters for s in settings}
+    return dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
 
 
 def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
     """How many true values lie inside their exact intervals."""
     return sum(
         e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in calibration.parameters
-    )
-
-
-def names_the_hidden_effect(diagnosis: Diagnosis, hidden: dict[str, Any]) -> bool:
-    """Whether the diagnosis names what was hidden, or what cannot be told from it."""
-    if diagnosis.verdict != "explained" or hidden["effect"] is None:
-        return diagnosis.verdict == "consistent" and hidden["effect"] is None
-    if len(diagnosis.causes) != 1:
-        return False
-    cause = diagnosis.causes[0]
-    wanted = (hidden["effect"], hidden["where"], hidden.get("order"), hidden.get("accelerometer"))
-    return any(
-        (p.effect, p.where, p.order, p.axes[0] if p.effect == "outlier" else None) == wanted
-        for p in (cause.place, *cause.alike)
     )
 
 

@@ -1,13 +1,26 @@
 """Files read, with what may be meant by one that is not there, and written: whole or not at all, beside their place."""
 
+import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from .errors import InputError, nearest_file, reason
+
+
+@contextmanager
+def said_writable(path: object, also: type[Exception] = OSError) -> Iterator[None]:
+    """Say of a file or folder that it cannot be written, where the block meets an OSError (or `also` another one)."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
+    except also as error:
+        raise InputError(f"{path}: cannot be written ({error})") from error
 
 
 @contextmanager
@@ -25,27 +38,23 @@ def whole_file(path: Path) -> Iterator[Path]:
         when the folder cannot be written
     """
     path = Path(path)
-    try:
+    with said_writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise InputError(f"{path}: is a directory; give the name of a file")
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: is a device or a pipe; give the name of a file")
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
-    os.close(handle)
-    beside = Path(name)
-    try:
-        yield beside
-        umask = os.umask(0)
-        os.umask(umask)
-        beside.chmod(0o666 & ~umask)
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
-    finally:
-        beside.unlink(missing_ok=True)
+        os.close(handle)
+        beside = Path(name)
+        try:
+            yield beside
+            umask = os.umask(0)
+            os.umask(umask)
+            beside.chmod(0o666 & ~umask)
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -56,22 +65,18 @@ def whole_folder(path: Path) -> Iterator[Path]:
     cannot be written.
     """
     path = Path(path)
-    try:
+    with said_writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_dir():
             raise InputError(f"{path}: is a file; give the name of a folder")
         beside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
-    try:
-        yield beside
-        path.mkdir(exist_ok=True)
-        for file in sorted(beside.iterdir()):
-            file.replace(path / file.name)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({reason(error)})") from error
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        try:
+            yield beside
+            path.mkdir(exist_ok=True)
+            for file in sorted(beside.iterdir()):
+                file.replace(path / file.name)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
 
 
 def bytes_of(path: Path, wanted: str = "give the name of a file") -> bytes:
@@ -86,6 +91,11 @@ def bytes_of(path: Path, wanted: str = "give the name of a file") -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def json_text(content: Mapping[str, Any], indent: int = 2) -> str:
+    """Plain values as the text of a JSON file."""
+    return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write_text(path: Path, text: str) -> None:

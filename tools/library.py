@@ -6,7 +6,6 @@ function needs is imported when it is called: `--help`, a mistake and a notebook
 """
 
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -19,46 +18,8 @@ from .errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from .check import Check as Check
-    from .exporting import Exported as Exported
-    from .installation import Installation as Installation
-    from .orchestrator import Simulation as Simulation
-
-__all__ = [
-    "Check",
-    "Exported",
-    "InputError",
-    "Installation",
-    "Simulation",
-    "apply",
-    "attitude_of_record",
-    "calibrate",
-    "check",
-    "diagnose",
-    "doctor",
-    "export",
-    "hide",
-    "inspect",
-    "new",
-    "plan",
-    "plan_positions",
-    "read_record",
-    "run_campaign",
-    "simulate",
-]
-_TYPES = {
-    "Check": ".check",
-    "Exported": ".exporting",
-    "Installation": ".installation",
-    "Simulation": ".orchestrator.run",
-}
-"""Where the types of results are defined that a user's annotations name."""
-
-
-def __getattr__(name: str) -> Any:
-    if name in _TYPES:
-        return getattr(import_module(_TYPES[name], __package__), name)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    from .exporting import Exported
+    from .installation import Installation
 
 
 def simulate(
@@ -68,7 +29,7 @@ def simulate(
     step: float | None = None,
     coupling: Literal["jacobi", "iterate"] | None = None,
     progress: bool = False,
-) -> "Simulation":
+) -> "orchestrator.Simulation":
     """Run a scenario: couple its FMUs, record the run, average its rests.
 
     Parameters
@@ -574,7 +535,7 @@ def read_record(record: "records.Source", *wanted: type) -> Any:
     return records.read_record(record, *wanted)
 
 
-def check(file: str | Path) -> "Check":
+def check(file: str | Path) -> "checks.Check":
     """Say everything that is wrong with a file, with lines; nothing is run.
 
     Parameters

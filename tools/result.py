@@ -3,7 +3,6 @@
 Results go to JSON, come back from it, and know nothing of what shows them.
 """
 
-import json
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -29,6 +28,7 @@ from pydantic_core import CoreSchema
 
 from .. import tools
 from .errors import InputError, nearest
+from .files import json_text
 
 Array: TypeAlias = Annotated[
     NDArray[np.float64],
@@ -93,7 +93,7 @@ class Result(BaseModel):
 
     def json_text(self) -> str:
         """`to_json` as the text of a file."""
-        return json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return json_text(self.to_json())
 
     def __str__(self) -> str:
         return super().__str__() if tools.shown is None else tools.shown(self, "text")

@@ -20,7 +20,7 @@ import polars as pl
 
 from ... import fmus, models
 from ..errors import InputError
-from ..files import whole_file, write_text
+from ..files import json_text, whole_file, write_text
 from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign, read_campaign
 from .kinds import Output
@@ -187,7 +187,7 @@ class Store:
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Keep what was computed over all runs."""
-        write_text(self.folder / SUMMARY, json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        write_text(self.folder / SUMMARY, json_text(summary, indent=1))
 
     def missing(self) -> tuple[list[int], int, int]:
         """Partitions that are not there or not whole; runs that are there, and how many of them failed."""

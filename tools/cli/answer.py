@@ -5,7 +5,6 @@ Options are the library's functions' with their words, and what only a command l
 
 import errno
 import inspect
-import json as json_format
 import os
 import re
 import sys
@@ -20,7 +19,7 @@ from cyclopts import CycloptsError, Parameter
 
 from .. import document
 from ..errors import InputError
-from ..files import ordinary_file, ordinary_folder, write_text
+from ..files import json_text, ordinary_file, ordinary_folder, write_text
 
 Command = TypeVar("Command", bound=Callable[..., object])
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -95,11 +94,6 @@ def answer(
         return Answer(written.rstrip("\n"), wanted=True, **ended)
     write_text(json, written)
     return Answer(text, **ended)
-
-
-def json_text(content: Mapping[str, Any]) -> str:
-    """Plain values as the text of a JSON file."""
-    return json_format.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def say(command: Callable[[], object], *, quiet: bool) -> int:

@@ -167,7 +167,7 @@ def diagnose(
     files: list[Path] = []
     if export is not None and result.verdict == "explained":
         files = list(evidence.export_extended([cause.place for cause in result.causes], export).values())
-    return answer(result, json, result.json_text(), files=files)
+    return answer(result, json, files=files)
 
 
 @takes(library.inspect)

@@ -100,7 +100,7 @@ def plan(
         document.write_page(report, reports.plan_page(plans))
     if picture is not None:
         write_text(picture, reports.plan_picture(plans[0]))
-    return answer(plans, json, plans.json_text())
+    return answer(plans, json)
 
 
 def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None:
@@ -140,13 +140,13 @@ def _positions(
     files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
     if page is not None:
         document.write_page(page, reports.operator_page(found, dwell_s))
-    return answer(found, json, found.json_text(), files=files)
+    return answer(found, json, files=files)
 
 
 def _curve(ends: tuple[int, int], request: "planning.Request", out: Path | None, json: Path | None) -> Answer:
     curve = planning.plan_curve(*ends, request, progress=True)
     files = reports.write_curve(curve, out) if out is not None else []
-    return answer(curve, json, curve.json_text(), files=files)
+    return answer(curve, json, files=files)
 
 
 def _check(file: Path | None, request: "planning.Request", noise_bound: float | None, json: Path | None) -> Answer:
@@ -156,7 +156,7 @@ def _check(file: Path | None, request: "planning.Request", noise_bound: float | 
     if not 0.0 < noise < 1.0:
         raise InputError(f"--noise-bound {noise:g}: must be above 0 and below 1, a fraction of g")
     found = planning.check_settings(planning.task_of(request, progress=True), planned, actual, noise)
-    return answer(found, json, found.json_text())
+    return answer(found, json)
 
 
 def hidden(
@@ -260,7 +260,7 @@ def hidden(
         named = trials.NamedSuite(options, 100, 0)
     number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
     done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)
-    return answer(done, json, done.to_json(), files=() if out is None else reports.write_suite(done, out))
+    return answer(done, json, files=() if out is None else reports.write_suite(done, out))
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:

@@ -6,7 +6,6 @@ needs no more memory than a short one.
 """
 
 import ctypes
-import json
 import platform
 import shutil
 import sys
@@ -24,8 +23,8 @@ from typing import Any, Literal
 import polars as pl
 from pydantic import Field
 
-from ..errors import InputError, one_line, reason
-from ..files import whole_folder
+from ..errors import InputError, one_line
+from ..files import json_text, said_writable, whole_folder
 from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
@@ -406,7 +405,7 @@ class Journal:
         self._writing = self._writer.submit(_write_part, rows, part)
 
     def _begin(self) -> None:
-        with _written(self._out):
+        with said_writable(self._out, pl.exceptions.PolarsError):
             folder = self.folder
             missing = [p for p in (folder, *folder.parents) if not p.exists()]
             if self._out is not None and self._out.exists() and not self._out.is_dir():
@@ -414,13 +413,13 @@ class Journal:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             self._made = missing
-            (folder / "run.json").write_text(provenance_text({**self._provenance, "complete": False}), encoding="utf-8")
+            (folder / "run.json").write_text(json_text({**self._provenance, "complete": False}), encoding="utf-8")
 
     def _wait(self) -> None:
         """Wait for the part that is being written."""
         if self._writing is not None:
             writing, self._writing = self._writing, None
-            with _written(self.folder):
+            with said_writable(self.folder, pl.exceptions.PolarsError):
                 writing.result()
 
     def drop(self) -> None:
@@ -441,7 +440,7 @@ class Journal:
             return pl.concat(self._tables, rechunk=True), ()
         try:
             self._wait()
-            with _written(self._out):
+            with said_writable(self._out, pl.exceptions.PolarsError):
                 table = self._write(self._out, form, {**self._provenance, **more})
             # Of this run, or of one that was killed here.
             shutil.rmtree(self.folder, ignore_errors=True)
@@ -465,19 +464,8 @@ class Journal:
                     rows.sink_csv(data, maintain_order=True)
                 else:
                     rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
-            (beside / "run.json").write_text(provenance_text(provenance), encoding="utf-8", newline="\n")
+            (beside / "run.json").write_text(json_text(provenance), encoding="utf-8", newline="\n")
         return table
-
-
-@contextmanager
-def _written(folder: Path | None) -> Iterator[None]:
-    """Say of a folder that it cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({reason(error)})") from error
-    except pl.exceptions.PolarsError as error:
-        raise InputError(f"{folder}: cannot be written ({error})") from error
 
 
 def _write_part(rows: pl.DataFrame, part: Path) -> None:
@@ -485,8 +473,3 @@ def _write_part(rows: pl.DataFrame, part: Path) -> None:
     beside = part.with_suffix(".writing")
     rows.write_parquet(beside, compression="uncompressed", statistics=False)
     beside.replace(part)
-
-
-def provenance_text(provenance: Mapping[str, Any]) -> str:
-    """run.json."""
-    return json.dumps(provenance, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

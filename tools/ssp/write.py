@@ -3,7 +3,6 @@
 Position programmes become components, constants become parameters, so that no stimulus is left.
 """
 
-import json
 import re
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,7 +21,7 @@ from ...fmus.units import Unit, number
 from ...models.effects import place_from_mapping
 from ...models.table_commands import POSITIONS
 from ..errors import InputError, said_of
-from ..files import whole_file
+from ..files import json_text, whole_file
 from ..orchestrator.interface import Interface, Value, Variable, spread
 from ..orchestrator.load import (
     Loaded,
@@ -211,15 +210,11 @@ def _members(scenario: Scenario, flavour: Literal["python", "native"], platform:
     for each in set_files.values():
         members |= each
     written = scenario.as_written()
-    members[RECORD] = _json_bytes(written["record"])
+    members[RECORD] = json_text(written["record"]).encode()
     coupling = {name: written["run"][name] for name in COUPLING_SETTINGS if name in written["run"]}
     if coupling:
-        members[COUPLING] = _json_bytes(coupling)
+        members[COUPLING] = json_text(coupling).encode()
     return members
-
-
-def _json_bytes(value: object) -> bytes:
-    return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 @dataclass
