@@ -6,7 +6,6 @@ Results go to JSON, come back from it, and know nothing of what shows them.
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, get_args
@@ -177,23 +176,8 @@ def checked_sections(data: Mapping[str, Any], model: type[File], label: str = ""
     try:
         return model.model_validate(dict(data))
     except ValidationError as error:
-        said = field_problems(error, model)[0].text
+        said = field_problems(error, model)[0][1]
         raise InputError(f"{label}: {said}" if label else said) from error
-
-
-@dataclass(frozen=True)
-class FieldProblem:
-    """What is wrong with one field.
-
-    Attributes
-    ----------
-    location : tuple of str and int
-    text : str
-        one line that begins with the field's dotted name
-    """
-
-    location: Location
-    text: str
 
 
 def dotted(location: Location) -> str:
@@ -204,8 +188,8 @@ def dotted(location: Location) -> str:
     return text
 
 
-def field_problems(error: ValidationError, model: type[BaseModel]) -> list[FieldProblem]:
-    """Everything that is wrong, in the order of the model that was checked."""
+def field_problems(error: ValidationError, model: type[BaseModel]) -> list[tuple[Location, str]]:
+    """Where and what: all that is wrong, in the order of the model; a line that begins with the field's dotted name."""
     problems = error.errors()
     unknown = [_location(problem) for problem in problems if problem["type"] == "extra_forbidden"]
     return [_problem(problem, model, unknown) for problem in problems]
@@ -215,21 +199,21 @@ def _location(problem: Mapping[str, Any]) -> Location:
     return tuple(part for part in problem["loc"] if part != "[key]")
 
 
-def _problem(problem: Mapping[str, Any], model: type[BaseModel], unknown: Sequence[Location]) -> FieldProblem:
+def _problem(problem: Mapping[str, Any], model: type[BaseModel], unknown: Sequence[Location]) -> tuple[Location, str]:
     where = _location(problem)
     name = dotted(where)
     if problem["type"] == "extra_forbidden":
-        return FieldProblem(where, f"{name}: unknown key; {nearest(str(where[-1]), _keys_beside(where, model))}")
+        return where, f"{name}: unknown key; {nearest(str(where[-1]), _keys_beside(where, model))}"
     if problem["type"] == "missing":
         beside = [str(other[-1]) for other in unknown if other[:-1] == where[:-1]]
         close = get_close_matches(str(where[-1]), beside, n=1)
         meant = f" (is '{close[0]}' meant?)" if close else ""
-        return FieldProblem(where, f"{name}: is missing{meant}")
+        return where, f"{name}: is missing{meant}"
     message = problem["msg"].removeprefix("Value error, ")
     shown = repr(problem["input"])
     if problem["type"] != "value_error" and len(shown) < 60:
         message += f", not {shown}"
-    return FieldProblem(where, " ".join((f"{name}: {message}" if name else message).split()))
+    return where, " ".join((f"{name}: {message}" if name else message).split())
 
 
 def _keys_beside(location: Location, model: type[BaseModel]) -> list[str]:

@@ -1,16 +1,14 @@
 """Campaign files: what is run how often, with which parameters, what is kept of a run, what is computed over all."""
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 from scipy.special import ndtri
 
-from ..errors import InputError
 from ..result import Section, read_sections
 
 SCHEMA = "trihedron.campaign/1"
@@ -84,7 +82,10 @@ class Axis(Section):
             pair = getattr(self, name)
             if pair is not None and not pair[1] > 0.0:
                 raise ValueError(f"{name} = {list(pair)}: the standard deviation must be positive")
-        if self.values is not None and not _of_one_kind(self.values):
+        kinds = {
+            "flag" if isinstance(v, bool) else "text" if isinstance(v, str) else "number" for v in self.values or ()
+        }
+        if len(kinds) > 1:
             raise ValueError("values must be all numbers, all texts, or all true or false")
         return self
 
@@ -123,11 +124,6 @@ class Axis(Section):
         below = (top - low) / (high - low)
         rising = low + np.sqrt(u * (high - low) * (top - low))
         return np.where(u < below, rising, high - np.sqrt((1.0 - u) * (high - low) * (high - top)))
-
-
-def _of_one_kind(values: Sequence[Any]) -> bool:
-    kinds = {"flag" if isinstance(v, bool) else "text" if isinstance(v, str) else "number" for v in values}
-    return len(kinds) == 1
 
 
 class CalibrationSetting(Section):
@@ -339,11 +335,6 @@ class Campaign(Section):
     compute: list[Computation] = Field(default_factory=list)
     base_folder: Path = Field(default_factory=Path, exclude=True)
 
-    @field_validator("base_folder", mode="before")
-    @classmethod
-    def _folder(cls, value: Any) -> Path:
-        return Path(value)
-
     @model_validator(mode="after")
     def _fits(self) -> "Campaign":
         kinds = self.given(*KINDS)
@@ -387,20 +378,13 @@ class Campaign(Section):
     def combinations(self) -> int:
         """How many combinations of listed values there are."""
         lengths = [len(axis.listed()) for axis in self.lists.values()]
-        if self.sampling.lists == "together":
-            return lengths[0] if lengths else 1
-        count = 1
-        for length in lengths:
-            count *= length
-        return count
+        return math.prod(lengths[:1] if self.sampling.lists == "together" else lengths)
 
     @property
     def samples(self) -> int:
         """How many points are drawn from the distributions."""
         spread = len(self.distributions)
-        if not spread:
-            return 1
-        return self.sampling.points * (spread + 2 if self.sampling.method == "saltelli" else 1)
+        return self.sampling.points * (spread + 2 if spread and self.sampling.method == "saltelli" else 1)
 
     @property
     def runs(self) -> int:
@@ -430,25 +414,18 @@ class Campaign(Section):
 
 
 def parse_campaign(content: bytes, path: Path) -> Campaign:
-    """A campaign from the bytes of its file; arguments and errors as for `read_campaign`."""
-    return read_sections(content, path, Campaign, base_folder=path.parent)
-
-
-def read_campaign(path: Path) -> Campaign:
-    """Read a campaign file and check it down to each field.
+    """A campaign from the bytes of its file, checked down to each field.
 
     Parameters
     ----------
+    content : bytes
+        of a TOML file of schema trihedron.campaign/1
     path : Path
-        a TOML file of schema trihedron.campaign/1
+        of the file
 
     Raises
     ------
     InputError
-        not a file, not UTF-8, not TOML (with the line), or a field that is missing, unknown or wrong
+        not UTF-8, not TOML (with the line), or a field that is missing, unknown or wrong
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    return parse_campaign(content, path)
+    return read_sections(content, path, Campaign, base_folder=path.parent)

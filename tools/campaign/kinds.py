@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -89,6 +89,12 @@ def _json(content: Mapping[str, Any]) -> str:
     return json.dumps(content, ensure_ascii=False, allow_nan=False)
 
 
+def _refuse_unknown(parameters: Iterable[str], known: Sequence[str]) -> None:
+    for name in parameters:
+        if name not in known:
+            raise InputError(f"parameters.{name}: is not known; {nearest(name, list(known))}")
+
+
 class CalibrationRuns:
     """Static calibrations.
 
@@ -102,10 +108,7 @@ class CalibrationRuns:
         self.setting = setting
         self.diagnose = campaign.keep.diagnosis
         self.record = campaign.keep.record
-        known = [*SWEPT, *SETTINGS]
-        for name in campaign.parameters:
-            if name not in known:
-                raise InputError(f"parameters.{name}: is not known; {nearest(name, known)}")
+        _refuse_unknown(campaign.parameters, [*SWEPT, *SETTINGS])
         if setting.convention == "A2" or "convention" in campaign.parameters:
             raise InputError("calibration.convention: the true values are those of A1; give A1")
         if setting.positions is None:
@@ -314,13 +317,10 @@ class AttitudeRuns:
     def __init__(self, campaign: Campaign, setting: AttitudeSetting) -> None:
         self.setting = setting
         self.record = campaign.keep.record
-        known = [*ERRORS, *MOTIONS]
-        for name, axis in campaign.parameters.items():
-            if name not in known:
-                raise InputError(f"parameters.{name}: is not known; {nearest(name, known)}")
-            for value in axis.listed() if axis.discrete else ():
-                if name == "algorithm":
-                    _algorithm(str(value), f"parameters.{name}")
+        _refuse_unknown(campaign.parameters, [*ERRORS, *MOTIONS])
+        swept = campaign.parameters.get("algorithm")
+        for value in swept.listed() if swept is not None and swept.discrete else ():
+            _algorithm(str(value), "parameters.algorithm")
         if campaign.keep.diagnosis:
             raise InputError("keep.diagnosis: an attitude run has no diagnosis")
         _algorithm(setting.algorithm, "attitude.algorithm")

@@ -22,7 +22,7 @@ from ... import fmus, models
 from ..errors import InputError
 from ..files import json_text, whole_file, write_text
 from ..orchestrator.scenario import read_scenario
-from .file import Campaign, parse_campaign, read_campaign
+from .file import Campaign, parse_campaign
 from .kinds import Output
 
 SCHEMA = "trihedron.campaign-result/1"
@@ -63,7 +63,8 @@ class Order:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
-        return read_campaign(folder / self.campaign_file)
+        path = folder / self.campaign_file
+        return parse_campaign(path.read_bytes(), path)
 
     @property
     def hashes(self) -> dict[str, str]:

@@ -16,6 +16,7 @@ from ...fmus.parameters import target_estimates
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
 from ..calibration.model import checked_mounting
+from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
 from ..errors import InputError, nearest
@@ -35,6 +36,7 @@ from ..orchestrator.load import (
 )
 from ..orchestrator.loops import resolve_columns
 from ..orchestrator.run import temporary_folder
+from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import FmuSetting, RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import check_single_sources, read_table, resolve_stimuli
 from ..planning.check import read_angles
@@ -48,8 +50,6 @@ from ..result import Location, field_problems
 from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, json_lines, toml_lines
 
-SCENARIO = "trihedron.scenario/1"
-CAMPAIGN = "trihedron.campaign/1"
 SCHEMAS = {
     "trihedron.calibration/1": "calibration",
     "trihedron.diagnosis/1": "diagnosis",
@@ -119,8 +119,8 @@ def _check_toml(found: Findings, text: str) -> None:
         try:
             Campaign.model_validate(data)
         except ValidationError as error:
-            for problem in field_problems(error, Campaign):
-                found.add(problem.text, problem.location)
+            for where, text in field_problems(error, Campaign):
+                found.add(text, where)
     elif schema == SCENARIO or "fmus" in data or "run" in data:
         found.kind = "scenario"
         if "schema" not in data:
@@ -256,13 +256,13 @@ def _check_json(found: Findings, text: str) -> None:
         model.model_validate_json(text, strict=True)
     except ValidationError as error:
         known = [field.alias or name for name, field in model.model_fields.items()]
-        for problem in field_problems(error, model):
+        for where, said in field_problems(error, model):
             meant = ""
-            if problem.text.endswith(": is missing"):
-                beside = _at(content, problem.location[:-1])
-                close = get_close_matches(str(problem.location[-1]), [k for k in beside if k not in known], n=1)
+            if said.endswith(": is missing"):
+                beside = _at(content, where[:-1])
+                close = get_close_matches(str(where[-1]), [k for k in beside if k not in known], n=1)
                 meant = f" (is '{close[0]}' meant?)" if close else ""
-            found.add(problem.text + meant, problem.location)
+            found.add(said + meant, where)
     if kind == "calibration" and not found.problems:
         _check_calibration(content, found)
     if not found.problems:
@@ -325,10 +325,10 @@ def check_scenario(data: dict[str, Any], found: Findings) -> None:
         scenario = Scenario.model_validate({**data, **origin})
     except ValidationError as error:
         wrong = field_problems(error, Scenario)
-        for problem in wrong:
-            found.add(problem.text, problem.location)
+        for where, text in wrong:
+            found.add(text, where)
         try:
-            right = system.without([problem.location for problem in wrong])
+            right = system.without([where for where, _ in wrong])
             scenario = Scenario.model_validate({**right, **origin})
         except (ValidationError, TypeError):
             return

@@ -12,7 +12,7 @@ import polars as pl
 from pydantic import AfterValidator, BeforeValidator, Field, field_serializer, field_validator, model_validator
 
 from ..errors import InputError, unreadable
-from ..result import Section, checked_sections, read_sections
+from ..result import Section, read_sections
 
 SCHEMA = "trihedron.scenario/1"
 _ROWS_OF_TEXT = 50_000
@@ -47,11 +47,9 @@ def _frame(value: Any) -> Any:
         raise ValueError(f"is not a table ({str(error).splitlines()[0]})") from error
 
 
-def _slashed(value: Any) -> Any:
-    return value.as_posix() if isinstance(value, PurePath) else value
-
-
-PathText = Annotated[str, BeforeValidator(_slashed), Field(min_length=1)]
+PathText = Annotated[
+    str, BeforeValidator(lambda path: path.as_posix() if isinstance(path, PurePath) else path), Field(min_length=1)
+]
 Plain = Annotated[Any, AfterValidator(_plain)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -211,29 +209,8 @@ class Scenario(Section):
         return fmus
 
 
-def checked_scenario(data: Mapping[str, Any], label: str = "") -> Scenario:
-    """A scenario from what would stand in a file, which messages call by its label.
-
-    Raises
-    ------
-    InputError
-        a field that is missing, unknown or wrong: the first of them, by its dotted name
-    """
-    return checked_sections(data, Scenario, label)
-
-
 def read_scenario(path: Path | str) -> Scenario:
-    """Read a scenario file and check it down to each field.
-
-    Parameters
-    ----------
-    path : Path
-        a TOML file of schema trihedron.scenario/1
-
-    Returns
-    -------
-    Scenario
-        with `base_folder` the folder of the file
+    """Read a scenario file (TOML) and check it down to each field; its `base_folder` is that of the file.
 
     Raises
     ------

@@ -22,7 +22,8 @@ from ...fmus.units import Unit
 from ..errors import InputError, one_line, said_of, unreadable
 from ..orchestrator.fmu import DAMAGE, check_members, read_archive, refuse_outside, unpack, xml_root
 from ..orchestrator.interface import BASE_UNITS, Interface, Value, Variable, checked, interface_of, scale_of
-from ..orchestrator.scenario import Scenario, checked_scenario, read_scenario
+from ..orchestrator.scenario import Scenario, read_scenario
+from ..result import checked_sections
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {
@@ -121,7 +122,7 @@ def opened(
     if isinstance(scenario, str | Path):
         yield read_scenario(scenario), ()
     else:
-        yield (scenario if isinstance(scenario, Scenario) else checked_scenario(scenario)), ()
+        yield (scenario if isinstance(scenario, Scenario) else checked_sections(scenario, Scenario)), ()
 
 
 @contextmanager
@@ -202,7 +203,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     recorded = _own(folder, label, RECORD)
     if recorded is not None:
         data["record"] = recorded
-    return checked_scenario(data, label), tuple(dict.fromkeys(ignored))
+    return checked_sections(data, Scenario, label), tuple(dict.fromkeys(ignored))
 
 
 def _run(root: Element, system: Element, label: str) -> dict[str, float]:

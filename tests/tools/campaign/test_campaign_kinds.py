@@ -22,7 +22,7 @@ from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.compare import read_increments
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.run import PreparedScenario
-from trihedron.tools.orchestrator.scenario import checked_scenario, read_scenario
+from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 from trihedron.tools.trials.draw import Options
 from trihedron.tools.trials.suite import run_suite
 
@@ -126,7 +126,7 @@ def test_a_scenario_run_again_and_again_gives_the_bits_of_simulate():
     data = scenario.as_written()
     data["fmus"]["table"]["parameters"]["kappa"] = 2e-3
     data["stimuli"][0]["csv"] = str(ROOT / "scenarios" / data["stimuli"][0]["csv"])
-    assert simulate(checked_scenario(data)).table.equals(changed)
+    assert simulate(Scenario.model_validate(data)).table.equals(changed)
     repeated.close()
 
 
