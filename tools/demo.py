@@ -50,21 +50,9 @@ WHERE_TO_GET = (
 
 
 def run_demo(out: Path, *, seed: int, show: bool) -> Path:
-    """Run the demonstration and write its page.
+    """Run the demonstration; give its page, which is in `out` with everything else that is made.
 
-    Parameters
-    ----------
-    out : Path
-        folder for everything that is made
-    seed : int
-        of the record with the hidden effect
-    show : bool
-        open the page where there is a screen
-
-    Returns
-    -------
-    Path
-        the page
+    The seed is that of the record with the hidden effect. `show`: open the page where there is a screen.
     """
     out.mkdir(parents=True, exist_ok=True)
     say(f"1  Simulate: table, accelerometer block and attitude computer ({STATIC_CALIBRATION})")
@@ -196,17 +184,9 @@ def open_page(page: Path) -> None:
 
 
 def find_record(name: str) -> Path | None:
-    """Look for a measured record by its file's name.
+    """A measured record by its file's name, as "broad-03.strapdown.csv", None where it is not there.
 
-    Parameters
-    ----------
-    name : str
-        such as "broad-03.strapdown.csv"
-
-    Returns
-    -------
-    Path or None
-        in the folder that $TRIHEDRON_DATA names, else in `../shared/data` beside the checkout, else None
+    It is looked for in the folder that $TRIHEDRON_DATA names, then in `../shared/data` beside the checkout.
     """
     named = os.environ.get(VARIABLE)
     checkout = Path(__file__).resolve().parents[1]

@@ -54,20 +54,7 @@ def unreadable(path: Path, error: OSError) -> str:
 
 
 def nearest(name: str, known: list[str] | tuple[str, ...]) -> str:
-    """A phrase that names the known name nearest to a misspelt one, or lists what is known.
-
-    Parameters
-    ----------
-    name : str
-        what was written
-    known : sequence of str
-        what would be accepted
-
-    Returns
-    -------
-    str
-        "did you mean 'x'?" or "known: a, b, c"
-    """
+    """What follows a name that is not known: "did you mean 'x'?" where one is much the same, or "known: a, b, c"."""
     from difflib import get_close_matches
 
     close = get_close_matches(name, known, n=1, cutoff=0.6)

@@ -194,17 +194,7 @@ def _cell(variable_values: list[float]) -> str:
 def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
     """Write ``<name>_in.csv`` where there are inputs, ``<name>_ref.csv`` and ``<name>_ref.opt``, from plain Python.
 
-    Parameters
-    ----------
-    component : Component
-    folder : Path
-    fmi : int
-        2 or 3: in FMI 3.0 an array is one column whose elements are parted by blanks
-
-    Returns
-    -------
-    list of Path
-        the files
+    In FMI 3.0 an array is one column whose elements are parted by blanks. The files are returned.
     """
     model, numbers = instantiate(component), references(component)
     inputs = _inputs(component, fmi)

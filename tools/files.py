@@ -27,15 +27,7 @@ def said_writable(path: object, also: type[Exception] = OSError) -> Iterator[Non
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a path beside `path` to write to; rename it to `path` when the block ends without an error.
 
-    Parameters
-    ----------
-    path : Path
-        where the file is to appear; missing parent folders are made
-
-    Raises
-    ------
-    InputError
-        when the folder cannot be written
+    Missing folders are made; an InputError where the folder cannot be written.
     """
     path = Path(path)
     with said_writable(path):
@@ -77,6 +69,14 @@ def whole_folder(path: Path) -> Iterator[Path]:
                 file.replace(path / file.name)
         finally:
             shutil.rmtree(beside, ignore_errors=True)
+
+
+def made_folder(folder: Path, out: Path) -> None:
+    """Make a folder for what goes to `--out`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be made a folder ({error.strerror})") from error
 
 
 def bytes_of(path: Path, wanted: str = "give the name of a file") -> bytes:

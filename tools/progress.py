@@ -9,18 +9,7 @@ Item = TypeVar("Item")
 
 
 def tracked(items: Iterable[Item], title: str, *, show: bool, total: int | None = None) -> Iterable[Item]:
-    """The same items, with a bar.
-
-    Parameters
-    ----------
-    items : iterable
-    title : str
-        what is worked at
-    show : bool
-        whether a bar is wanted at all
-    total : int, optional
-        how many items there are, where they do not say themselves
-    """
+    """The same items, with a bar of this title where one is wanted; `total`: their number, where they do not say it."""
     if not (show and sys.stderr.isatty()):
         return items
     from rich.console import Console

@@ -136,22 +136,10 @@ File = TypeVar("File", bound=Section)
 
 
 def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) -> File:
-    """What a TOML file says, whose `schema` is that of the model.
+    """What a TOML file of these bytes says, whose `schema` is that of the model; `origin`: fields that no file has.
 
-    Parameters
-    ----------
-    content : bytes
-        of the file
-    path : Path
-        what messages call it
-    model : type
-    origin
-        values of the fields that no file has
-
-    Raises
-    ------
-    InputError
-        not UTF-8, not TOML (with the line), or the first field that is missing, unknown or wrong
+    An InputError where it is not UTF-8, not TOML (with the line), or for the first field that is missing, unknown or
+    wrong.
     """
     schema = model.model_fields["schema_"].default
     try:

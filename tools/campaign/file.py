@@ -82,10 +82,7 @@ class Axis(Section):
             pair = getattr(self, name)
             if pair is not None and not pair[1] > 0.0:
                 raise ValueError(f"{name} = {list(pair)}: the standard deviation must be positive")
-        kinds = {
-            "flag" if isinstance(v, bool) else "text" if isinstance(v, str) else "number" for v in self.values or ()
-        }
-        if len(kinds) > 1:
+        if len({type(v) if isinstance(v, bool | str) else float for v in self.values or ()}) > 1:
             raise ValueError("values must be all numbers, all texts, or all true or false")
         return self
 

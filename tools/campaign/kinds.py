@@ -63,6 +63,8 @@ class Runner(Protocol):
         ...
 
 
+LOWER = Output(pl.Float64, "lower")
+VERDICT = {"verdict": Output(pl.String, good=("consistent",)), "radius": LOWER}
 SETTINGS = ("noise_part", "noise_bound", "gravity", "baseline", "convention")
 """What can be swept beside the elementary parameters of the bench."""
 SWEPT = tuple(name for name in ELEMENTARY if name not in ("gamma_12", "gamma_13", "gamma_23"))
@@ -116,17 +118,8 @@ class CalibrationRuns:
         else:
             text = (campaign.base_folder / setting.positions).read_bytes()
         self.alpha, self.beta = read_angles(text, setting.positions or "static-calibration-positions.csv")
-        self.outputs = {
-            "verdict": Output(pl.String, good=("consistent",)),
-            "radius": Output(pl.Float64, "lower"),
-            "misses": Output(pl.Int64, "lower"),
-            "worst_error_ratio": Output(pl.Float64, "lower"),
-            **{
-                f"{symbol}_{what}": Output(pl.Float64, "lower")
-                for symbol in TARGETS
-                for what in ("error", "guaranteed", "width")
-            },
-        }
+        self.outputs = {**VERDICT, "misses": Output(pl.Int64, "lower"), "worst_error_ratio": LOWER}
+        self.outputs |= {f"{s}_{what}": LOWER for s in TARGETS for what in ("error", "guaranteed", "width")}
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Make a record and calibrate it."""
@@ -237,8 +230,7 @@ class SimulationRuns:
         self.outputs: dict[str, Output] = {name: Output(pl.Float64) for name in self.reductions}
         if setting.calibrate:
             of_targets = {f"{s}_{what}": Output(pl.Float64) for s in TARGETS for what in ("estimate", "guaranteed")}
-            verdict = Output(pl.String, good=("consistent",))
-            self.outputs |= {"verdict": verdict, "radius": Output(pl.Float64, "lower"), **of_targets}
+            self.outputs |= {**VERDICT, **of_targets}
         swept = campaign.parameters
         self.seeded = [n for n, i in interfaces.items() if "seed" in i.variables and f"{n}.seed" not in swept]
 
@@ -250,7 +242,8 @@ class SimulationRuns:
                 parameters[name] = {"seed": short_seed(own)}
         for name, value in values.items():
             fmu, _, variable = name.partition(".")
-            whole = isinstance(value, float) and self._is_whole(fmu, variable)
+            kind = self.scenario.interfaces[fmu].find(variable, SETTABLE)[0].kind
+            whole = isinstance(value, float) and kind in ("Integer", "Enumeration")
             parameters.setdefault(fmu, {})[variable] = int(value) if whole else value
         table = self.scenario.run(parameters)
         scalars: dict[str, Value | int | None] = {
@@ -269,12 +262,8 @@ class SimulationRuns:
                     scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
             if self.keep.diagnosis:
                 told = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())
-            return Given(scalars, record_table(record) if self.keep.record else None, told)
-        return Given(scalars, table if self.keep.record else None)
-
-    def _is_whole(self, fmu: str, variable: str) -> bool:
-        kind = self.scenario.interfaces[fmu].find(variable, SETTABLE)[0].kind
-        return kind in ("Integer", "Enumeration") or "Int" in kind
+            table = record_table(record)
+        return Given(scalars, table if self.keep.record else None, told)
 
 
 def reduced(values: np.ndarray, take: str) -> float:
@@ -325,10 +314,7 @@ class AttitudeRuns:
             raise InputError("keep.diagnosis: an attitude run has no diagnosis")
         _algorithm(setting.algorithm, "attitude.algorithm")
         papers.paper_motion(setting.motion, papers.EXACT)
-        self.outputs = {
-            name: Output(pl.Float64, "lower")
-            for name in ("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps")
-        }
+        self.outputs = dict.fromkeys(("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps"), LOWER)
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Make a run."""

@@ -20,7 +20,7 @@ import polars as pl
 
 from ... import fmus, models
 from ..errors import InputError
-from ..files import json_text, whole_file, write_text
+from ..files import json_text, made_folder, whole_file, write_text
 from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign
 from .kinds import Output
@@ -275,10 +275,7 @@ def opened(
     InputError
         a folder that holds another campaign, or this one while `resume` is false, or that somebody works in
     """
-    try:
-        (folder / RUNS).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be made a folder ({error.strerror})") from error
+    made_folder(folder / RUNS, folder)
     store = Store(folder, campaign)
     with locked(folder):
         if (folder / MANIFEST).exists():

@@ -308,17 +308,7 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
 
 
 def check_scenario(data: dict[str, Any], found: Findings) -> None:
-    """Note the problems of a scenario's fields, and of what the fields say that are right by themselves.
-
-    Nothing is run.
-
-    Parameters
-    ----------
-    data : dict
-        what the text of the file says
-    found : Findings
-        with the file's path and lines
-    """
+    """Note the problems of a scenario's fields, and of what those say that are right by themselves; nothing is run."""
     origin = {"base_folder": found.path.parent, "source": found.path}
     system = _System(found, data)
     try:
@@ -347,16 +337,8 @@ def check_scenario(data: dict[str, Any], found: Findings) -> None:
 class _System:
     """What of a scenario's file is right by itself, and what that says.
 
-    Attributes
-    ----------
-    numbers : dict
-        of "connections" and "stimuli": the numbers that those which remain have in the file
-    absent : set of str
-        names of FMUs that are wrong by themselves or cannot be had
-    loaded : dict
-        the others by name
-    wires : list of Wire
-        the connections that are right
+    `numbers` are those that the connections and stimuli which remain have in the file; FMUs are `absent` that are wrong
+    by themselves or cannot be had, the others are `loaded`; `wires` are the connections that are right.
     """
 
     def __init__(self, found: Findings, data: dict[str, Any]):

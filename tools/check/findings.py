@@ -100,14 +100,9 @@ class Findings:
 
     @contextmanager
     def of(self, location: Location = (), number: int | None = None) -> Iterator[None]:
-        """Note what is refused within the block.
+        """Note what is refused within the block, of the field at a location; without one the message begins with it.
 
-        Parameters
-        ----------
-        location : tuple
-            of the field; without it the message begins with the field's name
-        number : int, optional
-            of the connection or stimulus, from 1, in place of that in the message
+        `number` is that of the connection or stimulus, from 1, in place of that in the message.
         """
         try:
             yield
@@ -150,13 +145,7 @@ def line_of(lines: Mapping[Location, int], location: Location) -> int | None:
 
 
 def toml_lines(text: str) -> dict[Location, int]:
-    """Location -> line, counted from 1, of every table and every key of a TOML file.
-
-    Parameters
-    ----------
-    text : str
-        a file that `tomllib` reads; lines end with a line feed
-    """
+    """Location -> line, counted from 1, of every table and key of a TOML file that `tomllib` reads, with line feeds."""
     lines = text.split("\n")
     found: dict[Location, int] = {}
     tables: dict[Location, int] = {}

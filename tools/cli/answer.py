@@ -9,7 +9,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO, TextIOWrapper
 from pathlib import Path
@@ -34,17 +34,10 @@ STANDARD_OUTPUT = Path("-")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command prints.
+    """What a command prints, and its exit status.
 
-    Attributes
-    ----------
-    text : str
-    wanted : bool
-        whether it is printed with --quiet too: it was asked for by name
-    complaint : str
-        one line for standard error, where the work was done and found something wrong
-    status : int
-        exit status
+    The text is printed with --quiet too where it is `wanted`: asked for by name. A complaint is one line for standard
+    error, where the work was done and found something wrong.
     """
 
     text: str
@@ -56,65 +49,36 @@ class Answer:
 def answer(
     said: Any,
     json: Path | None,
-    content: str | Mapping[str, Any] | None = None,
+    content: Mapping[str, Any] | None = None,
     *,
     files: Iterable[Path | str] = (),
     complaint: str = "",
     status: int = 2,
 ) -> Answer:
-    """Write a command's object where it was asked for, and give what is to be printed.
+    """Write a command's object where `--json` asks for it ("-": standard output), and give what is to be printed.
 
-    Parameters
-    ----------
-    said : result or str
-        what a person reads; of a result its text
-    json : Path or None
-        the option `--json`; "-" is standard output
-    content : str or mapping, optional
-        the object, as JSON text or as plain values; without it the result's own
-    files : iterable of paths
-        what was written, a line each behind the text
-    complaint : str
-        one line for standard error
-    status : int
-        exit status where there is a complaint
-
-    Raises
-    ------
-    InputError
-        when the file cannot be written
+    A person reads what is `said`, a result or text, and `files` that were written, a line each. The object is the
+    `content`, plain values, or that of the result. The exit status is `status` where there is a complaint. An
+    InputError where the file cannot be written.
     """
-    text = "\n".join([str(said), *map(str, files)])
     ended = {"complaint": complaint, "status": status if complaint else 0}
-    if json is None:
-        return Answer(text, **ended)
-    whole = said.to_json() if content is None else content
-    written = whole if isinstance(whole, str) else json_text(whole)
-    if json == STANDARD_OUTPUT:
-        return Answer(written.rstrip("\n"), wanted=True, **ended)
-    write_text(json, written)
-    return Answer(text, **ended)
+    if json is not None:
+        written = json_text(said.to_json() if content is None else content)
+        if json == STANDARD_OUTPUT:
+            return Answer(written.rstrip("\n"), wanted=True, **ended)
+        write_text(json, written)
+    return Answer("\n".join([str(said), *map(str, files)]), **ended)
 
 
 def say(command: Callable[[], object], *, quiet: bool) -> int:
-    """Run a command and print its answer.
+    """Run a command, print its answer, which may be no `Answer` where it has printed itself, and give its exit status.
 
-    Parameters
-    ----------
-    command : callable
-        gives an `Answer`, or prints what it has to say itself
-    quiet : bool
-        print nothing but what was asked for by name: no text, no bars, no warnings
-
-    Returns
-    -------
-    int
-        exit status
+    `quiet`: print nothing but what was asked for by name: no text, no bars, no warnings.
     """
-    if quiet:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-            said = command()
-    else:
+    with ExitStack() as silent:
+        if quiet:
+            silent.enter_context(redirect_stdout(StringIO()))
+            silent.enter_context(redirect_stderr(StringIO()))
         said = command()
     if not isinstance(said, Answer):
         return 0
@@ -126,18 +90,9 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
 
 
 def exit_status(command: Callable[[], int]) -> int:
-    """Run a command.
+    """Run a command, which prints its results and gives 0, or another status where it has found something wrong.
 
-    Parameters
-    ----------
-    command : callable
-        prints its results; gives 0, or another status where it has found something wrong
-
-    Returns
-    -------
-    int
-        0: the work was done; 2: the input cannot be used, said in one line; 1: a fault of the program's own;
-        130: interrupted
+    Else: 2: the input cannot be used, said in one line; 1: a fault of the program's own; 130: interrupted.
     """
     if isinstance(sys.stdout, TextIOWrapper):
         # A terminal or pipe that knows no Greek gets \u03c3 for σ instead of nothing at all.
@@ -147,9 +102,7 @@ def exit_status(command: Callable[[], int]) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except InputError as error:
-        return refuse(str(error))
-    except CycloptsError as error:
+    except (InputError, CycloptsError) as error:
         return refuse(str(error))
     except KeyboardInterrupt as error:
         print(f"trihedron: {str(error) or 'interrupted'}", file=sys.stderr)
@@ -268,14 +221,9 @@ NOT_TYPED = ("progress", "gyro_bias")
 def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
     """Give a command the options of functions of the library: names, types, defaults, words.
 
-    The command has its own parameters first, by position, and its own options last; ``**options`` are those of the
-    functions that were given. Its docstring holds the examples; the sentence is the first function's, and the
-    parameters' words are those of the first function that has such a parameter.
-
-    Parameters
-    ----------
-    functions : callable
-        of `trihedron.tools.library`, documented by numpydoc
+    The functions are those of `trihedron.tools.library`, documented by numpydoc. The command has its own parameters
+    first, by position, and its own options last; ``**options`` are those of the functions. Its docstring holds the
+    examples; the sentence is the first function's, and the words of a parameter are those of the first that has it.
     """
 
     def given(command: Command) -> Command:

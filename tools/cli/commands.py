@@ -47,7 +47,7 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
         done = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
     if done.no_positions:
         print(f"no position record: {done.no_positions}", file=sys.stderr)
-    return answer("\n".join(str(file) for file in done.files), json, done.to_json())
+    return answer("\n".join(map(str, done.files)), json, done.to_json())
 
 
 @takes(library.export)
@@ -188,13 +188,7 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
 
 @takes(library.attitude_of_record)
 def attitude(
-    record: Path,
-    /,
-    *,
-    compare: bool = False,
-    out: Folder = None,
-    json: JsonFile = None,
-    **options: Any,
+    record: Path, /, *, compare: bool = False, out: Folder = None, json: JsonFile = None, **options: Any
 ) -> Answer:
     """Example: trihedron attitude broad-03.strapdown.csv --algorithm adaptive-degree --out attitude
 
@@ -255,14 +249,7 @@ def check(file: Path, /, *, json: JsonFile = None) -> Answer:
 
 
 @takes(library.new)
-def new(
-    kind: str,
-    file: File = None,
-    /,
-    *,
-    json: JsonFile = None,
-    **options: Any,
-) -> Answer:
+def new(kind: str, file: File = None, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron new scenario bench.toml
 
     Example: trihedron new record measured.csv --positions 24

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from .. import campaign as campaigns
 from .. import document, library, planning, reports, trials
 from ..errors import InputError
-from ..files import write_text
+from ..files import made_folder, write_text
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
 
 WORSE = 3
@@ -104,13 +104,7 @@ def plan(
 
 
 def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None:
-    """Which use of a common set is asked for; None where it is plans of single targets.
-
-    Raises
-    ------
-    InputError
-        for options that do not go together
-    """
+    """Which use of a common set is asked for, None: plans of single targets; refuses what does not go together."""
     uses = [name for name in FOR if name in given]
     if len(uses) > 1:
         raise InputError(f"--{uses[0]} and --{uses[1]}: give one of the two")
@@ -274,12 +268,8 @@ def _records_folder(out: Path | None) -> Path | None:
     """The folder for a suite's records, made; None where nothing is written."""
     if out is None:
         return None
-    folder = out / "records"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be made a folder ({error.strerror})") from error
-    return folder
+    made_folder(out / "records", out)
+    return out / "records"
 
 
 @takes(library.run_campaign)
