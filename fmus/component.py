@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Literal
+from typing import Any, Literal
 
 from ..models.effects import EffectPlace, parameter_name
 from .units import STANDARD_GRAVITY
@@ -82,6 +82,10 @@ fixed = partial(Variable, causality="parameter", variability="fixed")
 tunable = partial(Variable, causality="parameter", variability="tunable")
 state = partial(Variable, causality="state")
 work = partial(Variable, causality="work")
+
+FLAG: dict[str, Any] = {"variability": "discrete", "type": "boolean"}
+COUNT: dict[str, Any] = {"variability": "discrete", "type": "integer"}
+"""Of an output or an input that is no number of a quantity."""
 
 GRAVITY = fixed(
     "gravity", "g: model value of gravity", unit="m/s2", start=STANDARD_GRAVITY, within=(1.0, 100.0), nominal=10.0

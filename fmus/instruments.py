@@ -7,12 +7,13 @@ angle increments.
 
 import math
 
-from ..models import accelerometer, attitude, gyro
-from ..models.attitude_algorithms import ALGORITHMS
-from ..models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from ..models import accelerometer, gyro
+from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, computer
+from ..models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE
-from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work
+from . import units
+from .component import COUNT, FLAG, GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work
 
 
 def _gamma(row: int, column: int) -> Variable:
@@ -27,14 +28,9 @@ ACCELEROMETER_BLOCK = Component(
     name="AccelerometerBlock",
     description="Block of three accelerometers: scale factors that depend on the sign of the input, misalignment, bias",
     variables=(
-        input_("specific_force", "true specific force in block axes", 3, "m/s2", "g", nominal=10.0),
+        input_("specific_force", "true specific force in block axes", **units.FORCE),
         input_("temperature", "temperature of the block", unit="degC", start=20.0),
-        input_(
-            "dwell",
-            "number of the rest: the held error is drawn anew when it changes",
-            variability="discrete",
-            type="integer",
-        ),
+        input_("dwell", "number of the rest: the held error is drawn anew when it changes", **COUNT),
         GRAVITY,
         tunable("scale_error_plus", "Γ⁺: scale-factor errors for positive inputs", 3, within=(-0.5, 0.5)),
         tunable("scale_error_minus", "Γ⁻: scale-factor errors for negative inputs", 3, within=(-0.5, 0.5)),
@@ -53,21 +49,9 @@ ACCELEROMETER_BLOCK = Component(
             within=(0.0, 1.0),
         ),
         seed("seed of the errors"),
-        output(
-            "reading",
-            "readings of the accelerometers",
-            3,
-            "m/s2",
-            "g",
-            nominal=10.0,
-            follows=("specific_force", "temperature"),
-        ),
+        output("reading", "readings of the accelerometers", follows=("specific_force", "temperature"), **units.FORCE),
         input_(
-            "rate",
-            "true angular rate at the end of the step, which effects of the block's size read",
-            3,
-            "rad/s",
-            "deg/s",
+            "rate", "true angular rate at the end of the step, which effects of the block's size read", **units.RATE
         ),
         state("error", "error of the sample [g]", 3),
         state("held", "error held over the rest, as a fraction of its bound", 3),
@@ -81,11 +65,7 @@ ACCELEROMETER_BLOCK = Component(
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),
     ),
     model=(accelerometer.initialise, accelerometer.step, accelerometer.respond),
-    messages=(
-        "gravity must be positive",
-        "specific_force is not finite",
-        "rate is not finite",
-    ),
+    messages=("gravity must be positive", "specific_force is not finite", "rate is not finite"),
     equations=(
         "n = specific force / g",
         "reading = g (n + Γ n + b + ρ), Γ diagonal: Γ⁺ for n > 0, Γ⁻ for n ≤ 0",
@@ -108,9 +88,9 @@ ACCELEROMETER_COMPENSATION = Component(
     name="AccelerometerCompensation",
     description="Compensation of an accelerometer block: readings to specific force by the inverse of its model",
     variables=(
-        input_("reading", "readings of the accelerometers", 3, "m/s2", "g", nominal=10.0),
+        input_("reading", "readings of the accelerometers", **units.FORCE),
         *(v for v in ACCELEROMETER_BLOCK.variables if v.name in CALIBRATED),
-        output("specific_force", "specific force in block axes", 3, "m/s2", "g", nominal=10.0, follows=("reading",)),
+        output("specific_force", "specific force in block axes", **units.FORCE, follows=("reading",)),
         work("right", "readings less bias [g]", 3),
         work("signs", "signs of the inputs that are tried", 3),
         work("best", "inputs [g] whose signs fit best", 3),
@@ -135,16 +115,13 @@ GYRO_BLOCK = Component(
     name="GyroBlock",
     description="Block of three gyros: scale factors, misalignment, bias, noise, increments in whole quanta",
     variables=(
-        input_("rate", "true angular rate in block axes, where the input is rates", 3, "rad/s", "deg/s"),
+        input_("rate", "true angular rate in block axes, where the input is rates", **units.RATE),
         input_(
             "increment",
             "integral of the true rate over the last step, where the input is increments",
-            3,
-            "rad",
-            "arcsec",
-            variability="discrete",
+            **units.INCREMENT,
         ),
-        input_("specific_force", "true specific force in block axes", 3, "m/s2", "g", nominal=10.0),
+        input_("specific_force", "true specific force in block axes", **units.FORCE),
         input_("temperature", "temperature of the block", unit="degC", start=20.0),
         input_(
             "interval",
@@ -171,10 +148,8 @@ GYRO_BLOCK = Component(
         fixed("quantum", "increments come in whole multiples of it; 0: exact", 0, "rad", "arcsec", within=(0.0, 1.0)),
         fixed("noise_bound", "bound of the error of a reading", 0, "rad/s", "deg/s", within=(0.0, 10.0)),
         seed("seed of the errors"),
-        output("rate_reading", "readings: mean rates over the last step", 3, "rad/s", "deg/s"),
-        output(
-            "increment_reading", "readings: increments over the last step", 3, "rad", "arcsec", variability="discrete"
-        ),
+        output("rate_reading", "readings: mean rates over the last step", **units.RATE),
+        output("increment_reading", "readings: increments over the last step", **units.INCREMENT),
         state("error", "error of the sample [rad/s]", 3),
         state("generator", "state of the random numbers", GENERATOR_SIZE),
         state("start", "time of the start", 1),
@@ -210,19 +185,10 @@ GYRO_COMPENSATION = Component(
     name="GyroCompensation",
     description="Compensation of a gyro block: readings of increments to increments of the body by the inverse model",
     variables=(
-        input_(
-            "increment_reading", "readings: increments over the last step", 3, "rad", "arcsec", variability="discrete"
-        ),
+        input_("increment_reading", "readings: increments over the last step", **units.INCREMENT),
         *(v for v in GYRO_BLOCK.variables if v.name in SHARED),
-        output("rate", "mean angular rate of the body over the last step, in block axes", 3, "rad/s", "deg/s"),
-        output(
-            "increment",
-            "integral of the body's angular rate over the last step, in block axes",
-            3,
-            "rad",
-            "arcsec",
-            variability="discrete",
-        ),
+        output("rate", "mean angular rate of the body over the last step, in block axes", **units.RATE),
+        output("increment", "integral of the body's angular rate over the last step, in block axes", **units.INCREMENT),
         state("start", "time of the start", 1),
         state("last_step", "length of the last step; 0 before the first", 1),
         state("nominal", "mean rate over the last step, effects not taken out", 3),
@@ -258,11 +224,8 @@ ATTITUDE_COMPUTER = Component(
         input_(
             "increment",
             "integral of the body's angular rate over the last step",
-            3,
-            "rad",
-            "arcsec",
-            variability="discrete",
-            within=(-attitude.MAX_INCREMENT, attitude.MAX_INCREMENT),
+            within=(-MAX_INCREMENT, MAX_INCREMENT),
+            **units.INCREMENT,
         ),
         fixed(
             "algorithm",
@@ -275,18 +238,11 @@ ATTITUDE_COMPUTER = Component(
             "sample_period", "time between increments; 0: the length of the first step", unit="s", within=(0.0, None)
         ),
         fixed(
-            "initial_attitude",
-            "attitude quaternion at the start, scalar first, body to reference",
-            4,
-            start=(1.0, 0.0, 0.0, 0.0),
-            within=(-1.001, 1.001),
+            "initial_attitude", "attitude quaternion at the start, scalar first, body to reference", **units.ATTITUDE
         ),
         output("attitude", "attitude quaternion, scalar first, body to reference", 4),
         output(
-            "updated",
-            "whether the last step brought an update: only then is the attitude that of this moment",
-            variability="discrete",
-            type="boolean",
+            "updated", "whether the last step brought an update: only then is the attitude that of this moment", **FLAG
         ),
         fixed(
             "renormalise",
@@ -324,7 +280,7 @@ ATTITUDE_COMPUTER = Component(
         state("before", "the increment before", 3),
         work("added", "what effects add to an increment", 3),
     ),
-    model=(attitude.initialise, attitude.step),
+    model=(computer.initialise, computer.step),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period: one increment for each sample is needed",

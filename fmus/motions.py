@@ -5,6 +5,7 @@ harmonics.
 """
 
 import math
+from typing import Any
 
 from ..models import harmonic_motion, table_commands, turntable
 from ..models.harmonic_motion import HARMONICS
@@ -12,8 +13,8 @@ from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
 from ..models.table_commands import AXIS_PLAN_SIZE, POSITIONS
 from ..models.turntable_geometry import STAND_SIZE
-from .component import GRAVITY, Component, Variable, fixed, input_, output, seed, state, work
-from .units import STANDARD_GRAVITY
+from . import units
+from .component import COUNT, FLAG, GRAVITY, Component, Variable, fixed, input_, output, seed, state, work
 
 ARCSECOND = math.pi / 648000.0
 
@@ -22,18 +23,20 @@ def _angle(name: str, description: str) -> Variable:
     return fixed(name, description, 0, "rad", "arcsec", within=(-0.5, 0.5))
 
 
+def _limits(said: str) -> tuple[Variable, Variable]:
+    """The limits of rate and acceleration of both axes."""
+    known: dict[str, Any] = {"size": 2, "start": math.radians(60.0), "within": (1e-9, None)}
+    return (
+        fixed("max_rate", said.format("rate"), unit="rad/s", display_unit="deg/s", **known),
+        fixed("max_acceleration", said.format("angular acceleration"), unit="rad/s2", display_unit="deg/s2", **known),
+    )
+
+
 TURNTABLE_MOTION = Component(
     name="TurntableMotion",
     description="Two-axis turntable: commanded positions, geometric errors, encoders, increments and specific force",
     variables=(
-        input_(
-            "command",
-            "commanded encoder readings of the outer (1) and the inner axis (2)",
-            2,
-            "rad",
-            "deg",
-            variability="discrete",
-        ),
+        input_("command", "commanded encoder readings of the outer (1) and the inner axis (2)", **units.COMMAND),
         input_("temperature", "temperature of the table", unit="degC", start=20.0),
         _angle("kappa", "κ: dip of the outer axis below the horizon"),
         _angle("epsilon", "ε: lean of the inner axis towards the outer axis"),
@@ -66,25 +69,8 @@ TURNTABLE_MOTION = Component(
             "arcsec",
             within=(-0.5, 0.5),
         ),
-        fixed(
-            "max_rate",
-            "limit of the rate of each axis",
-            2,
-            "rad/s",
-            "deg/s",
-            start=math.radians(60.0),
-            within=(1e-9, None),
-        ),
-        fixed(
-            "max_acceleration",
-            "limit of the angular acceleration of each axis",
-            2,
-            "rad/s2",
-            "deg/s2",
-            start=math.radians(60.0),
-            within=(1e-9, None),
-        ),
-        fixed("initial_angle", "encoder readings at the start", 2, "rad", "deg"),
+        *_limits("limit of the {} of each axis"),
+        fixed("initial_angle", "encoder readings at the start", **units.AXES),
         fixed("earth_rotation", "whether the Earth turns", start=1.0, type="boolean"),
         fixed(
             "latitude",
@@ -104,26 +90,23 @@ TURNTABLE_MOTION = Component(
             within=(-2 * math.pi, 2 * math.pi),
         ),
         seed("seed of the encoders' fluctuation"),
-        output("angle", "true angles: encoder readings less Δα + α* (outer) and Δβ (inner)", 2, "rad", "deg"),
-        output("angle_reading", "readings of the encoders, with their errors", 2, "rad", "deg"),
+        output("angle", "true angles: encoder readings less Δα + α* (outer) and Δβ (inner)", **units.AXES),
+        output("angle_reading", "readings of the encoders, with their errors", **units.AXES),
         output("rate", "rates of the axes", 2, "rad/s", "deg/s"),
         output(
             "increment",
             "integral of the block's angular rate against inertial space over the last step",
-            3,
-            "rad",
-            "arcsec",
-            variability="discrete",
+            **units.INCREMENT,
         ),
-        output("specific_force", "true specific force in block axes", 3, "m/s2", "g", nominal=10.0),
+        output("specific_force", "true specific force in block axes", **units.FORCE),
         output("attitude", "attitude quaternion of the block against the base, scalar first", 4),
         output(
             "attitude_inertial",
             "attitude quaternion of the block against the inertial frame that was the base's at the start",
             4,
         ),
-        output("dwell", "number of rests begun", variability="discrete", type="integer"),
-        output("at_rest", "whether both axes rest", variability="discrete", type="boolean"),
+        output("dwell", "number of rests begun", **COUNT),
+        output("at_rest", "whether both axes rest", **FLAG),
         state("stand", "what stays as it is over a run", STAND_SIZE),
         state("last_step", "length of the last step"),
         state("plan", "plans of both axes", 2 * AXIS_PLAN_SIZE),
@@ -165,18 +148,6 @@ def _angles(name: str, axis: str) -> Variable:
     )
 
 
-def _limits(name: str, what: str, unit: str, shown: str) -> Variable:
-    return fixed(
-        name,
-        f"limit of the {what} of each axis of the table, to time its moves",
-        2,
-        unit,
-        shown,
-        start=math.radians(60.0),
-        within=(1e-9, None),
-    )
-
-
 POSITION_PROGRAMME = Component(
     name="PositionProgramme",
     description="Position programme of a two-axis table: commanded positions, each held for its move and its dwell",
@@ -187,9 +158,8 @@ POSITION_PROGRAMME = Component(
         fixed(
             "dwell_time", "how long the table rests at each position", POSITIONS, "s", start=20.0, within=(1e-9, None)
         ),
-        _limits("max_rate", "rate", "rad/s", "deg/s"),
-        _limits("max_acceleration", "angular acceleration", "rad/s2", "deg/s2"),
-        fixed("initial_angle", "encoder readings of the table at the start", 2, "rad", "deg", within=(-1e6, 1e6)),
+        *_limits("limit of the {} of each axis of the table, to time its moves"),
+        fixed("initial_angle", "encoder readings of the table at the start", within=(-1e6, 1e6), **units.AXES),
         fixed(
             "period",
             "slots are rounded up to whole multiples of this time; 0: the length of the first step",
@@ -203,16 +173,9 @@ POSITION_PROGRAMME = Component(
             type="integer",
             within=(0.0, 1.0),
         ),
-        output(
-            "command",
-            "commanded encoder readings of the outer (1) and the inner axis (2)",
-            2,
-            "rad",
-            "deg",
-            variability="discrete",
-        ),
-        output("position", "number of the commanded position, from 1", variability="discrete", type="integer"),
-        output("finished", "whether the last position's dwell is over", variability="discrete", type="boolean"),
+        output("command", "commanded encoder readings of the outer (1) and the inner axis (2)", **units.COMMAND),
+        output("position", "number of the commanded position, from 1", **COUNT),
+        output("finished", "whether the last position's dwell is over", **FLAG),
         state("start", "time of the start", 1),
         state("last_step", "length of the last step", 1),
         state("length", "time to whose multiples slots are rounded up; 0: not known yet", 1),
@@ -236,37 +199,17 @@ TABLE_CONTROLLER = Component(
     description="Controller of a two-axis table: feeds the computed attitude back to the commands of both axes",
     variables=(
         input_(
-            "attitude",
-            "computed attitude quaternion of the block, scalar first, body to reference",
-            4,
-            start=(1.0, 0.0, 0.0, 0.0),
-            within=(-1.001, 1.001),
+            "attitude", "computed attitude quaternion of the block, scalar first, body to reference", **units.ATTITUDE
         ),
         input_("inner_angle", "angle of the inner axis", 0, "rad", "deg"),
-        fixed(
-            "initial_attitude",
-            "attitude quaternion that is to be held",
-            4,
-            start=(1.0, 0.0, 0.0, 0.0),
-            within=(-1.001, 1.001),
-        ),
+        fixed("initial_attitude", "attitude quaternion that is to be held", **units.ATTITUDE),
         fixed("gain", "k: an error of the attitude is turned back at the rate k times the error", unit="Hz", start=1.0),
-        fixed("initial_command", "commands before the first step", 2, "rad", "deg"),
-        output(
-            "command",
-            "commanded angles of the outer (1) and the inner axis (2)",
-            2,
-            "rad",
-            "deg",
-            variability="discrete",
-        ),
+        fixed("initial_command", "commands before the first step", **units.AXES),
+        output("command", "commanded angles of the outer (1) and the inner axis (2)", **units.COMMAND),
         state("held", "commands so far", 2),
     ),
     model=(table_commands.initialise_controller, table_commands.step_controller),
-    messages=(
-        "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
-        "attitude is zero or not finite",
-    ),
+    messages=("initial_attitude is not a unit quaternion (norm within 1e-3 of 1)", "attitude is zero or not finite"),
     equations=(
         "e = 2 vec(λ̄₀ ∘ λ) / |λ|, the error in body axes; o = (cos β, −sin β, 0), the outer axis in them",
         "command_outer ← command_outer − k h e·o, command_inner ← command_inner − k h e₃ in each step of length h",
@@ -321,16 +264,14 @@ HARMONIC_MOTION = Component(
             "gravity",
             "g: gravity, along the second axis of the reference",
             unit="m/s2",
-            start=STANDARD_GRAVITY,
+            start=units.STANDARD_GRAVITY,
             within=(0.0, 100.0),
             nominal=10.0,
         ),
         output("angle", "Euler-Krylov angles ψ, ϑ, γ", 3, "rad", "deg"),
-        output("rate", "angular rate in body axes", 3, "rad/s", "deg/s"),
-        output(
-            "increment", "integral of the angular rate over the last step", 3, "rad", "arcsec", variability="discrete"
-        ),
-        output("specific_force", "specific force in body axes", 3, "m/s2", "g", nominal=10.0),
+        output("rate", "angular rate in body axes", **units.RATE),
+        output("increment", "integral of the angular rate over the last step", **units.INCREMENT),
+        output("specific_force", "specific force in body axes", **units.FORCE),
         output("attitude", "true attitude quaternion, scalar first, body to reference", 4),
         state("last_step", "length of the last step", 1),
         state("intervals", "intervals of the trapezoid rule in one increment; 0: exact", 1),

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²]; the default of every gravity parameter."""
@@ -75,6 +76,14 @@ UNITS = {
     )
 }
 """Every unit that a variable of a component may have, by its FMI name."""
+
+FORCE: dict[str, Any] = {"size": 3, "unit": "m/s2", "display_unit": "g", "nominal": 10.0}
+RATE: dict[str, Any] = {"size": 3, "unit": "rad/s", "display_unit": "deg/s"}
+INCREMENT: dict[str, Any] = {"size": 3, "unit": "rad", "display_unit": "arcsec", "variability": "discrete"}
+AXES: dict[str, Any] = {"size": 2, "unit": "rad", "display_unit": "deg"}
+COMMAND = AXES | {"variability": "discrete"}
+ATTITUDE: dict[str, Any] = {"size": 4, "start": (1.0, 0.0, 0.0, 0.0), "within": (-1.001, 1.001)}
+"""Quantities: what the variables of one have in common, as the tables of the components take it."""
 
 
 def column_units() -> dict[str, tuple[str, float]]:

@@ -12,7 +12,7 @@ from mpmath import mpf
 from trihedron.fmus import components
 from trihedron.fmus.source import flat_source
 from trihedron.models.attitude_algorithms import Algorithm
-from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
 
 DIGITS = 50
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import isotonic_regression
 
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
-from trihedron.models.attitude_algorithms.update import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
+from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from trihedron.models.rotation import multiply
 from trihedron.tools.files import write_text
 from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles

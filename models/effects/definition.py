@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -356,3 +356,9 @@ def _effect(
 
 def _several(parameters: Parameters) -> tuple[EffectParameter, ...]:
     return (parameters,) if isinstance(parameters, EffectParameter) else parameters
+
+
+def matrix_formula(name: str, columns: Sequence[str]) -> str:
+    """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
+    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
+    return f"[{' | '.join(rows)}]"

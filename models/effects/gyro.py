@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
-from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect
+from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect, matrix_formula
 from .rows import MotionRows
 
 ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
@@ -39,12 +39,6 @@ def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple
         EffectParameter(f"{name}_{p}{q}", unit, f"{description} of gyro {p} by axis {q}", largest)
         for p, q in ROW_BY_ROW
     )
-
-
-def matrix_formula(name: str, columns: Sequence[str]) -> str:
-    """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
-    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
-    return f"[{' | '.join(rows)}]"
 
 
 def gyro_columns(values: NDArray[np.float64]) -> NDArray[np.float64]:

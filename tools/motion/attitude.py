@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from ...models.attitude import ALGORITHMS, Algorithm
+from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ..errors import InputError, nearest
 from ..orchestrator import simulate
 from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus

@@ -20,8 +20,8 @@ from ...fmus.instruments import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration
-from ...models.attitude_algorithms.update import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ..compiled import compile_callee, compiled
 from ..errors import InputError
 from ..progress import progress_bar

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ...models.attitude import MAX_INCREMENT
+from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell

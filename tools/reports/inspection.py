@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...models.effects.gyro import matrix_formula
+from ...models.effects.definition import matrix_formula
 from ...models.turntable import EARTH_RATE
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section, Table
