@@ -111,7 +111,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
         case = draw_case(Options("clean", positions=positions), seed, 1000 * index + attempt)
         clean = case.measured()
         p = int(rng.integers(3))
-        bench = case.bench
+        bench = case.instrument
         here = fit_record(clean, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
         rows = Visits.of(here, circumstances_of(clean)).rows(here.point)
         change = effect(p, rows)
@@ -130,7 +130,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
 
 def is_beyond_three(case: Case, record: PositionRecord) -> bool:
     """Whether no set of three keeps every residual within 1.5 σ."""
-    bench = case.bench
+    bench = case.instrument
     bound = LEAST_RADIUS * NOISE_BOUND
     wide = diagnose(record, noise_bound=bound, baseline=bench.baseline, mounting=bench.matrices, rerun=False)
     return wide.verdict == "unexplained"
@@ -142,7 +142,7 @@ def nearest_triple(case: Case, record: PositionRecord, change: NDArray | None = 
     A beam search of its own: singles, pairs and triples, outliers among them, are grown by least squares, the best
     triples judged by the Chebyshev programme. What it finds is no more than the best; the best may be better.
     """
-    bench = case.bench
+    bench = case.instrument
     here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
     rows = Visits.of(here, circumstances_of(record)).rows(here.point)
     residual = here.residual if change is None else change.ravel()

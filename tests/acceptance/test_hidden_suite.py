@@ -87,7 +87,7 @@ def test_effects_that_the_catalogue_lacks_get_no_name(capsys):
 
 def measured_too(case: Case, positions: Sequence[Any]) -> Case:
     """The case with more positions at the end of its programme."""
-    bench = case.bench
+    bench = case.instrument
     alpha, beta = (np.radians([float(p[name]) for p in positions]) for name in ("alpha_deg", "beta_deg"))
     names, errors = list(bench.mountings), list(bench.mounting_errors)
     mounting = []

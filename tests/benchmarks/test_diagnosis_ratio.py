@@ -62,7 +62,11 @@ def test_a_whole_diagnosis(positions, capsys):
     record = case.measured()
     begun = time.process_time()
     result = diagnose(
-        record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices, rerun=False
+        record,
+        noise_bound=NOISE_BOUND,
+        baseline=case.instrument.baseline,
+        mounting=case.instrument.matrices,
+        rerun=False,
     )
     taken = time.process_time() - begun
     with capsys.disabled():

@@ -276,19 +276,11 @@ THIN = '<mspace width="0.17em"/>'
 
 
 def equation(text: str) -> str:
-    """A formula in plain text as MathML.
+    """A formula in plain text as MathML: a `<math>` element, one line.
 
-    Parameters
-    ----------
-    text : str
-        names of one or more letters with ``_`` before an index (n_3, Γ_21), powers as ² and ³, numbers with a power of
-        ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
-        ``[a ; b | c ; d]`` is a matrix with the rows a b and c d
-
-    Returns
-    -------
-    str
-        a `<math>` element, one line
+    Names have one or more letters with ``_`` before an index (n_3, Γ_21); powers are written as ² and ³, numbers with a
+    power of ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
+    ``[a ; b | c ; d]`` is a matrix with the rows a b and c d.
     """
     return f'<math display="block"><mrow>{_row(plain(text))}</mrow></math>'
 
@@ -374,14 +366,7 @@ def signed(value: float, text: str, *, first: bool = False) -> str:
 
 
 def effect_formula(place: EffectPlace, values: Mapping[str, str]) -> str | None:
-    """What an effect adds, with its place and its parameters' texts in it; None where it has no formula.
-
-    Parameters
-    ----------
-    place : EffectPlace
-    values : mapping
-        parameter -> number as text, or a letter
-    """
+    """What an effect adds, with its place and its parameters' texts in it; None where it has no formula."""
     effect = place.definition
     if not effect.formula:
         return None

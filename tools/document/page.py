@@ -29,18 +29,9 @@ FEW = 4
 
 
 def html(page: Page, folder: Path | None = None) -> str:
-    """A page as HTML text.
+    """A page as complete HTML; whatever its texts hold is shown and never run.
 
-    Parameters
-    ----------
-    page : Page
-    folder : Path or None
-        where the page will stand: files are shown and linked relative to it
-
-    Returns
-    -------
-    str
-        HTML, complete; whatever the texts hold is shown and never run
+    Files are shown and linked relative to the folder where the page will stand.
     """
     return _template().render(page=page, folder=folder, few=FEW, style=_text("page.css"))
 

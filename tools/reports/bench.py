@@ -296,16 +296,7 @@ def missing_lines(result: Calibration) -> list[str]:
 
 
 def bench_section(result: Calibration, values: Mapping[str, Value], causes: Sequence[Cause] = ()) -> Section:
-    """The model of bench and block with its numbers; an extended one with its effects.
-
-    Parameters
-    ----------
-    result : Calibration
-    values : mapping
-        target of case (A1) -> value
-    causes : sequence of Cause
-        effects of the extended model
-    """
+    """The model of bench and block with the values of the targets of case (A1); an extended one with its effects."""
     scales = "of either sign" if result.baseline == "asymmetric" else "the same for both signs"
     said = [
         "The bench: a block of three accelerometers with biases, misalignments and scale factors "

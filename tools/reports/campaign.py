@@ -16,7 +16,7 @@ from ..document.notation import Cell, minus, significant
 from ..document.page import write_page
 from ..files import write_text
 from ..trials.outcome import KINDS, NOTHING
-from ..trials.suite import Detection, Suite, cases_csv, confusion, named_suite
+from ..trials.suite import Suite, cases_csv, confusion, named_suite
 from .makers import versions
 from .pictures.suites import (
     chance_of,
@@ -146,15 +146,7 @@ def write_campaign_page(folder: Path, path: Path | None = None, comparison: Comp
 
 
 def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Comparison | None = None) -> Page:
-    """The page of a campaign that is complete.
-
-    Parameters
-    ----------
-    store, manifest
-        of `trihedron.tools.campaign.store.open_result`
-    comparison : Comparison or None
-        with another campaign
-    """
+    """The page of a campaign that is complete, as `trihedron.tools.campaign.store.open_result` gives it."""
     campaign, results = store.campaign, Results(store)
     summary = summarise(store)
     sections: list[Section] = []
@@ -362,8 +354,8 @@ def suite_lines(suite: Suite) -> list[str]:
     if bench and suite.detection:
         lines += ["", "size / sure detection   cases  falsified  named"]
         lines += [
-            f"{b.low:>6.2f} to {_top(b):>6.2f}        {b.cases:>6}  {b.detected / b.cases:>9.0%}  "
-            f"{b.named / b.cases:>5.0%}"
+            f"{b.low:>6.2f} to {math.inf if b.high is None else b.high:>6.2f}        {b.cases:>6}  "
+            f"{b.detected / b.cases:>9.0%}  {b.named / b.cases:>5.0%}"
             for b in suite.detection
         ]
     errors = suite.size_errors
@@ -384,10 +376,6 @@ def suite_lines(suite: Suite) -> list[str]:
         made = f"{outcome.verdict}: {named}" if bench or named else outcome.verdict
         lines.append(f"case {outcome.case}: hidden {hidden}{where}; {made}")
     return lines
-
-
-def _top(bin_: Detection) -> float:
-    return math.inf if bin_.high is None else bin_.high
 
 
 def suite_page(suite: Suite) -> Page:

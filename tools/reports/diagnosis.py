@@ -231,14 +231,7 @@ def _why_lines(result: Diagnosis) -> list[str]:
 
 
 def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
-    """Verdict, record, model, residuals, causes, evidence, gain, what is excluded, what next.
-
-    Parameters
-    ----------
-    result : Diagnosis
-    record : PositionRecord
-        where the diagnosis is of one
-    """
+    """Verdict, record (given where it is one of positions), model, residuals, causes, evidence, gain, what next."""
     named = result.causes if result.verdict == "explained" else ()
     if of_bench(result):
         assert record is not None

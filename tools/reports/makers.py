@@ -44,14 +44,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
 
 
 def document_of(result: Result, record: Any = None) -> Document:
-    """What a result has to say.
-
-    Parameters
-    ----------
-    result : Result
-    record : record, optional
-        that it was made from: its page shows it
-    """
+    """What a result has to say; the record that it was made from stands on its page."""
     module, lines, page = MAKERS[type(result).__name__]
     makers = import_module(f"{__package__}.{module}")
     given = () if record is None else (record,)

@@ -91,18 +91,12 @@ class Bench:
     ) -> PositionRecord:
         """What the bench reads with a secret; with `progress` show how far it is on standard error, on a terminal.
 
+        With the index of the case in its suite the seed decides everything, and the record has nine decimals. Without
+        one it is a record by itself, as a laboratory makes it: errors vary within rests, those that drift are left out.
+
         Slews, dwells and temperature are simulated with the physical components. With two mountings the whole programme
         is run in each, and each gives the positions that are its own: the clock goes on. Uniform errors are the
         components' own; errors at ±σ, and those that wander, are added to the averaged readings.
-
-        Parameters
-        ----------
-        seed : int
-        index : int or None
-            of the case in its suite, with the seed it decides everything; the record has nine decimals. None: a record
-            by itself, as a laboratory makes it, whose errors vary within a rest and whose rests that drift are left out
-        hidden : sequence of Hidden
-        progress : bool
         """
         alone = index is None
         first = seed if alone else int(np.random.default_rng([seed, index, 0]).integers(2**31))

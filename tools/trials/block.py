@@ -315,14 +315,7 @@ def without_coning(motion: TrueMotion, coefficient: float) -> TrueMotion:
 def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficient: float) -> NDArray[np.float64]:
     """Flicker noise (rows, 3): a sum of bounded processes of the first order, with time constants from rows to record.
 
-    Parameters
-    ----------
-    rng : Generator
-    rows : int
-    period : float
-        [s]
-    coefficient : float
-        the flat part of its Allan deviation, in the unit of the noise
+    The period is in s; the coefficient is the flat part of the noise's Allan deviation, in its unit.
     """
     total = np.zeros((rows, 3))
     # Flicker noise has as much mean square in each octave of time; its Allan variance is 2 ln 2 of that in e-folds.

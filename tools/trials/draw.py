@@ -74,8 +74,8 @@ class Case:
     seed: int
     index: int | None
     """of the case in its suite, with the seed it decides everything; None: a record by itself"""
-    instrument: Bench | Block
-    """of a record of a table's positions, or of a block moved by hand"""
+    instrument: Any
+    """`Bench` of a record of a table's positions, or `Block` moved by hand"""
     hidden: tuple[Hidden, ...] = ()
     """empty for a clean record"""
     redrawn: int = 0
@@ -85,18 +85,6 @@ class Case:
     def places(self) -> tuple[EffectPlace, ...]:
         """What is hidden."""
         return tuple(hidden.place for hidden in self.hidden)
-
-    @property
-    def bench(self) -> Bench:
-        """The instrument of a record of a table's positions."""
-        assert isinstance(self.instrument, Bench)
-        return self.instrument
-
-    @property
-    def block(self) -> Block:
-        """The instrument of a record of a block moved by hand."""
-        assert isinstance(self.instrument, Block)
-        return self.instrument
 
     def measured(self, *, progress: bool = False) -> Any:
         """The record, of positions or strapdown: what a laboratory would hand over, and nothing else."""
@@ -445,7 +433,7 @@ def draw_clean_block(seed: int, index: int, reference: Reference | None = None) 
 
 def _hidden_in_block(clean: Case, options: Options) -> Case:
     """The case with an effect of a size relative to that of sure detection."""
-    block, index, evidence = clean.block, clean.index, evidence_of(clean)
+    block, index, evidence = clean.instrument, clean.index, evidence_of(clean)
     rng = np.random.default_rng([clean.seed, index or 0, 1])
     if evidence is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
@@ -475,7 +463,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
 
 def evidence_of(case: Case) -> Evidence | None:
     """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
-    found, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.block.reference
+    found, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
     if reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):
         return None
     return linear_evidence(found, BASELINE[reference])
@@ -488,7 +476,9 @@ def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) ->
 
 def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
     """How far time stamps must jitter, while the sampling does not, for the size; None where that is too far."""
-    furthest = replace(clean, instrument=replace(clean.block, jitter=FURTHEST_STAMP), hidden=(Hidden(place, (1.0,)),))
+    furthest = replace(
+        clean, instrument=replace(clean.instrument, jitter=FURTHEST_STAMP), hidden=(Hidden(place, (1.0,)),)
+    )
     evidence = evidence_of(furthest)
     if evidence is None or place not in evidence.places:
         return None

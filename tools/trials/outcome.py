@@ -197,18 +197,10 @@ def kind_of(
     sets: Sequence[Sequence[Cause]],
     equivalent_sets: Iterable[Iterable[EffectPlace]] = (),
 ) -> str:
-    """One of `KINDS`.
+    """One of `KINDS`, for the places of what is hidden and the verdict of a diagnosis.
 
-    Parameters
-    ----------
-    places : sequence of EffectPlace
-        what is hidden
-    verdict : str
-        of the diagnosis
-    sets : sequence of sequence of Cause
-        the set that is named, or those that remain, the best one first
-    equivalent_sets : iterable of iterable of EffectPlace
-        whole sets that cannot be told from the one that is named
+    `sets` are the one that is named, or those that remain, the best one first; `equivalent_sets` are whole sets that
+    cannot be told from the one that is named.
     """
     if verdict in ("consistent", "insufficient", "unexplained"):
         return "right" if not places and verdict != "unexplained" else verdict

@@ -91,9 +91,8 @@ def sure_sizes(
 
     Parameters
     ----------
-    here : Linearisation
-        the nominal model, with the bounds of its readings
-    circumstances : Circumstances
+    here, circumstances
+        the nominal model with the bounds of its readings, and of its rows
     place : EffectPlace
         linear in its coefficients, or an outlier
     rivals : sequence of EffectPlace
@@ -103,10 +102,6 @@ def sure_sizes(
     beside : sequence of EffectPlace
         effects that the model has too, whatever their size: with those of a pair the sizes say from where the other
         one cannot be replaced
-
-    Returns
-    -------
-    SureSizes
     """
     rows = Visits.of(here, circumstances).rows(here.point)
     columns = signature_columns([place], rows)

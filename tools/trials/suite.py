@@ -67,15 +67,7 @@ def hidden_record(
 def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress: bool = False) -> None:
     """Measure a case and write its record; the secret goes to `answer`, or nowhere.
 
-    Parameters
-    ----------
-    case : Case
-    path : Path
-        record (CSV)
-    answer : Path or None
-        JSON file for the secret and the instrument's true parameters
-    progress : bool
-        show how far the simulation is on standard error, where that is a terminal
+    The record is CSV; the answer is JSON, the secret and the instrument's true parameters.
 
     Raises
     ------

@@ -154,7 +154,7 @@ def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
     case = bench_case(6, place, (3e-4, 0.4))
 
     def at(alpha: np.ndarray, beta: np.ndarray):
-        bench = plain_bench(case.bench.truth, alpha, beta, symmetric=False)
+        bench = plain_bench(case.instrument.truth, alpha, beta, symmetric=False)
         return dataclasses.replace(case, instrument=bench)
 
     alpha = np.radians([20.0 + 45.0 * k for k in range(8) for _ in range(3)])
@@ -192,8 +192,8 @@ def test_what_is_not_found_is_bounded_and_what_is_found_moves_the_targets():
     said = result.to_json()
     moved = {entry["symbol"]: entry for entry in said["targets"]}
     assert abs(moved["X9"]["before"] - moved["X9"]["after"]) == pytest.approx(1.5e-3, rel=0.3)
-    truth = case.bench.truth["AccelerometerBlock"]["scale_error_plus"][1]
-    gravity_error = case.bench.truth["TurntableMotion"]["gravity_error"]
+    truth = case.instrument.truth["AccelerometerBlock"]["scale_error_plus"][1]
+    gravity_error = case.instrument.truth["TurntableMotion"]["gravity_error"]
     assert moved["X9"]["low"] <= (1.0 + truth) * (1.0 - gravity_error) - 1.0 <= moved["X9"]["high"]
     assert all(entry["above"] > 0.0 for entry in said["excluded"])
     assert {entry["effect"] for entry in said["excluded"]} >= {"bias-drift", "encoder-harmonic"}

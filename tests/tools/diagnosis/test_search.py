@@ -151,7 +151,7 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     case = case_with(effects, 7)
     record = case.measured()
     evidence = bench_evidence(
-        record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices
+        record, noise_bound=NOISE_BOUND, baseline=case.instrument.baseline, mounting=case.instrument.matrices
     )
     found = evidence.anchors(evidence.centre, evidence.linear_places)
     assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.places[-1] for centre in found}
@@ -175,13 +175,15 @@ def test_impossible_sizes_are_no_cause():
     case = case_with({CUBIC_1: (8e-4,)}, 15)
     record = case.measured()
     far = record.specific_force.copy()
-    here = calibrate(record, noise_bound=NOISE_BOUND, baseline=case.bench.baseline, mounting=case.bench.matrices)
+    here = calibrate(
+        record, noise_bound=NOISE_BOUND, baseline=case.instrument.baseline, mounting=case.instrument.matrices
+    )
     far[:, 0] += 9.80665 * 0.4 * here.linearised.input[:, 0] ** 3
     bent = bench_evidence(
         replace(record, specific_force=far),
         noise_bound=NOISE_BOUND,
-        baseline=case.bench.baseline,
-        mounting=case.bench.matrices,
+        baseline=case.instrument.baseline,
+        mounting=case.instrument.matrices,
     )
     fit = bent.refit([CUBIC_1])
     assert not fit.is_possible

@@ -62,7 +62,7 @@ def test_a_case_is_the_same_whatever_their_number():
     assert some[0] == more[0]
     first, again, second = (draw_case(options, 3, index) for index in (0, 0, 1))
     assert first.measured().specific_force.tobytes() == again.measured().specific_force.tobytes()
-    assert not np.array_equal(first.bench.alpha, second.bench.alpha)
+    assert not np.array_equal(first.instrument.alpha, second.instrument.alpha)
 
 
 def clean_case(noise: str, index: int) -> Case:
@@ -74,7 +74,7 @@ def clean_case(noise: str, index: int) -> Case:
 def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(noise, index):
     """The components in time against the closed formula, by another way: every error is within σ."""
     case = clean_case(noise, index)
-    record, faultless = case.measured(), faultless_record(case.bench)
+    record, faultless = case.measured(), faultless_record(case.instrument)
     errors = (record.specific_force - faultless.specific_force) / STANDARD_GRAVITY / NOISE_BOUND
     # Nine decimals of m/s² are 5.1e-6 of σ.
     assert 0.3 < np.abs(errors).max() <= 1.0 + 5.2e-6
@@ -124,9 +124,9 @@ def test_sizes_that_are_drawn_are_those_of_the_mode(seed):
 
 def test_what_is_known_of_a_bench_is_its_truth():
     case = clean_case("edge", 0)
-    here, circumstances = expected(case.bench)
+    here, circumstances = expected(case.instrument)
     assert np.abs(here.residual).max() < 1e-12
-    assert len(circumstances.hours) == len(case.bench.alpha)
+    assert len(circumstances.hours) == len(case.instrument.alpha)
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ def test_increments_without_coning_turn_the_body_elsewhere():
 def test_cases_do_not_depend_on_each_other_and_have_both_references():
     first, again, other = (draw_clean_block(3, index).measured() for index in (4, 4, 5))
     assert first.specific_force.tobytes() == again.specific_force.tobytes()
-    assert [draw_clean_block(3, index).block.reference for index in range(4)] == ["gravity", "truth"] * 2
+    assert [draw_clean_block(3, index).instrument.reference for index in range(4)] == ["gravity", "truth"] * 2
     assert first.attitude is None
     assert other.attitude is not None
 

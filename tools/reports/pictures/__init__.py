@@ -241,10 +241,9 @@ def named_rows(axes: "Axes", labels: Sequence[str], *, lines: bool = False, **ti
         say_empty(axes)
 
 
-def zero_line(axes: "Axes", band: tuple[float, float] | None = None, label: str = "") -> None:
-    """Zero, and the band within which something is as it should be."""
-    if band is not None:
-        axes.axhspan(*band, color=BAND.light, linewidth=0, zorder=0, label=label)
+def zero_line(axes: "Axes") -> None:
+    """Zero, and the band of a noise bound about it, one in its units."""
+    axes.axhspan(-1.0, 1.0, color=BAND.light, linewidth=0, zorder=0, label="within ±σ")
     axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
 
 

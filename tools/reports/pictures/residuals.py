@@ -77,7 +77,7 @@ def residuals_over_inputs(inputs: NDArray, before: NDArray, after: NDArray | Non
 
 def _readings(axes: "Axes", x: NDArray, p: int, before: NDArray, after: NDArray | None, proof: NDArray) -> None:
     """Residuals of accelerometer p over x (N,)."""
-    zero_line(axes, (-1.0, 1.0), "within ±σ")
+    zero_line(axes)
     axes.plot(x, before[:, p], **BEFORE, label="residual" if after is None else "before")
     if after is not None:
         axes.plot(x, after[:, p], **AFTER, label="with the effect")
@@ -100,7 +100,7 @@ def held_out(before: NDArray, after: NDArray, labels: Sequence[object]) -> Drawn
     names = [short(label, 24) for label in labels]
     place = (np.arange(len(names))[:, None] + np.array([-0.24, 0.0, 0.24])).ravel()
     figure, ((axes,),) = sheet(3.0)
-    zero_line(axes, (-1.0, 1.0), "within ±σ")
+    zero_line(axes)
     axes.vlines(place, before.ravel(), after.ravel(), color=MUTED.light, linewidth=0.7)
     axes.plot(place, before.ravel(), **BEFORE, label="before")
     axes.plot(place, after.ravel(), **AFTER, label="with the effect")
