@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from ..evidence.bench_predictions import dense_spaces
 from ..evidence.fit import Classes, composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
-from ..records import PositionRecord, RawRecord
+from ..records import PositionRecord, RawRecord, read_record
 from ..records.rests import average_rests, find_rests
 from .sizes import Hidden
 
@@ -109,9 +110,8 @@ class Bench:
         record = self._joined(runs)
         error = np.zeros((len(record), 3))
         if self.noise != "uniform":
-            error = NOISE_BOUND * drawn_errors(
-                np.random.default_rng([seed, index or 0, ERRORS]), self.noise, len(error)
-            )
+            rng = np.random.default_rng([seed, index or 0, ERRORS])
+            error = NOISE_BOUND * drawn_errors(rng, self.noise, len(error))
         for one in hidden:
             if one.place.effect == "outlier":
                 error[int(one.place.where.removeprefix("position-")) - 1, one.place.axes[0] - 1] += one.values[0]
@@ -189,9 +189,9 @@ class Bench:
             "beta",
             "specific_force",
             "temperature",
+            "scatter",
             "approach_alpha",
             "approach_beta",
-            "scatter",
         )
         columns: dict[str, Any] = {name: own(name) for name in names}
         return replace(first, mounting=tuple(self.mountings[k] for k in self.mounting), **columns)
@@ -306,8 +306,7 @@ def faultless_record(bench: Bench) -> PositionRecord:
         rows = bench.mounting == k
         parameters = true_elementary(bench.truth, bench.mounting_errors[k])
         reading[rows] = elementary_reading(parameters, bench.alpha[rows], bench.beta[rows], PRESETS[name])
-    ways = np.stack((np.diff(bench.alpha, prepend=bench.alpha[0] - START_APART),
-                     np.diff(bench.beta, prepend=bench.beta[0] - START_APART)), axis=1)  # fmt: skip
+    ways = np.stack([np.diff(angle, prepend=angle[0] - START_APART) for angle in (bench.alpha, bench.beta)], axis=1)
     size = np.abs(ways)
     long = RATE**2 / ACCELERATION
     move = np.where(size > long, size / RATE + RATE / ACCELERATION, 2.0 * np.sqrt(size / ACCELERATION)).max(axis=1)
@@ -361,15 +360,8 @@ def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
 
 def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
     """Run a scenario of `Bench.scenario` and average its rests; with `every` those too whose readings drift."""
-    run = simulate(scenario, progress=progress).table
-    raw = RawRecord(
-        time_s=run["time_s"].to_numpy(),
-        alpha=np.radians(run["alpha_deg"].to_numpy()),
-        beta=np.radians(run["beta_deg"].to_numpy()),
-        # Row by row in memory: means of columns would have other last bits.
-        specific_force=np.stack([run[name].to_numpy() for name in ("f1_mps2", "f2_mps2", "f3_mps2")], axis=1),
-        temperature=run["temperature_degC"].to_numpy(),
-    )
+    raw = read_record(simulate(scenario, progress=progress).table, RawRecord)
+    raw = replace(raw, path=Path("record"), sha256="")
     rests = find_rests(raw)
     return average_rests(raw, [replace(rest, refused=None) for rest in rests] if every else rests)
 

@@ -162,7 +162,17 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
             "mountings": own.mountings,
             "baseline": own.baseline,
             "noise": own.noise,
-            "hidden": tuple(_secret(hidden) for hidden in case.hidden),
+            "hidden": tuple(
+                Secret(
+                    **NamedEffect.keys(hidden.place),
+                    parameters=hidden.parameters,
+                    size=hidden.size,
+                    surely_detected=finite_or_none(hidden.sizes.detected),
+                    rivals_excluded=finite_or_none(hidden.sizes.excluded),
+                    last_rival=hidden.sizes.rival,
+                )
+                for hidden in case.hidden
+            ),
             "errors": errors,
         }
     else:
@@ -177,17 +187,6 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
         outcome=kind,
         named=tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else (),
         inside=inside,
-    )
-
-
-def _secret(hidden: Hidden) -> Secret:
-    return Secret(
-        **NamedEffect.keys(hidden.place),
-        parameters=hidden.parameters,
-        size=hidden.size,
-        surely_detected=finite_or_none(hidden.sizes.detected),
-        rivals_excluded=finite_or_none(hidden.sizes.excluded),
-        last_rival=hidden.sizes.rival,
     )
 
 
@@ -278,12 +277,10 @@ def relative_error(hidden: Hidden, cause: Cause) -> float:
 
 def _vector(names: Sequence[str], values: Sequence[float]) -> list[float]:
     """Parameters as a vector in which errors add: amplitudes and phases by their components."""
-    vector, k = [], 0
-    while k < len(names):
-        if names[k].endswith("amplitude"):
-            vector += [values[k] * math.cos(values[k + 1]), values[k] * math.sin(values[k + 1])]
-            k += 2
-        else:
-            vector.append(values[k])
-            k += 1
+    vector: list[float] = []
+    for k, (name, value) in enumerate(zip(names, values, strict=True)):
+        if name.endswith("amplitude"):
+            vector += [value * math.cos(values[k + 1]), value * math.sin(values[k + 1])]
+        elif not name.endswith("phase"):
+            vector.append(value)
     return vector

@@ -186,11 +186,8 @@ def run_suite(
     InputError
         numbers out of range, or instruments that cannot hide what is asked for
     """
-    for name, number, least, most in (
-        ("cases", cases, 1, MOST_CASES),
-        ("seed", seed, 0, 2**31 - 1),
-        ("jobs", jobs, 1, MOST_JOBS),
-    ):
+    limits = (("cases", cases, 1, MOST_CASES), ("seed", seed, 0, 2**31 - 1), ("jobs", jobs, 1, MOST_JOBS))
+    for name, number, least, most in limits:
         if not least <= number <= most:
             raise InputError(f"--{name} {number}: must be a whole number from {least} to {most}")
     run = partial(run_case, options, seed, records)
@@ -218,7 +215,16 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
 def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     """A suite from the outcomes of its cases, in their order."""
     clean = [outcome for outcome in outcomes if not outcome.places]
-    errors = _size_errors(outcomes)
+    found = np.array([error for outcome in outcomes for error in outcome.size_errors])
+    inside = [outcome.inside for outcome in outcomes if outcome.inside is not None]
+    errors = {
+        "estimates": len(found),
+        "mean": float(found.mean()) if len(found) else None,
+        "rms": float(np.sqrt(np.mean(found**2))) if len(found) else None,
+        "largest": float(np.abs(found).max()) if len(found) else None,
+        "cases_with_intervals": len(inside),
+        "inside_intervals": sum(inside),
+    }
     own: dict[str, Any] = {
         "schema": "trihedron.hidden-suite/1",
         "mode": options.mode,
@@ -235,7 +241,7 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
             "schema": "trihedron.hidden-strapdown-suite/1",
             "clean": options.mode == "clean",
             "size": None if options.mode == "clean" else options.sizes,
-            "by_reference": {reference: kinds(found) for reference, found in of.items() if found},
+            "by_reference": {reference: kinds(those) for reference, those in of.items() if those},
         }
     return Suite(
         **own,
@@ -276,19 +282,6 @@ def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
             top = high if math.isfinite(high) else None
             found.append(Detection(low=low, high=top, cases=len(own), detected=detected, named=named))
     return found
-
-
-def _size_errors(outcomes: Sequence[Outcome]) -> dict[str, int | float | None]:
-    errors = np.array([error for outcome in outcomes for error in outcome.size_errors])
-    inside = [outcome.inside for outcome in outcomes if outcome.inside is not None]
-    return {
-        "estimates": len(errors),
-        "mean": float(errors.mean()) if len(errors) else None,
-        "rms": float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
-        "largest": float(np.abs(errors).max()) if len(errors) else None,
-        "cases_with_intervals": len(inside),
-        "inside_intervals": sum(inside),
-    }
 
 
 def cases_csv(suite: Suite) -> str:
