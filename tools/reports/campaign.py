@@ -53,26 +53,18 @@ def _computed_lines(item: Mapping[str, Any]) -> list[str]:
         rows = [f"  {r['low']:>10.4g} to {r['high']:>10.4g}  {rate_text(r)}" for r in result if r["cases"]]
         return _cut([f"{head}, by {item['against']}:", *rows])
     if "confusion" in item:
-        rows = []
-        for true, row in result.items():
-            told = sorted(row.items(), key=lambda pair: -pair[1])
-            rows.append(f"  {true:<44} {', '.join(f'{n} {count}' for n, count in told)}")
+        told = {true: sorted(row.items(), key=lambda pair: -pair[1]) for true, row in result.items()}
+        rows = [f"  {true:<44} {', '.join(f'{n} {count}' for n, count in row)}" for true, row in told.items()]
         return _cut([f"{item['of']}, and what {item['confusion']} was:", *rows])
-    lines = []
-    for name, found in result.items():
-        lines += _sensitivity(name, found)
-    return lines
+    return [line for name, found in result.items() for line in _sensitivity(name, found)]
 
 
 def _quantile_lines(result: Mapping[str, Any]) -> list[str]:
     at = next((entry["quantiles"] for entry in result.values() if entry["runs"]), [])
     lines = [f"{'':<24} {'mean':>11} " + " ".join(f"{q['at']:>10.4g}q" for q in at)]
     for name, entry in result.items():
-        if entry["runs"]:
-            values = " ".join(f"{q['value']:>11.4g}" for q in entry["quantiles"])
-            lines.append(f"{name:<24} {entry['mean']:>11.4g} {values}")
-        else:
-            lines.append(f"{name:<24} no values")
+        values = (entry["mean"], *(q["value"] for q in entry["quantiles"])) if entry["runs"] else ()
+        lines.append(f"{name:<24} {' '.join(f'{value:>11.4g}' for value in values) or 'no values'}")
     return lines
 
 
@@ -149,25 +141,23 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     """The page of a campaign that is complete, as `trihedron.tools.campaign.store.open_result` gives it."""
     campaign, results = store.campaign, Results(store)
     summary = summarise(store)
-    sections: list[Section] = []
-    if comparison is not None:
-        sections.append(_changes(comparison))
-    sections.append(_about(campaign))
-    sections += _computed(summary.computed, results)
+    sections = [] if comparison is None else [_changes(comparison)]
+    sections += [_about(campaign), *_computed(summary.computed, results)]
     if summary.failures:
         rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
         sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
-    failed = summary.failed
-    verdict = " ".join([f"{campaign.runs} {WHAT[campaign.kind]}, {failed or 'none'} failed.", *counted(summary)])
+    verdict = [f"{campaign.runs} {WHAT[campaign.kind]}, {summary.failed or 'none'} failed.", *counted(summary)]
+    worse = False
     if comparison is not None:
-        verdict += f" {_sentence(comparison)}"
-    worse = comparison is not None and bool(comparison.of("worse"))
+        changed = {word: len(comparison.of(word)) for word in ("worse", "better")}
+        worse, said = changed["worse"] > 0, ", ".join(f"{count} {word}" for word, count in changed.items() if count)
+        verdict.append(f"Beyond chance got {said}." if said else "Nothing got better or worse beyond chance.")
     sobol = campaign.sampling.method == "saltelli" and any(item.sensitivity for item in campaign.compute)
     return Page(
         campaign.title or f"Campaign of {WHAT[campaign.kind]}",
-        verdict,
+        " ".join(verdict),
         sections,
-        tone="attention" if failed or worse else "good" if comparison is not None else "neutral",
+        tone="attention" if summary.failed or worse else "good" if comparison is not None else "neutral",
         provenance={
             "campaign, SHA-256": manifest["order_sha256"],
             "code, SHA-256": manifest["code_sha256"],
@@ -180,21 +170,13 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
 
 def counted(summary: CampaignResult) -> list[str]:
     """The rates of the whole campaign, each as a sentence."""
-    whole = [item for item in summary.computed if "rate" in item and "against" not in item]
     return [
         f"{item['rate'].capitalize()} was {told_values(item)} in {entry['count'] or 'none'} of {entry['cases']}."
-        for item in whole
+        for item in summary.computed
+        if "rate" in item and "against" not in item
         for entry in item["result"][:1]
         if entry["cases"]
     ]
-
-
-def _sentence(comparison: Comparison) -> str:
-    worse, better = comparison.of("worse"), comparison.of("better")
-    if not worse and not better:
-        return "Nothing got better or worse beyond chance."
-    said = [f"{len(group)} {word}" for group, word in ((worse, "worse"), (better, "better")) if group]
-    return f"Beyond chance got {', '.join(said)}."
 
 
 def _changes(comparison: Comparison) -> Section:
@@ -277,11 +259,12 @@ def _method(entry: Mapping[str, Any], runs: int) -> str:
 def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
     first = next(iter(curves.values()))
     header = ["from", "to", "runs", *curves]
-    rows: list[list[str | int]] = []
+    rows: list[list[Cell]] = []
     for k, entry in enumerate(first):
-        counts = [str(found[k]["count"]) for found in curves.values()]
-        if any(found[k]["cases"] for found in curves.values()):
-            rows.append([f"{entry['low']:g}", f"{entry['high']:g}", entry["cases"], *counts])
+        found = [ranges[k] for ranges in curves.values()]
+        if any(of["cases"] for of in found):
+            ends = (f"{entry[end]:g}" for end in ("low", "high"))
+            rows.append([*ends, entry["cases"], *(str(of["count"]) for of in found)])
     return Section(
         f"Rates against {against}",
         svg=rates_picture(curves, against),
@@ -295,14 +278,10 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     there = {name: entry for name, entry in found.items() if entry["runs"]}
     at = next((entry["quantiles"] for entry in there.values()), [])
     header = ["scalar", "runs", "mean", *(f"{100.0 * q['at']:g} %" for q in at), "largest"]
-    rows: list[list[Cell]] = [
-        [
-            name,
-            entry["runs"],
-            *(significant(v, 4) for v in (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])),
-        ]
-        for name, entry in there.items()
-    ]
+    rows: list[list[Cell]] = []
+    for name, entry in there.items():
+        figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])
+        rows.append([name, entry["runs"], *(significant(figure, 4) for figure in figures)])
     columns = {name: np.asarray(results.numbers(name)) for name in there}
     marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
@@ -338,8 +317,9 @@ def write_suite(suite: Suite, folder: Path) -> list[Path]:
 def suite_lines(suite: Suite) -> list[str]:
     """What a person is told."""
     bench = not suite.strapdown
-    what = f"{suite.cases} cases ({suite.mode})" if bench else f"{suite.cases} strapdown records"
-    lines = [f"{what}, seed {suite.seed}: " + ", ".join(f"{kind} {number}" for kind, number in suite.outcomes.items())]
+    what = f"cases ({suite.mode})" if bench else "strapdown records"
+    made = ", ".join(f"{kind} {number}" for kind, number in suite.outcomes.items())
+    lines = [f"{suite.cases} {what}, seed {suite.seed}: {made}"]
     if bench and suite.redrawn:
         lines.append(f"{suite.redrawn} effects were put aside, as no possible size would do at their positions")
     alarms = suite.false_alarms
@@ -385,16 +365,12 @@ def suite_page(suite: Suite) -> Page:
     hidden = any(outcome.places for outcome in suite.results)
     picture = confusion_picture(confusion(suite.results)) if hidden else None
     about = _about_bench(suite, told) if bench else _about_block(suite, hidden=hidden)
-    sections = [Section("What was made of the records", about, picture, CAPTION)]
-    if bench:
-        sections += _sizes(suite)
+    sections = [Section("What was made of the records", about, picture, CAPTION), *(_sizes(suite) if bench else ())]
     rows: list[list[Any]] = []
     for outcome in suite.results:
         if outcome.outcome != "right":
-            of = [None, outcome.reference] if suite.strapdown else [outcome.positions, None]
-            words = [outcome.titles(named=False) or NOTHING, outcome.verdict, outcome.outcome]
-            why = outcome.why if suite.strapdown else None
-            rows.append([outcome.case, *of, *words, outcome.titles(named=True), why])
+            of = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
+            rows.append([*of, outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why])
     if rows:
         header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
         sections.append(Section("Cases that were not named rightly", table=Table(header, rows).told()))
@@ -433,7 +409,7 @@ def _about_block(suite: Suite, *, hidden: bool) -> list[str]:
 
 def _sizes(suite: Suite) -> list[Section]:
     """From which size effects are seen, and how right the estimated sizes are."""
-    sections = []
+    sections, errors = [], suite.size_errors
     if suite.detection:
         curves: dict[str, list[dict[str, Any]]] = {"falsified": [], "named rightly": []}
         for b in suite.detection:
@@ -457,7 +433,6 @@ def _sizes(suite: Suite) -> list[Section]:
         for secret, error in zip(outcome.secrets, outcome.errors, strict=True)
     ]
     if pairs:
-        errors = suite.size_errors
         sections.append(
             Section(
                 "How right the sizes are",
@@ -465,7 +440,7 @@ def _sizes(suite: Suite) -> list[Section]:
                     f"In {errors['inside_intervals']} of {errors['cases_with_intervals']} cases named by their own "
                     "name the true parameters are inside their intervals."
                 ],
-                size_errors_picture([size for size, _ in pairs], [error for _, error in pairs]),
+                size_errors_picture(*zip(*pairs, strict=True)),
                 "Relative error of each estimated size; the band is the mean with twice its standard error.",
             )
         )

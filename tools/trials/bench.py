@@ -183,16 +183,8 @@ class Bench:
             columns = [getattr(record, name) for record in records]
             return None if any(column is None for column in columns) else np.stack(columns)[self.mounting, rows]
 
-        names = (
-            "time_s",
-            "alpha",
-            "beta",
-            "specific_force",
-            "temperature",
-            "scatter",
-            "approach_alpha",
-            "approach_beta",
-        )
+        angles = ("alpha", "beta", "approach_alpha", "approach_beta")
+        names = ("time_s", *angles, "specific_force", "temperature", "scatter")
         columns: dict[str, Any] = {name: own(name) for name in names}
         return replace(first, mounting=tuple(self.mountings[k] for k in self.mounting), **columns)
 
