@@ -289,10 +289,23 @@ accelerometer data", ICINS 2020; columns reordered, time added.
 """
 
 
+def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
+    """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder."""
+    from trihedron.tools.reports import evidence
+    from trihedron.tools.reports.pictures.residuals import gain_picture, order_picture
+
+    found, orders = evidence.error_pictures(result), evidence.orders_of(result)
+    if orders:
+        found["order"] = order_picture(orders)
+    if result.gain is not None:
+        found["gain"] = gain_picture(result.gain.before, result.gain.after, result.gain.over or "")
+    for name, svg in found.items():
+        write_text(folder / f"{stem}-{name}.svg", svg)
+    return [folder / f"{stem}-{name}.svg" for name in found]
+
+
 def write_broad(data: Path, docs: Path) -> None:
     """Write the page and the pictures of BROAD 03."""
-    from trihedron.tools.reports.diagnosis import write_pictures
-
     result = diagnose(read(data, BROAD))
     written = write_pictures(result, docs / "pictures", "broad")
     write_text(docs / "case-study-broad.md", broad_page(result, picture_lines(written, "broad")))
@@ -303,8 +316,6 @@ def write_mpu(data: Path, docs: Path) -> None:
     records = [read(data, name) for name in MPU]
     results = [diagnose(record, rerun=False) for record in records]
     nominal = [diagnose(record, baseline="nominal", rerun=False) for record in records]
-    from trihedron.tools.reports.diagnosis import write_pictures
-
     written = write_pictures(results[0], docs / "pictures", "mpu9150")
     write_text(docs / "case-study-mpu9150.md", mpu_page(results, nominal, picture_lines(written, "mpu9150")))
 

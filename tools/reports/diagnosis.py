@@ -9,13 +9,12 @@ from ..diagnosis.procedure import is_stable
 from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOfEffects, Witness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
-from ..files import write_text
 from ..records import PositionRecord
 from . import bench, calibration, evidence
 from .bench import of_bench
 from .inspection import carried_section, record_sections
 from .makers import cited, versions
-from .pictures.residuals import gain_picture, held_out, order_picture
+from .pictures.residuals import gain_picture, held_out
 
 FEW_RIVALS = 3
 """Up to so many sets of effects are named in the verdict."""
@@ -145,13 +144,12 @@ def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
 
 def _witness_lines(told: Witness) -> list[str]:
     """What readings that were left out say."""
-    said = []
-    for name, score in (("positions", told.folds), ("parts in time", told.blocks)):
-        if score is not None:
-            said.append(
-                f"left-out {name} ({score.scored} readings): rms {score.rms_before:.2e} -> {score.rms_after:.2e} g, "
-                f"max {score.max_before:.2e} -> {score.max_after:.2e} g"
-            )
+    said = [
+        f"left-out {name} ({score.scored} readings): rms {score.rms_before:.2e} -> {score.rms_after:.2e} g, "
+        f"max {score.max_before:.2e} -> {score.max_after:.2e} g"
+        for name, score in (("positions", told.folds), ("parts in time", told.blocks))
+        if score is not None
+    ]
     if told.shuffles:
         said.append(f"as good when shuffled: {told.shuffles.as_good} of {told.shuffles.tried}")
     return said + [f"warning: {warning}" for warning in told.warnings]
@@ -236,7 +234,11 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
     if of_bench(result):
         assert record is not None
         name, nominal = record.path.name, result.evidence.calibration
-        first = [bench.measured_section(record, nominal), bench.bench_section(nominal, extended_values(result), named)]
+        values = bench.calibrated_values(nominal)
+        # With the effects that were found.
+        after = {t["symbol"]: (t["after"], half_width(t["low"], t["high"])) for t in result.targets or ()}
+        values |= {symbol: value for symbol, value in after.items() if symbol in values}
+        first = [bench.measured_section(record, nominal), bench.bench_section(nominal, values, named)]
         key = bench.key_figures(nominal)
         if result.findings:
             key |= {f"with {evidence.first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"}
@@ -258,15 +260,6 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         provenance=rests_on,
         sources=sources(result),
     )
-
-
-def extended_values(result: Diagnosis) -> dict[str, bench.Value]:
-    """The targets with the effects that were found, else those of the nominal model."""
-    values = bench.calibrated_values(result.evidence.calibration)
-    for target in result.targets or ():
-        if target["symbol"] in values:
-            values[target["symbol"]] = target["after"], half_width(target["low"], target["high"])
-    return values
 
 
 def _key_of_carried(result: Diagnosis) -> dict[str, object]:
@@ -436,18 +429,6 @@ def gain_section(result: Diagnosis) -> Section | None:
         caption = "Part of the pieces whose error is at most so large."
     header = ["over", "pieces", *(f"{name} {when} [{unit}]" for name in ("rms", "max") for when in ("before", "after"))]
     return Section("The gain on what was not used", [said], picture, caption, Table(header, rows))
-
-
-def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
-    """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder, for other documents."""
-    found, orders = evidence.error_pictures(result), evidence.orders_of(result)
-    if orders:
-        found["order"] = order_picture(orders)
-    if result.gain is not None:
-        found["gain"] = gain_picture(result.gain.before, result.gain.after, result.gain.over or "")
-    for name, svg in found.items():
-        write_text(folder / f"{stem}-{name}.svg", svg)
-    return [folder / f"{stem}-{name}.svg" for name in found]
 
 
 def sources(result: Diagnosis) -> list[str]:
