@@ -20,10 +20,11 @@ from scipy.spatial.transform import Rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ..errors import InputError, nearest
 from ..orchestrator import simulate
-from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from ..orchestrator.scenario import FmuSetting
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
 from ..result import ABSENT, Array, Result
+from .carry import carrying, inputs, rotation_of
 from .rests import GAP, check_meaning, check_turns, mean_rates
 
 VERTICAL_WITHIN = math.radians(5.0)
@@ -272,7 +273,15 @@ def attitude_of_record(
             f"{record.path}, row {int(record.row[first + (k + 1) * rate_divisor])}: a turn of {size[k]:.6g} rad in one "
             f"sample; {chosen.name} is valid to {chosen.max_increment:.3g} rad: sample faster or take mean-rate"
         )
-    done = simulate(_scenario(record, increments, chosen.number, start), **run)
+    parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": start}
+    scenario = carrying(
+        f"attitude of {record.path.name}",
+        {"computer": FmuSetting(component="AttitudeComputer", parameters=parameters)},
+        inputs("computer.increment", INCREMENT, increments.angle),
+        increments.time_s,
+        increments.period,
+    )
+    done = simulate(scenario, **run)
     updated = done.table["updated"].to_numpy()
     attitude = done.table.select(QUATERNION).to_numpy()[updated]
     index = first + rate_divisor * np.flatnonzero(updated)
@@ -333,39 +342,6 @@ def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
     return 0, [1.0, 0.0, 0.0, 0.0]
 
 
-def _scenario(record: StrapdownRecord, increments: Increments, number: int, start: list[float]) -> Scenario:
-    """One attitude computer, driven by the record's increments."""
-    time = increments.time_s
-    columns = dict(zip(INCREMENT, increments.angle.T, strict=True))
-    return Scenario(
-        title=f"attitude of {record.path.name}",
-        run=RunSetting(start_s=float(time[0]), stop_s=float(time[-1]), step_s=increments.period),
-        fmus={
-            "computer": FmuSetting(
-                component="AttitudeComputer",
-                parameters={
-                    "algorithm": number,
-                    "sample_period": increments.period,
-                    "initial_attitude": start,
-                },
-            )
-        },
-        stimuli=[
-            Stimulus(
-                table=pl.DataFrame({"time_s": time[1:], **columns}),
-                stamp="end",
-                columns={f"computer.increment[{i}]": name for i, name in enumerate(INCREMENT, start=1)},
-            )
-        ],
-        record=RecordSetting(
-            columns={
-                **{name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)},
-                "updated": "computer.updated",
-            }
-        ),
-    )
-
-
 def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
     """Whether the specific force, on average, points along the third axis of the true attitude's reference."""
     if record.attitude is None:
@@ -375,11 +351,6 @@ def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
         return False
     mean = rotation_of(record.attitude[known]).apply(record.specific_force[known]).mean(axis=0)
     return bool(math.atan2(math.hypot(mean[0], mean[1]), mean[2]) <= VERTICAL_WITHIN)
-
-
-def rotation_of(quaternion: np.ndarray) -> Rotation:
-    """Rotations of quaternions (N, 4), scalar first."""
-    return Rotation.from_quat(np.roll(quaternion, -1, axis=-1))
 
 
 def attitude_error(computed: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -3,21 +3,22 @@
 Gyro block and attitude computer, as FMUs, carry it; the orchestrator runs them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ...models.attitude_algorithms import ALGORITHMS
 from ...models.effects import CATALOGUE, EffectPlace, MotionRows, parameter_name, place_from_mapping
 from ..orchestrator import simulate
-from ..orchestrator.scenario import FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
+from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
-from .attitude import rotation_of
 from .rests import GAP, Sampling, check_meaning, check_turns, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
@@ -132,63 +133,68 @@ class GyroModel:
         return np.asarray(np.linalg.inv(np.eye(3) + self.scale_misalignment.reshape(3, 3)), dtype=np.float64)
 
 
+Driven: TypeAlias = dict[str, tuple[str, NDArray]]
+"""Input of an FMU -> the name of its column, and its value in each interval."""
+
+
+def inputs(variable: str, names: Sequence[str], values: NDArray) -> Driven:
+    """The elements of an input, each driven by a column (N, K) of its own name."""
+    return {f"{variable}[{i}]": pair for i, pair in enumerate(zip(names, values.T, strict=True), start=1)}
+
+
+def carrying(
+    title: str,
+    fmus: dict[str, FmuSetting],
+    driven: Driven,
+    time_s: NDArray,
+    period: float,
+    connections: Sequence[Connection] = (),
+) -> Scenario:
+    """A scenario whose FMU `computer` carries an attitude over the intervals between times (N + 1,), a period apart."""
+    attitude = {name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)}
+    table = pl.DataFrame({"time_s": time_s[1:], **dict(driven.values())})
+    columns = {variable: name for variable, (name, _) in driven.items()}
+    return Scenario(
+        title=title,
+        run=RunSetting(start_s=float(time_s[0]), stop_s=float(time_s[-1]), step_s=period),
+        fmus=fmus,
+        connections=list(connections),
+        stimuli=[Stimulus(table=table, stamp="end", columns=columns)],
+        record=RecordSetting(columns={**attitude, "updated": "computer.updated"}),
+    )
+
+
 def carried_attitude(
     motion: Motion, model: GyroModel, gravity: float, fmus: Mapping[str, Path] | None = None
 ) -> NDArray[np.float64]:
     """Attitudes (N, 4), scalar first, at the rows of a record, from the identity at the first; gravity in [m/s²].
 
-    A component's FMU file may be given in place of the one that is built here.
+    The record's increments go through the compensation of the gyro block to the attitude computer. The run's steps are
+    the record's intervals, each as long as the period: the increments hold the logged times. A component's FMU file may
+    be given in place of the one that is built here.
     """
-    table = simulate(carrying_scenario(motion, model, gravity, fmus or {})).table
-    return table.select(QUATERNION).to_numpy()
-
-
-def carrying_scenario(motion: Motion, model: GyroModel, gravity: float, fmus: Mapping[str, Path]) -> Scenario:
-    """The scenario: the record's increments through the compensation of the gyro block to the attitude computer.
-
-    The run's steps are the record's intervals, each as long as the period: the increments hold the logged times.
-    """
-    increments, count = motion.increments, len(motion) - 1
-    ends = motion.period * np.arange(1, count + 1)
-    columns: dict[str, NDArray] = dict(zip(INCREMENT, increments.T, strict=True))
-    driven = {f"compensation.increment_reading[{p}]": name for p, name in enumerate(INCREMENT, start=1)}
+    increments, fmus = motion.increments, fmus or {}
+    driven = inputs("compensation.increment_reading", INCREMENT, increments)
     # Only effects depend on anything but the increments.
     if reads(model.effects, "INPUT"):
-        columns |= dict(zip(FORCE, motion.specific_force[1:].T, strict=True))
-        driven |= {f"compensation.specific_force[{p}]": name for p, name in enumerate(FORCE, start=1)}
+        driven |= inputs("compensation.specific_force", FORCE, motion.specific_force[1:])
     if model.effects:
-        columns |= {"interval_s": motion.step[1:]}
-        driven |= {"compensation.interval": "interval_s"}
+        driven |= {"compensation.interval": ("interval_s", motion.step[1:])}
     if motion.temperature is not None and reads(model.effects, "TEMPERATURE"):
-        columns[TEMPERATURE] = motion.temperature[1:]
-        driven["compensation.temperature"] = TEMPERATURE
-    return Scenario(
-        title="the attitude of a record, carried by its gyros",
-        run=RunSetting(start_s=0.0, stop_s=count * motion.period, step_s=motion.period),
-        fmus={
-            "compensation": _setting(
-                "GyroCompensation",
-                fmus,
-                {
-                    "gravity": gravity,
-                    "bias": model.bias.tolist(),
-                    "scale_misalignment": model.scale_misalignment.tolist(),
-                },
-                effect_entries(model.effects, "GyroBlock"),
-            ),
-            "computer": _setting(
-                "AttitudeComputer",
-                fmus,
-                {"algorithm": algorithm_for(increments), "sample_period": motion.period},
-                effect_entries(model.effects, "AttitudeComputer"),
-            ),
-        },
-        connections=[{"from": "compensation.increment", "to": "computer.increment"}],  # pyright: ignore
-        stimuli=[Stimulus(table=pl.DataFrame({"time_s": ends, **columns}), stamp="end", columns=driven)],
-        record=RecordSetting(
-            columns={name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)},
-        ),
-    )
+        driven |= {"compensation.temperature": (TEMPERATURE, motion.temperature[1:])}
+    block = {
+        "gravity": gravity,
+        "bias": model.bias.tolist(),
+        "scale_misalignment": model.scale_misalignment.tolist(),
+    }
+    computer = {"algorithm": algorithm_for(increments), "sample_period": motion.period}
+    settings = {
+        "compensation": _setting("GyroCompensation", fmus, block, effect_entries(model.effects, "GyroBlock")),
+        "computer": _setting("AttitudeComputer", fmus, computer, effect_entries(model.effects, "AttitudeComputer")),
+    }
+    title, times = "the attitude of a record, carried by its gyros", motion.period * np.arange(len(motion))
+    link = Connection(**{"from": "compensation.increment", "to": "computer.increment"})
+    return simulate(carrying(title, settings, driven, times, motion.period, [link])).table.select(QUATERNION).to_numpy()
 
 
 def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:
@@ -225,6 +231,11 @@ def algorithm_for(increments: NDArray) -> int:
     known = {a.name: a for a in ALGORITHMS}
     longest = float(np.linalg.norm(increments, axis=1).max(initial=0.0))
     return known[ALGORITHM if 1.1 * longest < known[ALGORITHM].max_increment else FALLBACK].number
+
+
+def rotation_of(quaternion: np.ndarray) -> Rotation:
+    """Rotations of quaternions (N, 4), scalar first."""
+    return Rotation.from_quat(np.roll(quaternion, -1, axis=-1))
 
 
 def matrices_of(quaternion: NDArray) -> NDArray[np.float64]:

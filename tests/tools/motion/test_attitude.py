@@ -22,9 +22,9 @@ from trihedron.tools.motion.attitude import (
     attitude_of_record,
     heading_and_tilt,
     rate_at_rest,
-    rotation_of,
     split_error,
 )
+from trihedron.tools.motion.carry import rotation_of
 from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.papers.reproduction import angle_errors
