@@ -63,29 +63,15 @@ class NormCalibration(Result):
     residual: Array | None = Field(default=None, exclude=True)
     bound: Array | None = Field(default=None, exclude=True)
 
-    def _column(self, name: str) -> NDArray[np.float64] | None:
+    def column(self, name: str) -> NDArray[np.float64] | None:
+        """A figure (9,) of all the parameters, by its name; None where one has none."""
         values = [getattr(parameter, name) for parameter in self.parameters]
         return None if None in values else np.array(values)
 
     @property
     def least_squares(self) -> NDArray[np.float64] | None:
         """The nine parameters (9,)."""
-        return self._column("least_squares")
-
-    @property
-    def standard_error(self) -> NDArray[np.float64] | None:
-        """Of least squares (9,)."""
-        return self._column("standard_error")
-
-    @property
-    def low(self) -> NDArray[np.float64] | None:
-        """Least possible parameters (9,)."""
-        return self._column("low")
-
-    @property
-    def high(self) -> NDArray[np.float64] | None:
-        """Largest possible parameters (9,)."""
-        return self._column("high")
+        return self.column("least_squares")
 
 
 def _parameters(*columns: NDArray | None) -> tuple[NormParameter, ...]:

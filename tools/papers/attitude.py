@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
+from pydantic import Field
 
 from ...models.attitude_algorithms import Algorithm
 from ...models.harmonic_motion import HARMONICS, store_harmonics
 from ..errors import InputError, nearest
 from ..motion.attitude import algorithm_named
+from ..result import Result
 
 ALGORITHM_OF_PRINT = {
     "(7.18)": "mean-rate",
@@ -68,50 +70,44 @@ NODES_AS_RUN = {("3.1.1", "(22)", 0.01, 21): 41}
 """Rows that come out with another M than the printed one."""
 
 
-@dataclass(frozen=True)
-class PublishedRow:
+class PublishedRow(Result):
     """One row: the largest errors of ψ, ϑ, γ over 600 s.
 
     Attributes
     ----------
-    number : int
-        of the row, from 1
+    row : int
+        its number, from 1
     table : str
         key of `TABLES`
-    print_name : str
-        name of the algorithm in print
-    step : float
-        h [s]
+    algorithm : str
+        its name in print
+    h_s : float
+        step [s]
     nodes : int
         M as printed
     motion : str
         1 to 6: variants of Table 1; small: small amplitudes; first, second: compositions of harmonics
-    error_deg : tuple of float
+    published_deg : tuple of float
         printed errors of ψ, ϑ, γ [deg]
     """
 
-    number: int
+    row: int
     table: str
-    print_name: str
-    step: float
-    nodes: int
+    algorithm: str
+    h_s: float
+    nodes: int = Field(alias="M")
     motion: str
-    error_deg: tuple[float, float, float]
+    published_deg: tuple[float, float, float]
 
     @property
-    def algorithm(self) -> Algorithm:
+    def method(self) -> Algorithm:
         """The algorithm that was run."""
-        return algorithm_named(ALGORITHM_OF_PRINT[self.print_name])
-
-    @property
-    def error(self) -> np.ndarray:
-        """Printed errors of ψ, ϑ, γ [rad]."""
-        return np.radians(self.error_deg)
+        return algorithm_named(ALGORITHM_OF_PRINT[self.algorithm])
 
     @property
     def title(self) -> str:
         """The row as it is named in what people read."""
-        return f"{TABLES[self.table]}, {self.print_name}, h = {self.step:g} s, M = {self.nodes}, motion {self.motion}"
+        return f"{TABLES[self.table]}, {self.algorithm}, h = {self.h_s:g} s, M = {self.nodes}, motion {self.motion}"
 
 
 def table_rows(paper: str) -> Iterator[dict[str, str]]:
@@ -122,17 +118,10 @@ def table_rows(paper: str) -> Iterator[dict[str, str]]:
 
 def published_rows() -> tuple[PublishedRow, ...]:
     """All published rows, in the order of the paper."""
+    angles = ("psi_deg", "theta_deg", "gamma_deg")
     return tuple(
-        PublishedRow(
-            number,
-            row["table"],
-            row["algorithm"],
-            float(row["h_s"]),
-            int(row["M"]),
-            row["motion"],
-            (float(row["psi_deg"]), float(row["theta_deg"]), float(row["gamma_deg"])),
-        )
-        for number, row in enumerate(table_rows("attitude"), start=1)
+        PublishedRow.model_validate({"row": k, "published_deg": [row[name] for name in angles], **row})
+        for k, row in enumerate(table_rows("attitude"), start=1)
     )
 
 
@@ -164,7 +153,7 @@ class Conditions:
 
     def algorithm(self, row: PublishedRow) -> Algorithm:
         """The algorithm that runs."""
-        named = row.algorithm
+        named = row.method
         if self.series_cut:
             return named
         full = {"two-sample-textbook-as-run": "two-sample-textbook", "panov-cut-off": "panov-series"}
@@ -176,8 +165,8 @@ class Conditions:
             return 0
         nodes = row.nodes
         if self.nodes_as_run:
-            nodes = NODES_AS_RUN.get((row.table, row.print_name, row.step, row.nodes), nodes)
-        return (nodes - 1) // row.algorithm.samples if self.nodes_over_step else nodes - 1
+            nodes = NODES_AS_RUN.get((row.table, row.algorithm, row.h_s, row.nodes), nodes)
+        return (nodes - 1) // row.method.samples if self.nodes_over_step else nodes - 1
 
 
 PAPER = Conditions()

@@ -22,7 +22,7 @@ from ..motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_alg
 from ..planning.forms import clearance, sheets, value
 from ..planning.plan import plan_targets
 from ..progress import progress_bar
-from ..result import ABSENT, Result
+from ..result import Result
 from .attitude import (
     ANGLES,
     CAUSES,
@@ -74,13 +74,11 @@ Angles: TypeAlias = Annotated[
 """Something of ψ, ϑ, γ (3,); six digits in JSON."""
 
 
-class ReproducedRow(Result):
+class ReproducedRow(PublishedRow):
     """A published row and what comes out: largest errors of ψ, ϑ, γ.
 
     Attributes
     ----------
-    row : int
-        its number, from 1
     reproduced_deg : (3,) array
         under the paper's conditions [deg]
     ratio : (3,) array
@@ -91,22 +89,13 @@ class ReproducedRow(Result):
         the angles that come out more than `TOLERANCE` away from print
     remark : str
         what is known of these; empty where all come out
-    printed : PublishedRow
     """
 
-    row: int
-    table: str
-    algorithm: str
-    h_s: float
-    nodes: int = Field(alias="M")
-    motion: str
-    published_deg: tuple[float, float, float]
     reproduced_deg: Angles
     ratio: Angles
     method_error_deg: Angles
     not_reproduced: tuple[str, ...]
     remark: str
-    printed: PublishedRow = Field(default=ABSENT, exclude=True)
 
 
 class Effect(Result):
@@ -152,14 +141,8 @@ class Reproduction(Result):
 
     def to_polars(self) -> pl.DataFrame:
         """One row for each published row; angles in degrees."""
-        columns = {
-            "row": [row.row for row in self.rows],
-            "table": [row.table for row in self.rows],
-            "algorithm": [row.algorithm for row in self.rows],
-            "h_s": [row.h_s for row in self.rows],
-            "M": [row.nodes for row in self.rows],
-            "motion": [row.motion for row in self.rows],
-        }
+        names = ("row", "table", "algorithm", "h_s", "M", "motion")
+        columns = {name: [row.to_json()[name] for row in self.rows] for name in names}
         values = {
             "published_{}_deg": [row.published_deg for row in self.rows],
             "reproduced_{}_deg": [_six_digits(row.reproduced_deg) for row in self.rows],
@@ -175,13 +158,13 @@ class Reproduction(Result):
 def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool = False) -> Reproduction:
     """Run published rows, all or by number: under the paper's conditions, exact ones, and without each cause shown."""
     chosen = set(numbers) if numbers is not None else None
-    rows = [row for row in published_rows() if chosen is None or row.number in chosen]
-    left_out = [(cause, row) for row in rows for cause in CAUSES if row.number in cause.shown_on]
+    rows = [row for row in published_rows() if chosen is None or row.row in chosen]
+    left_out = [(cause, row) for row in rows for cause in CAUSES if row.row in cause.shown_on]
     tasks = [(row, conditions) for row in rows for conditions in (PAPER, EXACT)]
     tasks += [(row, PAPER.without(cause.switch)) for cause, row in left_out]
     errors = run_tasks(tasks, progress=progress)
     order = {cause.switch: k for k, cause in enumerate(CAUSES)}
-    left_out.sort(key=lambda pair: (order[pair[0].switch], pair[1].number))
+    left_out.sort(key=lambda pair: (order[pair[0].switch], pair[1].row))
     found = tuple(_reproduced(row, errors[row, PAPER], errors[row, EXACT]) for row in rows)
     return Reproduction(
         rows=found,
@@ -189,9 +172,9 @@ def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool =
             Effect(
                 cause=cause.switch,
                 sentence=cause.sentence,
-                row=row.number,
-                ratio=errors[row, PAPER] / row.error,
-                ratio_without=errors[row, PAPER.without(cause.switch)] / row.error,
+                row=row.row,
+                ratio=errors[row, PAPER] / np.radians(row.published_deg),
+                ratio_without=errors[row, PAPER.without(cause.switch)] / np.radians(row.published_deg),
                 title=row.title,
             )
             for cause, row in left_out
@@ -202,23 +185,16 @@ def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool =
 
 def _reproduced(row: PublishedRow, reproduced: NDArray, method: NDArray) -> ReproducedRow:
     """A row with the largest errors (3,) under the paper's conditions and under exact ones [rad]."""
-    ratio = reproduced / row.error
+    ratio = reproduced / np.radians(row.published_deg)
     off = tuple(name for name, r in zip(ANGLES, ratio, strict=True) if not abs(r - 1.0) <= TOLERANCE)
-    known = [sentence for numbers, sentence in UNEXPLAINED if row.number in numbers]
+    known = [sentence for numbers, sentence in UNEXPLAINED if row.row in numbers]
     return ReproducedRow(
-        row=row.number,
-        table=row.table,
-        algorithm=row.print_name,
-        h_s=row.step,
-        M=row.nodes,
-        motion=row.motion,
-        published_deg=row.error_deg,
+        **row.model_dump(),
         reproduced_deg=np.degrees(reproduced),
         ratio=ratio,
         method_error_deg=np.degrees(method),
         not_reproduced=off,
         remark=(known[0] if known else "unknown") if off else "",
-        printed=row,
     )
 
 
@@ -235,7 +211,7 @@ def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task,
     """
     groups: dict[Stream, list[Task]] = {}
     for row, conditions in dict.fromkeys(tasks):
-        period = row.step / conditions.algorithm(row).samples
+        period = row.h_s / conditions.algorithm(row).samples
         stream = (paper_motion(row.motion, conditions).tobytes(), period, conditions.intervals(row))
         groups.setdefault(stream, []).append((row, conditions))
     # The longest first, so that no core waits long at the end.

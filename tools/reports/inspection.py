@@ -87,7 +87,7 @@ def accelerometer_lines(found: NormCalibration) -> list[str]:
         lines[0] += f", radius {found.radius:.3g}"
     if found.missing:
         lines.append("poses that are missing: " + "; ".join(found.missing))
-    if found.low is not None:
+    if found.column("low") is not None:
         lines.append("            least squares            guaranteed")
         for p in found.parameters:
             error = math.nan if p.standard_error is None else p.standard_error
@@ -134,7 +134,7 @@ def record_sections(found: Inspection, warnings: Sequence[str] = (), *, forces: 
 
 def _accelerometers(found: NormCalibration, *, told: bool) -> Section:
     rows: list[list[Cell]] = []
-    for p in found.parameters if found.low is not None else ():
+    for p in found.parameters if found.column("low") is not None else ():
         value, *ends = interval(p.least_squares, p.low, p.high)
         name = own_words(f"accelerometer {p.name}")
         rows.append([name, value, upwards(p.standard_error), *ends, unit_text(p.unit)])

@@ -72,7 +72,7 @@ def reproduction_lines(result: Reproduction) -> list[str]:
             lines.append(f"{names}: {score.numbers} of {score.of} numbers within {score.within:.1%}")
     lines += ["", f"not reproduced within {TOLERANCE:.0%}"]
     lines += [
-        f"{row.row:>3} {row.printed.title}: {', '.join(row.not_reproduced)}: {row.remark}"
+        f"{row.row:>3} {row.title}: {', '.join(row.not_reproduced)}: {row.remark}"
         for row in result.rows
         if row.not_reproduced
     ]

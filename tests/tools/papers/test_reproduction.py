@@ -40,7 +40,7 @@ def quick():
 
 def test_all_published_rows_are_there():
     rows = published_rows()
-    assert [row.number for row in rows] == list(range(1, 89))
+    assert [row.row for row in rows] == list(range(1, 89))
     assert [sum(row.table == table for row in rows) for table in ("1", "3.1.1", "2", "3")] == [35, 24, 12, 17]
 
 
@@ -48,7 +48,7 @@ def test_rows_of_coarse_steps_come_out(quick):
     for row in quick.rows:
         # Printed to three or four digits; the ψ of row 57 and others of 3.1.1 to three.
         bound = 2e-3 if row.table == "1" else 6e-3
-        assert np.abs(row.ratio - 1.0).max() < bound, row.printed.title
+        assert np.abs(row.ratio - 1.0).max() < bound, row.title
 
 
 def test_leaving_a_cause_out_spoils_the_rows_that_show_it(quick):
