@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from trihedron.tools.demo import WHERE_TO_GET, find_record
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import read_record
+from trihedron.tools.records import StrapdownRecord, read_record
 
 POSITION_HEADER = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"
 RAW_HEADER = "time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2"
@@ -42,3 +43,11 @@ def with_field(row: int, column: str, value: str, header: str = POSITION_HEADER,
     lines = [line.split(",") for line in (header, *rows)]
     lines[row + 1][lines[0].index(column)] = value
     return "\n".join(",".join(line) for line in lines) + "\n"
+
+
+def measured(name: str) -> StrapdownRecord:
+    """One of the real records; where it is not there, the test is skipped."""
+    path = find_record(f"{name}.strapdown.csv")
+    if path is None:
+        pytest.skip(WHERE_TO_GET)
+    return read_record(path, StrapdownRecord)

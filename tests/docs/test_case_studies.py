@@ -8,19 +8,12 @@ import numpy as np
 import pytest
 
 from case_studies import BROAD, MPU, main
+from record_files import measured
 from trihedron.tools.diagnosis import Diagnosis, diagnose
-from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.reports.diagnosis import lines
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TRIHEDRON_DATA", ROOT / ".." / "shared" / "data"))
-
-
-def measured(name: str) -> StrapdownRecord:
-    path = DATA / f"{name}.strapdown.csv"
-    if not path.exists():
-        pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
-    return read_record(path, StrapdownRecord)
 
 
 @pytest.mark.parametrize("name", MPU)

@@ -6,11 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from named import Named
 from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
 from table_runs import PROGRAMME, Bench
-from trihedron.fmus import components
 from trihedron.fmus.parameters import bench_parameters
-from trihedron.fmus.source import instantiate, references
 from trihedron.models.bench import TARGETS, target_values
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import (
@@ -83,18 +82,11 @@ def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(
 
 def test_the_correction_is_the_component():
     bench, result, correction = calibrated(4)
-    component = components()["AccelerometerCompensation"]
-    model, numbers = instantiate(component), references(component)
-    for name, value in bench_parameters(result.to_json())[component.name].items():
-        for k, number in enumerate(value if isinstance(value, list) else [value], 1):
-            model.set(numbers[f"{name}[{k}]" if isinstance(value, list) else name], number)
-    assert model.initialise(0.0) == 0
+    name = "AccelerometerCompensation"
+    model = Named(name, **bench_parameters(result.to_json())[name]).begin()
     reading = GRAVITY * block_readings(bench, directions(np.random.default_rng(1), 40))
     for row, expected in zip(reading, corrected(correction, reading), strict=True):
-        for p in range(3):
-            model.set(numbers[f"reading[{p + 1}]"], row[p])
-        out = [model.get(numbers[f"specific_force[{p}]"]) for p in (1, 2, 3)]
-        np.testing.assert_allclose(out, expected, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(model.put(reading=row)["specific_force"], expected, rtol=0, atol=1e-14)
 
 
 def test_the_printed_equation_gives_the_corrected_readings():

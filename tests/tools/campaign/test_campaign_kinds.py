@@ -10,8 +10,7 @@ import pytest
 
 from choosing import Situation, situation_errors
 from foreign_fmus import build_foreign
-from trihedron.fmus.instruments import GYRO_BLOCK
-from trihedron.fmus.source import instantiate, references
+from named import Named
 from trihedron.models.bench import TARGETS
 from trihedron.tools.campaign.file import Campaign, parse_campaign
 from trihedron.tools.campaign.kinds import Given, motion_samples, reduced
@@ -88,19 +87,11 @@ def test_gyros_err_as_the_component_does():
     samples, _ = motion_samples("1", 1.0, 1.0, 0.01, 40)
     gamma, bias = np.linspace(-1e-3, 1e-3, 9), np.array([1e-3, -2e-3, 3e-3])
     found = read_increments(samples, gamma, bias, 1e-4, 1e-3, 77)
-    model, at = instantiate(GYRO_BLOCK), references(GYRO_BLOCK)
-    for name, value in {"quantum": 1e-4, "noise_bound": 1e-3, "seed": 77.0, "input_kind": 1.0}.items():
-        model.set(at[name], value)
-    for k in range(9):
-        model.set(at[f"scale_misalignment[{k + 1}]"], float(gamma[k]))
-    for k in range(3):
-        model.set(at[f"bias[{k + 1}]"], float(bias[k]))
-    assert model.initialise(0.0) == 0
+    errors = {"quantum": 1e-4, "noise_bound": 1e-3, "seed": 77.0, "input_kind": 1.0}
+    model = Named("GyroBlock", scale_misalignment=gamma, bias=bias, **errors).begin()
     for step, increment in enumerate(samples.increments):
-        for k in range(3):
-            model.set(at[f"increment[{k + 1}]"], float(increment[k]))
-        assert model.do_step(step * 0.01, 0.01) == 0
-        assert [model.get(at[f"increment_reading[{k + 1}]"]) for k in range(3)] == found[step].tolist()
+        model.put(increment=increment).step(step * 0.01, 0.01)
+        assert model["increment_reading"].tolist() == found[step].tolist()
 
 
 def test_a_bias_turns_the_attitude_by_its_integral():

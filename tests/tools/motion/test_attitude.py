@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from record_files import measured
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.cli import main
-from trihedron.tools.demo import WHERE_TO_GET, find_record
+from trihedron.tools.demo import find_record
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import (
     AttitudeRun,
@@ -28,9 +29,8 @@ from trihedron.tools.motion.carry import rotation_of
 from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.papers.reproduction import angle_errors
-from trihedron.tools.records import StrapdownRecord, read_record
+from trihedron.tools.records import StrapdownRecord
 
-BROAD = find_record("broad-03.strapdown.csv")
 GRAVITY = 9.80665
 
 
@@ -218,9 +218,7 @@ def test_records_are_looked_for_where_the_variable_says(tmp_path: Path, monkeypa
 
 @pytest.fixture(scope="module")
 def broad() -> Any:
-    if BROAD is None:
-        pytest.skip(WHERE_TO_GET)
-    return read_record(BROAD, StrapdownRecord)
+    return measured("broad-03")
 
 
 def composed(record: Any, run: AttitudeRun, bias: np.ndarray) -> Rotation:

@@ -1,21 +1,20 @@
 """What a strapdown record supports: simulated records whose truth is known, hostile ones, measured ones."""
 
 import json
-import os
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from record_files import measured
 from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.motion.rests import reading_steps, sampling_of
-from trihedron.tools.records import StrapdownRecord, read_record, write_record
+from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
@@ -294,17 +293,9 @@ def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_g
     assert found.rests.time_s == pytest.approx(others, abs=0.2)
 
 
-def measured(name: str) -> Any:
-    folder = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[3] / ".." / "shared" / "data"))
-    path = folder / f"{name}.strapdown.csv"
-    if not path.exists():
-        pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
-    return inspect_record(read_record(path, StrapdownRecord))
-
-
 @pytest.mark.parametrize("name", ["mpu9150-0", "mpu9150-1", "mpu9150-2"])
 def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyros_is_named(name):
-    found = measured(name)
+    found: Any = inspect_record(measured(name))
     assert 15 <= len(found.rests) <= 25
     assert found.sampling.period == pytest.approx(0.01)
     assert found.turning.said == ()
@@ -315,7 +306,7 @@ def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyro
 
 def test_the_rests_of_broad_03_are_those_before_and_after_the_motion():
     """Slow rotation from 45.7 to 166.1 s, by the source's description; two poses calibrate nothing."""
-    found = measured("broad-03")
+    found: Any = inspect_record(measured("broad-03"))
     assert len(found.rests) == 2
     ends = [found.record.time_s[[rows.start, rows.stop - 1]] for rows in found.rests.rows]
     assert ends[0][1] < 45.7

@@ -4,14 +4,15 @@ import re
 import shutil
 import subprocess
 import zipfile
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
 import polars as pl
 import pytest
-from fmpy.fmi2 import FMU2Slave
 
 import foreign_fmus
 from foreign_fmus import rewritten
@@ -306,18 +307,12 @@ def names(base: str, count: int) -> list[str]:
     return [f"{base}[{i + 1}]" for i in range(count)] if count else [base]
 
 
-def plain_loop(folder: Path) -> list[list[float]]:
+def plain_loop(folder: Path, opened: Callable[..., Any]) -> list[list[float]]:
     """Couple the three FMUs by hand."""
-    slaves, references, folders = {}, {}, []
+    slaves, references = {}, {}
     for name, parameters in PARAMETERS.items():
-        description = fmpy.read_model_description(folder / f"{name}.fmu")
-        references[name] = {v.name: v.valueReference for v in description.modelVariables}
-        folders.append(fmpy.extract(folder / f"{name}.fmu"))
-        identifier = description.coSimulation.modelIdentifier  # type: ignore[union-attr]
-        slaves[name] = slave = FMU2Slave(
-            guid=description.guid, unzipDirectory=folders[-1], modelIdentifier=identifier, instanceName=name
-        )
-        slave.instantiate()
+        slaves[name] = slave = opened(folder / f"{name}.fmu", name)
+        references[name] = {v.name: v.valueReference for v in slave.description.modelVariables}
         for key, value in parameters.items():
             (slave.setInteger if key == "seed" else slave.setReal)([references[name][key]], [value])
         slave.setupExperiment(startTime=0.0, stopTime=STEPS * STEP)
@@ -355,13 +350,10 @@ def plain_loop(folder: Path) -> list[list[float]]:
         rows.append(watched())
     for slave in slaves.values():
         slave.terminate()
-        slave.freeInstance()
-    for unpacked in folders:
-        shutil.rmtree(unpacked)
     return rows
 
 
-def test_the_orchestrator_gives_the_numbers_of_a_plain_loop(fmu_folder: Path) -> None:
+def test_the_orchestrator_gives_the_numbers_of_a_plain_loop(fmu_folder: Path, slaves) -> None:
     rows = {
         "time_s": [k * STEP for k, _ in COMMANDS],
         "a": [c[0] for _, c in COMMANDS],
@@ -384,7 +376,7 @@ def test_the_orchestrator_gives_the_numbers_of_a_plain_loop(fmu_folder: Path) ->
     table = simulate(scenario).table
     suffixes = {"TurntableMotion": "_rad", "AccelerometerBlock": "_mps2", "AttitudeComputer": ""}
     columns = [f"{fmu}.{v}{suffixes[fmu]}" for fmu, found in WATCHED.items() for v in found]
-    expected = np.array(plain_loop(fmu_folder))
+    expected = np.array(plain_loop(fmu_folder, slaves))
     found = table.select(columns).to_numpy()
     assert np.ptp(expected, axis=0).min() > 1e-3
     assert (found == expected).all()

@@ -1,34 +1,26 @@
 """The component PositionProgramme gives the commands that the orchestrator's position programme gives."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.fmus import components
-from trihedron.fmus.source import Instance, instantiate, references
+from named import Named
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario
 
-PROGRAMME = components()["PositionProgramme"]
-AT = references(PROGRAMME)
 SLOW = {"max_rate": [0.3, 0.5], "max_acceleration": [0.4, 0.2], "initial_angle": [0.2, -0.1]}
 
 
-def started(values: dict[str, list[float]], start: float = 0.0) -> Instance:
-    """The component after initialisation."""
-    model = instantiate(PROGRAMME)
-    for name, numbers in values.items():
-        for i, number in enumerate(numbers):
-            model.set(AT.get(name) or AT[f"{name}[{i + 1}]"], float(number))
-    assert model.initialise(start) == 0
-    return model
-
-
-def commanded(model: Instance) -> tuple[float, float]:
-    return model.get(AT["command[1]"]), model.get(AT["command[2]"])
+def programme(alpha: Sequence[float], beta: Sequence[float], dwell: Sequence[float], **values: Any) -> Named:
+    """The component after initialisation, with so many positions."""
+    rows = {"alpha": alpha, "beta": beta, "dwell_time": dwell}
+    elements = {f"{name}[{i}]": x for name, numbers in rows.items() for i, x in enumerate(numbers, 1)}
+    return Named("PositionProgramme", positions=len(alpha), **elements, **values).begin()
 
 
 def by_stimulus(rows: list[tuple[float, float, float]], step: float, start: float) -> np.ndarray:
@@ -84,16 +76,7 @@ def test_commands_over_every_step(rows, step, lead):
 
     alpha, beta, dwell = (list(column) for column in zip(*rows, strict=True))
     targets = np.radians(np.column_stack([alpha, beta])).tolist()
-    model = started(
-        {
-            "positions": [len(rows)],
-            "alpha": [a for a, _ in targets],
-            "beta": [b for _, b in targets],
-            "dwell_time": dwell,
-            "lead_steps": [lead],
-            **SLOW,
-        }
-    )
+    model = programme(*zip(*targets, strict=True), dwell, lead_steps=lead, **SLOW)
     # As contracts and docs/scenarios.md have it: a slot is the slower axis' move and the dwell, in whole steps.
     ends, before = [0], SLOW["initial_angle"]
     for target, rest in zip(targets, dwell, strict=True):
@@ -102,31 +85,27 @@ def test_commands_over_every_step(rows, step, lead):
         ]
         ends.append(ends[-1] + math.ceil((max(durations) + rest) / step - 1e-9))
         before = target
-    assert commanded(model) == tuple(targets[0])
+    assert model["command"].tolist() == targets[0]
     steps = min(ends[-1] + 3, 1500)
     for k in range(steps):
-        assert model.do_step(k * step, step) == 0
+        model.step(k * step, step)
         holding = sum(end <= k + lead for end in ends[1:-1])
-        assert commanded(model) == tuple(targets[holding])
-        assert model.get(AT["position"]) == holding + 1
-        assert model.get(AT["finished"]) == float(k + 1 >= ends[-1])
+        assert model["command"].tolist() == targets[holding]
+        assert model["position"] == holding + 1
+        assert model["finished"] == float(k + 1 >= ends[-1])
 
 
 def test_a_host_may_split_steps_and_add_up_rounded_times():
-    values = {"positions": [2], "alpha": [0.0, 1.0], "beta": [0.0, 1.0], "dwell_time": [1.0, 1.0], "period": [0.1]}
-    model = started(values)
+    model = programme((0.0, 1.0), (0.0, 1.0), (1.0, 1.0), period=0.1)
     changed, time = [], 0.0
     for k in range(60):
-        assert model.do_step(time, 0.05) == 0
-        changed += [k] if commanded(model) == (1.0, 1.0) else []
+        changed += [k] if model.step(time, 0.05)["command"].tolist() == [1.0, 1.0] else []
         time += 0.05
     assert changed[0] == 20
-    assert model.do_step(time, 1e-14) == 0
-    assert commanded(model) == (1.0, 1.0)
+    assert model.step(time, 1e-14)["command"].tolist() == [1.0, 1.0]
 
 
 def test_a_slot_that_no_run_can_hold_is_refused():
-    model = started({"dwell_time": [1e9]})
-    assert model.do_step(0.0, 0.1) == 1
+    assert Named("PositionProgramme", **{"dwell_time[1]": 1e9}).begin().refuses_step(0.0, 0.1)
     with pytest.raises(ValueError, match=r"positions = 129\.0 is outside \[1\.0, 128\.0\]"):
-        started({"positions": [129]})
+        Named("PositionProgramme", positions=129)

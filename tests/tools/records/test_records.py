@@ -1,8 +1,6 @@
 """Records from files and to them: each kind, in SI and radians, from CSV and Parquet; real ones where they are."""
 
 import math
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader
+from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, measured, reader
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, RawRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.kinds import degrees_that_read_back
@@ -187,17 +185,8 @@ def test_arrays_of_different_lengths_are_no_record():
         RawRecord(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros((3, 3)))
 
 
-def real_record(name: str) -> Path:
-    folder = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[3] / ".." / "shared" / "data"))
-    path = folder / f"{name}.strapdown.csv"
-    if not path.exists():
-        pytest.skip(f"the real record {path} is not there; set TRIHEDRON_DATA to its folder")
-    return path
-
-
 def test_a_real_record_with_optical_attitude():
-    record = read_record(real_record("broad-03"))
-    assert isinstance(record, StrapdownRecord)
+    record = measured("broad-03")
     assert len(record) == 58412
     assert record.attitude is not None
     known = ~np.isnan(record.attitude[:, 0])
@@ -207,8 +196,7 @@ def test_a_real_record_with_optical_attitude():
 
 
 def test_a_real_record_without_truth():
-    record = read_record(real_record("mpu9150-0"))
-    assert isinstance(record, StrapdownRecord)
+    record = measured("mpu9150-0")
     assert record.attitude is None
     assert np.median(np.linalg.norm(record.specific_force, axis=1)) == pytest.approx(9.81, rel=0.03)
 
