@@ -160,15 +160,17 @@ def expression_weights(expression: str, p: Parametrisation, option: str = "--tar
 
 
 class _Expression:
-    """A recursive-descent reader of one expression; values are (constant, weights)."""
+    """A recursive-descent reader of one expression; values (P + 1,) are weights and a constant."""
 
     def __init__(self, text: str, where: str, p: Parametrisation, mounting: int):
         self._text, self._where, self._p, self._mounting = text, where, p, mounting
         self._at, self._depth = 0, 0
 
+    @np.errstate(over="ignore", invalid="ignore")
     def weights(self) -> NDArray:
         """Weights (P,) of the whole text."""
-        constant, weights = self._sum()
+        value = self._sum()
+        weights, constant = value[:-1], value[-1]
         if self._peek():
             self._refuse(f"{self._text[self._at]!r} is not expected here (character {self._at + 1})")
         if constant != 0.0 and weights.any():
@@ -194,37 +196,34 @@ class _Expression:
             self._at += 1
         return self._text[self._at : self._at + 1]
 
-    def _sum(self) -> tuple[float, NDArray]:
-        constant, weights = self._product()
+    def _sum(self) -> NDArray:
+        value = self._product()
         while sign := self._taken("+-"):
-            more, others = self._product()
-            factor = 1.0 if sign == "+" else -1.0
-            constant, weights = constant + factor * more, weights + factor * others
-        return constant, weights
+            value = value + (1.0 if sign == "+" else -1.0) * self._product()
+        return value
 
-    def _product(self) -> tuple[float, NDArray]:
-        constant, weights = self._factor()
+    def _product(self) -> NDArray:
+        value = self._factor()
         while sign := self._taken("*/"):
-            more, others = self._factor()
+            other = self._factor()
             if sign == "/":
-                if others.any() or more == 0.0:
+                if other[:-1].any() or other[-1] == 0.0:
                     self._refuse("divides by a parameter or by zero; a target is linear, as X6/3")
-                more = 1.0 / more
-            elif weights.any() and others.any():
+                other[-1] = 1.0 / other[-1]
+            elif value[:-1].any() and other[:-1].any():
                 self._refuse("multiplies two parameters; a target is linear, as 2*X4")
-            constant, weights = constant * more, weights * more + others * constant
-            if not (math.isfinite(constant) and np.isfinite(weights).all()):
+            value = value * other[-1] + np.append(other[:-1] * value[-1], 0.0)
+            if not np.isfinite(value).all():
                 self._refuse("its numbers are too large")
-        return constant, weights
+        return value
 
-    def _factor(self) -> tuple[float, NDArray]:
+    def _factor(self) -> NDArray:
         self._depth += 1
         if self._depth > 50:
             self._refuse("is nested too deeply")
         try:
             if sign := self._taken("+-"):
-                constant, weights = self._factor()
-                return (constant, weights) if sign == "+" else (-constant, -weights)
+                return self._factor() if sign == "+" else -self._factor()
             if self._taken("("):
                 value = self._sum()
                 if not self._taken(")"):
@@ -235,10 +234,10 @@ class _Expression:
                 self._at = number.end()
                 if not math.isfinite(float(number[0])):
                     self._refuse("its numbers are too large")
-                return float(number[0]), np.zeros(len(self._p.symbols))
+                return np.append(np.zeros(len(self._p.symbols)), float(number[0]))
             if symbol := SYMBOL.match(self._text, self._at):
                 self._at = symbol.end()
-                return 0.0, self._symbol(symbol[0])
+                return np.append(self._symbol(symbol[0]), 0.0)
             what = f"{first!r} is not expected here (character {self._at + 1})" if first else "ends too early"
             self._refuse(f"{what}; write a combination of X1..X18 such as X4-X5")
             raise AssertionError

@@ -166,6 +166,12 @@ class Shuffles(Result):
     tried: int
     as_good: int
 
+    @staticmethod
+    def of(trial: Trial, reached: float) -> "Shuffles":
+        """Those of a trial that came to an error with the effects where they belong."""
+        tried = [_rms(errors) <= reached for errors in trial.shuffled]
+        return Shuffles(tried=len(tried), as_good=sum(tried))
+
     @property
     def objects(self) -> bool:
         """Whether that speaks against the effects."""
@@ -188,8 +194,8 @@ class Witness(Result):
     def of(trial: Trial) -> "Witness":
         """The witness of a trial on a bench."""
         folds, blocks = (None if errors is None else Score.of(*errors) for errors in (trial.folds, trial.blocks))
-        tried = [] if folds is None else [_rms(errors) <= folds.rms_after for errors in trial.shuffled]
-        shuffles = Shuffles(tried=len(tried), as_good=sum(tried)) if tried else None
+        tried = None if folds is None else Shuffles.of(trial, folds.rms_after)
+        shuffles = tried if tried is not None and tried.tried else None
         said = []
         if folds is None:
             said.append(
@@ -221,16 +227,9 @@ class EffectWitness(Result):
         """The witness of a trial of one effect."""
         (place,), errors = trial.places, trial.folds
         assert errors is not None
-        reached = _rms(errors[1])
-        tried = [_rms(after) <= reached for after in trial.shuffled]
-        return EffectWitness(
-            effect=place.effect,
-            where=place.where,
-            rms_without=_rms(errors[0]),
-            rms_with=reached,
-            shuffles=Shuffles(tried=len(tried), as_good=sum(tried)),
-            place=place,
-        )
+        without, reached = _rms(errors[0]), _rms(errors[1])
+        figures: dict[str, Any] = {"rms_without": without, "rms_with": reached, "shuffles": Shuffles.of(trial, reached)}
+        return EffectWitness(effect=place.effect, where=place.where, place=place, **figures)
 
     @property
     def title(self) -> str:

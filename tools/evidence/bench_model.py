@@ -22,7 +22,7 @@ from ..calibration.model import (
     reading_jacobian,
 )
 from ..records import PositionRecord
-from .fit import Fit, coefficient_count, coefficient_limits
+from .fit import Fit, blocks_of, coefficient_limits
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
@@ -381,20 +381,11 @@ class Cast:
             found.append(seen[way])
         return tuple(found)
 
-    def blocks(self, variants: Sequence[Variant | None] | None = None) -> tuple[slice, ...]:
-        """The coefficients of each effect, one effect after the other."""
-        blocks, first = [], 0
-        for place, variant in zip(self.places, variants or [None] * len(self.places), strict=True):
-            count = coefficient_count(place) if variant is None else variant.columns.shape[2]
-            blocks.append(slice(first, first + count))
-            first += count
-        return tuple(blocks)
-
     def model(
         self, readings: Readings, point: NDArray, coefficients: NDArray, blocks: Sequence[slice] | None = None
     ) -> Model | None:
         """The bench with these effects at a point and coefficients; None where one of the ways is none there."""
-        p, own = readings.parametrisation, dict(zip(self.places, blocks or self.blocks(), strict=True))
+        p, own = readings.parametrisation, dict(zip(self.places, blocks or blocks_of(self.places), strict=True))
         linear = [(place, coefficients[block]) for place, block in own.items() if place not in self.ways]
         at = readings.disturbed(point, linear)
         rows = readings.rows(point, at)
@@ -452,31 +443,32 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
     begun = cast.variants(readings, readings.rows(start))
     if begun is None:
         return None
-    blocks = cast.blocks(begun)
+    blocks = blocks_of(cast.places, begun)
     x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
     for block, variant in zip(blocks, begun, strict=True):
         if variant is not None:
             x[count:][block] = 0.5 * (variant.low + variant.high)
-    model: Model | None = None
+
+    def model_at(x: NDArray) -> Model | None:
+        astray = not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all())
+        return None if astray else cast.model(readings, x[:count], x[count:], blocks)
+
+    model = model_at(x)
     for iteration in range(MAX_ITERATIONS + 1):
-        model = cast.model(readings, x[:count], x[count:], blocks)
         if model is None:
             return None
         step = least_squares(model.jacobian / model.bound[:, None], (reading - model.reading) / model.bound)
         if iteration == MAX_ITERATIONS or np.abs(step).max(initial=0.0) < CONVERGED:
             break
         x = x + step
-        if _astray(x, count):
-            return None
+        model = model_at(x)
     assert model is not None
     estimate, residual = x, reading - model.reading
     radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
     for _ in range(MAX_MOVES):
         # Noise may be at its very bound: then the second order of the step to the centre must not count either.
         x = x + step
-        if _astray(x, count):
-            return None
-        model = cast.model(readings, x[:count], x[count:], blocks)
+        model = model_at(x)
         if model is None:
             return None
         residual = reading - model.reading
@@ -485,20 +477,8 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
             break
         radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
     radius = float(np.abs(residual / model.bound).max(initial=0.0))
-    still = np.zeros(len(x))
-    fit = Fit(
-        cast.places,
-        blocks,
-        x,
-        still,
-        residual,
-        model.bound,
-        model.jacobian,
-        radius,
-        estimate,
-        x[count:],
-        model.variants,
-    )
+    at = (x, np.zeros(len(x)), residual, model.bound, model.jacobian)
+    fit = Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants)
     return fit if _stands(fit, model.rows) else None
 
 
@@ -508,7 +488,7 @@ def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray,
     It begins at parameters (P,) of the bench, or where the fit `before` with all of the effects but the last is.
     """
     cast, count, bound = Cast(tuple(places)), len(start), readings.bound
-    blocks = cast.blocks()
+    blocks = blocks_of(cast.places)
     x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
     if before is not None:
         x[: len(before.at)] = before.at
@@ -530,11 +510,6 @@ def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray,
 def usual_misfit(fit: Fit) -> float:
     """What most of the readings' misfits at a fit do not exceed, in units of the bounds."""
     return float(np.quantile(np.abs(fit.residual / fit.bound), USUAL))
-
-
-def _astray(x: NDArray, count: int) -> bool:
-    """Whether a fit runs away."""
-    return not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all())
 
 
 def _stands(fit: Fit, rows: Rows) -> bool:

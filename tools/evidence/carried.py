@@ -174,31 +174,25 @@ class Carried(CarriedRecord):
             gyros = self.gyros_with(step, effects, coefficients)
             attitude = carried_attitude(self.motion.part(begin, end), gyros, self.found.gravity, fmus)
             moved = [replace(mine, first=mine.first - begin, last=mine.last - begin) for mine in pieces]
-            rotations = enumerate(zip((turned(mine, attitude) for mine in moved), held, strict=True))
-            reference = self.reference
-            if isinstance(reference, Truth):
-                return [reference.errors(k, rotation, at) for k, (rotation, at) in rotations]
             forces = {place: values for place, values in effects.items() if not is_of_gyros(place)}
-            up = reference.directions((self.point + step)[: len(NAMES)], forces)
-            return [reference.errors(k, rotation, up, up, at) for k, (rotation, at) in rotations]
+            up = self.reference.directions((self.point + step)[: len(NAMES)], forces)
+            held_ones = enumerate(zip(moved, held, strict=True))
+            return [self.reference.errors(k, turned(mine, attitude), up, up, at) for k, (mine, at) in held_ones]
 
         return errors
 
     def errors_along(self, attitude: NDArray, step: NDArray) -> list[NDArray[np.float64]]:
         """Errors of each part with another attitude and a step of the model's parameters; norms stay."""
-        if isinstance(self.reference, Truth):
-            return [self.reference.errors(k, turned(part.pieces, attitude)) for k, part in enumerate(self.parts)]
-        reference, x = self.reference, self.point[: len(NAMES)]
+        reference, x, errors = self.reference, self.point[: len(NAMES)], []
         first, up = reference.directions(x), reference.directions(x + step[: len(NAMES)])
-        errors = []
         for part in self.parts:
+            rotation = turned(part.pieces, attitude)
             if part.pieces.kind == "norms":
                 errors.append(part.error)
             elif part.pieces.kind == "rests":
-                errors.append(rotation_vectors(turned(part.pieces, attitude)))
+                errors.append(rotation_vectors(rotation))
             else:
-                number = reference.scored.index(part.pieces)
-                errors.append(reference.errors(number, turned(part.pieces, attitude), up, first))
+                errors.append(reference.errors(reference.scored.index(part.pieces), rotation, up, first))
         return errors
 
     # What the engine asks

@@ -155,7 +155,7 @@ def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous")
             at_rest[:, bias] = 0.0
             integral = integral - integral[..., bias] @ at_rest
         run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
-        parts = reference.parts(run, x, forces) if isinstance(reference, Gravity) else reference.parts(run)
+        parts = reference.parts(run, x, forces)
         names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
         names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])

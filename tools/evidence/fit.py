@@ -244,10 +244,11 @@ class Gain(Told):
         return self.held_out_rms_after < self.held_out_rms_before
 
 
-def blocks_of(places: Sequence[EffectPlace]) -> tuple[slice, ...]:
-    """The columns of each effect, one after the other."""
-    ends = np.cumsum([0, *(coefficient_count(place) for place in places)]).tolist()
-    return tuple(slice(start, stop) for start, stop in pairwise(ends))
+def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Variant | None] = ()) -> tuple[slice, ...]:
+    """The columns of each effect, in the way in which it acts, one after the other."""
+    acting = zip(places, variants or [None] * len(places), strict=True)
+    counts = [coefficient_count(place) if variant is None else variant.columns.shape[2] for place, variant in acting]
+    return tuple(slice(start, stop) for start, stop in pairwise(np.cumsum([0, *counts]).tolist()))
 
 
 def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -51,6 +51,8 @@ MOST_PIECES = 400
 EARTH_AT_REST, EARTH_IN_MOTION = 1.0, 2.0
 """So many times Earth's rate widens the bounds: with the gyros' bias free only its change between poses counts; with
 the mean at rest taken out it counts once there and once in the motion."""
+Sized = Mapping[EffectPlace, tuple[float, ...]]
+"""Effects with the values of their parameters."""
 Usable = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 """Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 
@@ -296,6 +298,10 @@ class Reference:
         """Every row at which a piece begins or ends."""
         return all_rows(self.scored)
 
+    def directions(self, x: NDArray, effects: Sized | None = None) -> NDArray[np.float64]:
+        """Directions (K, 3) at the rests, with accelerometers of nine parameters and effects, where needed."""
+        return np.zeros((0, 3))
+
     def spread(self, pieces: Pieces) -> NDArray[np.float64]:
         """Mean square (S,) of turns of pieces that is noise [rad²]."""
         return np.zeros(len(pieces)) if self.noise is None else self.noise.angle_square(pieces.durations(self.time_s))
@@ -320,7 +326,7 @@ class Gravity(Reference):
         """Every row at which a piece begins or ends."""
         return all_rows([self.still, *self.scored])
 
-    def directions(self, x: NDArray, effects: Mapping[EffectPlace, tuple[float, ...]] | None = None) -> NDArray:
+    def directions(self, x: NDArray, effects: Sized | None = None) -> NDArray[np.float64]:
         """Directions (K, 3) at the rests, with accelerometers of nine parameters and effects of such sizes."""
         n = inputs_of(x, self.reading)
         for _ in range(2 if effects else 0):
@@ -423,13 +429,15 @@ class Truth(Reference):
 
     attitude: NDArray[np.float64]
 
-    def errors(self, number: int, rotation: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray[np.float64]:
+    def errors(
+        self, number: int, rotation: NDArray, up: NDArray, frame: NDArray, chosen: NDArray | slice = slice(None)
+    ) -> NDArray[np.float64]:
         """Rotation vectors (S, 3) of the carried rotations (S, 3, 3) against the true ones of chosen windows [rad]."""
         true = turned(self.scored[number].selected(chosen), self.attitude)
         return rotation_vectors(rotation @ true.transpose(0, 2, 1))
 
-    def parts(self, run: Run) -> list[Part]:
-        """A part for each length."""
+    def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace]) -> list[Part]:
+        """A part for each length; it tells nothing of accelerometers."""
         period = float(np.median(np.diff(self.time_s)))
         factor = factor_for(3 * sum(len(windows) for windows in self.scored))
         parts = []
@@ -439,7 +447,7 @@ class Truth(Reference):
                 seconds = windows.durations(self.time_s)
                 limit = factor * np.sqrt(self.spread(windows)) + EARTH_IN_MOTION * EARTH_RATE * seconds
                 limit = limit + truth_scatter(self.attitude, self.rests, period, float(np.median(seconds)))
-            error = self.errors(number, turned(windows, run.attitude))
+            error = self.errors(number, turned(windows, run.attitude), x, x)
             bound, columns = np.repeat(limit[:, None], 3, axis=1), run.columns(windows)
             parts.append(Part(windows, error, bound, columns[..., : run.own], columns[..., run.own :], scored=True))
         return parts
