@@ -87,10 +87,7 @@ def _described(path: Path, flavour: str, fmi: int) -> ExportedFmu:
 def effect_places(titles: Sequence[str]) -> list[EffectPlace]:
     """The places of effects, each written as "quadratic accelerometer-3" or "encoder-harmonic outer-axis order 2".
 
-    Raises
-    ------
-    InputError
-        no such effect at such a place, or one that no component can have
+    An InputError where there is no such effect at such a place, or no component can have it.
     """
     known = {place.title: place for effect in CATALOGUE.values() if effect.component for place in effect.places}
     for title in titles:
@@ -187,10 +184,6 @@ def _columns(variables: list[Variable], fmi: int) -> list[tuple[str, tuple[str, 
     return [(element, (element,)) for v in variables for element in v.elements]
 
 
-def _cell(variable_values: list[float]) -> str:
-    return " ".join(repr(float(value)) for value in variable_values)
-
-
 def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
     """Write ``<name>_in.csv`` where there are inputs, ``<name>_ref.csv`` and ``<name>_ref.opt``, from plain Python.
 
@@ -203,7 +196,7 @@ def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
     elements = {e: (v, i) for v in inputs for i, e in enumerate(v.elements)}
 
     def row(time: float, columns: list[tuple[str, tuple[str, ...]]]) -> str:
-        cells = [_cell([float(model.get(numbers[e])) for e in every]) for _, every in columns]
+        cells = [" ".join(repr(float(model.get(numbers[e]))) for e in every) for _, every in columns]
         return ",".join([repr(time), *cells])
 
     def drive(step: int) -> None:
@@ -221,18 +214,11 @@ def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
         if model.do_step(k * component.step_size, component.step_size) != 0:
             raise ValueError(f"{component.name} refuses the inputs of the reference results")
         seen.append(row((k + 1) * component.step_size, shown))
-    options = {
-        "StartTime": 0.0,
-        "StopTime": STEPS * component.step_size,
-        "StepSize": component.step_size,
-        "RelTol": 1e-9,
-    }
-    files = {
-        "_ref.csv": [",".join(f'"{name}"' for name in ["time", *(n for n, _ in shown)]), *seen],
-        "_ref.opt": [f"{name},{value!r}" for name, value in options.items()],
-    }
-    if driven:
-        files["_in.csv"] = [",".join(f'"{name}"' for name in ["time", *(n for n, _ in driven)]), *given]
+    options = {"StartTime": 0.0, "StopTime": STEPS * component.step_size, "StepSize": component.step_size}
+    files = {"_ref.opt": [f"{name},{value!r}" for name, value in (*options.items(), ("RelTol", 1e-9))]}
+    for ending, columns, rows in (("_in.csv", driven, given), ("_ref.csv", shown, seen)):
+        if columns or ending == "_ref.csv":
+            files[ending] = [",".join(f'"{name}"' for name in ["time", *(n for n, _ in columns)]), *rows]
     paths = []
     for ending, lines in sorted(files.items()):
         path = folder / f"{component.name}{ending}"

@@ -134,7 +134,7 @@ def _waited_for(workers: Workers, future: Future) -> Any:
 
 
 @contextlib.contextmanager
-def started(engine: str, jobs: int | None, scheduler: str | None = None) -> Iterator[Workers]:
+def started(engine: str = "local", jobs: int | None = None, scheduler: str | None = None) -> Iterator[Workers]:
     """Workers for as long as the block lasts; where it ends by an exception, they end in the middle of what they do.
 
     Without `jobs` there are as many as cores; without the address of a Dask scheduler "dask" is a cluster of processes

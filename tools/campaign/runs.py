@@ -177,15 +177,6 @@ class Prepared:
 
 
 @lru_cache(maxsize=2)
-def _prepared(sha256: str, order: Order) -> Prepared:
-    folder = TemporaryDirectory(prefix="trihedron-campaign-", ignore_cleanup_errors=True)
-    # A process of multiprocessing forgets at its end what atexit was told.
-    Finalize(folder, folder.cleanup, exitpriority=10)
-    campaign = order.unpack(Path(folder.name))
-    runner = make_runner(campaign)
-    return Prepared(campaign, Design(campaign), runner, columns_of(campaign, runner), folder)
-
-
 def prepared(order: Order) -> Prepared:
     """The campaign of an order, made ready once in each process.
 
@@ -193,7 +184,12 @@ def prepared(order: Order) -> Prepared:
     """
     if order.code != code_hash():
         raise InputError("a worker has another version of Trihedron, or of what it uses, than this process")
-    return _prepared(order.sha256, order)
+    folder = TemporaryDirectory(prefix="trihedron-campaign-", ignore_cleanup_errors=True)
+    # A process of multiprocessing forgets at its end what atexit was told.
+    Finalize(folder, folder.cleanup, exitpriority=10)
+    campaign = order.unpack(Path(folder.name))
+    runner = make_runner(campaign)
+    return Prepared(campaign, Design(campaign), runner, columns_of(campaign, runner), folder)
 
 
 def compute(order: Order, deadly: frozenset[int], partition: int) -> Computed:
@@ -261,16 +257,12 @@ def default_folder(path: Path) -> Path:
 
 
 def run_campaign(
-    path: Path,
-    out: Path | None = None,
-    *,
-    jobs: int | None = None,
-    engine: str = "local",
-    scheduler: str | None = None,
-    resume: bool = False,
-    progress: bool = False,
+    path: Path, out: Path | None = None, *, resume: bool = False, progress: bool = False, **asked: Any
 ) -> CampaignResult:
-    """Carry out a campaign; arguments and errors as for `trihedron.run_campaign`, which writes the page too."""
+    """Carry out a campaign; arguments and errors as for `trihedron.run_campaign`, which writes the page too.
+
+    `asked` is the engine, jobs and scheduler of the workers.
+    """
     began = clocks.perf_counter()
     order, campaign = make_order(path)
     # What the file asks for and cannot be done is said before anything is written.
@@ -283,7 +275,7 @@ def run_campaign(
             with ExitStack() as stack:
                 shown = stack.enter_context(progress_bar("runs", campaign.runs, show=progress))
                 shown(done)
-                workers = stack.enter_context(started(engine, jobs, scheduler)) if missing else None
+                workers = stack.enter_context(started(**asked)) if missing else None
                 for computed in _computed(order, campaign, missing, workers) if workers else ():
                     store.write(computed)
                     done, failed = done + computed.runs, failed + computed.failures

@@ -125,11 +125,6 @@ def code_hash() -> str:
     return digest.hexdigest()
 
 
-def versions() -> dict[str, str]:
-    """Versions that the manifest names."""
-    return {name: metadata.version(name) for name in _PACKAGES} | {"python": platform.python_version()}
-
-
 @dataclass(frozen=True)
 class Columns:
     """Columns of a campaign's data set: parameters, the outputs that are kept, and whether diagnosis and record are."""
@@ -232,7 +227,7 @@ def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: byt
         "order_sha256": order.sha256,
         "code_sha256": order.code,
         "files": order.hashes,
-        "versions": versions(),
+        "versions": {name: metadata.version(name) for name in _PACKAGES} | {"python": platform.python_version()},
         "runs": campaign.runs,
         "runs_of_partition": campaign.partition_size,
         "partitions": campaign.partitions,

@@ -340,19 +340,9 @@ class Comparison(Result):
 
 
 def compare(folder: Path, other: Path) -> Comparison:
-    """Hold a campaign against another one.
+    """Hold the campaign of a folder, which is judged, against another one.
 
-    Parameters
-    ----------
-    folder : Path
-        of the campaign that is judged
-    other : Path
-        of the one that it is compared with
-
-    Raises
-    ------
-    InputError
-        a folder without a whole campaign, or campaigns of different kinds of runs
+    An InputError for a folder without a whole campaign, or campaigns of different kinds of runs.
     """
     (store, manifest), (store_before, _) = open_result(folder), open_result(other)
     campaign, campaign_before = store.campaign, store_before.campaign

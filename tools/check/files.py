@@ -6,6 +6,7 @@ import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ from ..orchestrator.load import (
 from ..orchestrator.loops import resolve_columns
 from ..orchestrator.run import temporary_folder
 from ..orchestrator.scenario import SCHEMA as SCENARIO
-from ..orchestrator.scenario import FmuSetting, RunSetting, Scenario, Stimulus
+from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import check_single_sources, read_table, resolve_stimuli
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
@@ -397,45 +398,36 @@ class _System:
 
     def load(self, scenario: Scenario, name: str, sources: Sources, folder: Path) -> Loaded | None:
         """The FMU with all that is right of its setting; None where it cannot be had at all."""
-        at, setting, found = ("fmus", name), scenario.fmus[name], self.found
-        bare = setting.model_copy(update={"parameters": {}, "effects": [], "parameters_from": None})
-        right: dict[str, Any] = {"effects": []}
+        at, setting, numbers = ("fmus", name), scenario.fmus[name], count()
+        right: dict[str, Any] = {"parameters": {}, "effects": [], "parameters_from": None}
 
-        def load_as(**changed: Any) -> Loaded:
-            """With other settings; each time into a folder of its own."""
-            target = folder / str(len(list(folder.iterdir())) if folder.exists() else 0)
-            target.mkdir(parents=True)
-            one: FmuSetting = bare.model_copy(update={**right, **changed})
-            return load(scenario.model_copy(update={"fmus": {name: one}}), sources, target)[name]
+        def load_as(*where: str | int, number: int | None = None, **changed: Any) -> Loaded | None:
+            """With other settings beside the right ones, of which they are where nothing is refused."""
+            with self.found.of((*at, *where), number):
+                target = folder / str(next(numbers))
+                target.mkdir(parents=True)
+                one = setting.model_copy(update={**right, **changed})
+                loaded = load(scenario.model_copy(update={"fmus": {name: one}}), sources, target)[name]
+                right.update(changed)
+                return loaded
+            return None
 
-        loaded = None
-        with found.of((*at, "component" if setting.component is not None else "fmu")):
-            loaded = load_as()
+        loaded = load_as("component" if setting.component is not None else "fmu")
         if loaded is None:
             return None
-        effects: list[dict[str, Any]] = []
-        for number, entry in enumerate(setting.effects):
-            try:
-                load_as(effects=[entry])
-                effects.append(entry)
-            except InputError as error:
-                text = str(error).replace(f"fmus.{name}.effects[1]", f"fmus.{name}.effects[{number + 1}]")
-                found.add(text, (*at, "effects", number))
-        with found.of((*at, "effects")):
-            loaded = load_as(effects=effects)
-            right["effects"] = effects
+        if setting.effects:
+            own = enumerate(setting.effects)
+            effects = [entry for k, entry in own if load_as("effects", k, number=k + 1, effects=[entry])]
+            right["effects"] = []
+            loaded = load_as("effects", effects=effects) or loaded
         if setting.parameters_from is not None:
-            with found.of((*at, "parameters_from")):
-                load_as(parameters_from=setting.parameters_from)
-                right["parameters_from"] = setting.parameters_from
+            load_as("parameters_from", parameters_from=setting.parameters_from)
         parameters: dict[str, Any] = {}
         for key, value in setting.parameters.items():
-            with found.of((*at, "parameters", key)):
+            with self.found.of((*at, "parameters", key)):
                 resolve_parameters(loaded.interface, {key: value})
                 parameters[key] = value
-        with found.of((*at, "parameters")):
-            return load_as(parameters=parameters)
-        return loaded
+        return load_as("parameters", parameters=parameters) or loaded
 
     def check_stimuli(self, scenario: Scenario, sources: Sources) -> None:
         """The stimuli one by one, programmes first: they may say when the run ends."""

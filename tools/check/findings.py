@@ -23,7 +23,7 @@ PATIENT = 64
 """A TOML statement of more lines is looked for at lines that can end one only."""
 _BLANK = re.compile(r"[ \t\r\n]*")
 _PART = re.compile(r"\.?([A-Za-z_][\w-]*)|\[(\d+)\]")
-_NUMBERED = re.compile(r"^(connections|stimuli)\[\d+\]")
+_NUMBERED = re.compile(r"^(connections|stimuli|fmus\.[\w-]+\.effects)\[\d+\]")
 
 
 class Problem(Result):
@@ -102,7 +102,7 @@ class Findings:
     def of(self, location: Location = (), number: int | None = None) -> Iterator[None]:
         """Note what is refused within the block, of the field at a location; without one the message begins with it.
 
-        `number` is that of the connection or stimulus, from 1, in place of that in the message.
+        `number` is that of the connection, stimulus or effect, from 1, in place of that in the message.
         """
         try:
             yield

@@ -111,16 +111,8 @@ def keep(path: Path, content: bytes) -> None:
 def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | None, folder: Path) -> Path:
     """The FMU of a component, extended by effects, from the cache where it has been built before.
 
-    Without a flavour it is that of `usual_flavour`.
-
-    Raises
-    ------
-    KeyError
-        no such component
-    ValueError
-        an effect that belongs to another component
-    BuildError
-        "native" was asked for, and nothing here compiles
+    Without a flavour it is that of `usual_flavour`. A KeyError where there is no such component, a ValueError for an
+    effect of another one, a BuildError where "native" was asked for and nothing here compiles.
     """
     if flavour is None and usual_flavour() == "native":
         with suppress(BuildError):
@@ -225,10 +217,7 @@ def _check_names(entry: Mapping[str, Any], known: "Mapping[str, Effect]") -> Non
 def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, sources: Sources) -> Mapping[str, Any]:
     """What the calibration result that a setting names says of the component's parameters; nothing where it names none.
 
-    Raises
-    ------
-    InputError
-        not such a file, a calibration that has no estimate, or nothing about this component
+    An InputError where it is no such file, has no estimate, or says nothing about this component.
     """
     if setting.parameters_from is None:
         return {}
@@ -261,12 +250,8 @@ def resolve_parameters(
     """The values to set before initialisation, one for each variable by its name.
 
     Each mapping has the values of variables, or lists for arrays: what a calibration says, over it the parameters that
-    effects bring, over both the scenario's own.
-
-    Raises
-    ------
-    InputError
-        an unknown variable, one that is neither parameter nor input, or a value that it does not take
+    effects bring, over both the scenario's own. An InputError for an unknown variable, one that is neither parameter
+    nor input, or a value that it does not take.
     """
     resolved: dict[str, tuple[Variable, Value]] = {}
     origins = {"parameters_from": calibrated, "effects": of_effects, "parameters": explicit}
@@ -373,8 +358,12 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
     following: dict[str, set[str]] = {name: set() for name in names}
     for wire in wires:
         following[wire.source].add(wire.target)
-    reached = {name: _reached(name, following) for name in names}
-    member_of = {n: tuple(m for m in names if m == n or (m in reached[n] and n in reached[m])) for n in names}
+    # Whom each reaches, directly or through others.
+    for through in names:
+        for name in names:
+            if through in following[name]:
+                following[name] |= following[through]
+    member_of = {n: tuple(m for m in names if m == n or (m in following[n] and n in following[m])) for n in names}
     sorter: TopologicalSorter[tuple[str, ...]] = TopologicalSorter(dict.fromkeys(member_of.values(), ()))
     for wire in wires:
         if member_of[wire.source] != member_of[wire.target]:
@@ -404,18 +393,6 @@ def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling
                 f"run.coupling = \"iterate\": '{name}' ({fmu.label}) cannot get and set its state; "
                 'coupling = "jacobi" needs no state'
             )
-
-
-def _reached(name: str, following: dict[str, set[str]]) -> set[str]:
-    """Whom the outputs of an FMU reach, directly or through others."""
-    found: set[str] = set()
-    waiting = list(following[name])
-    while waiting:
-        other = waiting.pop()
-        if other not in found:
-            found.add(other)
-            waiting += following[other]
-    return found
 
 
 def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:

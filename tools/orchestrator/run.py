@@ -138,15 +138,7 @@ class PreparedScenario:
     """A scenario whose FMUs are unpacked, checked and loaded once, ready to be run again and again.
 
     Each run has new instances of the FMUs, so no run knows of another one, and gives the bits that `simulate` gives.
-
-    Parameters
-    ----------
-    scenario : Scenario
-
-    Raises
-    ------
-    InputError
-        whatever the scenario asks for and cannot be done
+    An InputError for whatever the scenario asks for and cannot be done.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -195,18 +187,7 @@ class PreparedScenario:
         return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid)
 
     def run(self, parameters: Mapping[str, Mapping[str, Any]]) -> pl.DataFrame:
-        """Run the scenario with some parameters in place of its own.
-
-        Parameters
-        ----------
-        parameters : mapping of str to mapping
-            FMU -> variable (or array, or element) -> value
-
-        Returns
-        -------
-        DataFrame
-            as `simulate` gives it
-        """
+        """Run the scenario with some parameters in place of its own: FMU -> variable, array or element -> value."""
         if not self._held:
             # While somebody has it open, a library is not loaded again for each instance.
             with suppress(OSError):

@@ -93,10 +93,8 @@ def make_grid(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
 def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[NumberTable, bytes]:
     """Columns of numbers (None: all) of a CSV file, or of a Parquet file (by its name's ending), and the file's bytes.
 
-    Raises
-    ------
-    InputError
-        not a file, not UTF-8, a column missing, a field that is empty or no finite number (row and column named)
+    An InputError where it is not a file, not UTF-8, lacks a column, or for a field that is empty or no finite number
+    (row and column named).
     """
     try:
         content = path.read_bytes()
@@ -330,11 +328,7 @@ def resolve_programme(
 
     Each position's slot is the move from the position before (the slower axis, limited rate and acceleration)
     and the dwell, rounded up to whole steps [s]. Gives the commands of the two angles [rad], and the step of the end.
-
-    Raises
-    ------
-    InputError
-        a column that a programme does not have, no dwell, or a target that is not a two-axis command
+    An InputError for a column that a programme does not have, no dwell, or a target that is not a two-axis command.
     """
     for name in table.columns:
         if name not in PROGRAMME_COLUMNS:

@@ -68,7 +68,7 @@ def use(scripted: ScriptedWorkers, monkeypatch: pytest.MonkeyPatch) -> ScriptedW
     order = random.Random(0)
 
     @contextmanager
-    def given(*_: object) -> Iterator[ScriptedWorkers]:
+    def given(**_: object) -> Iterator[ScriptedWorkers]:
         yield scripted
 
     class Shuffled:
