@@ -28,19 +28,11 @@ _REALS = 2
 
 @cache
 def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel as machine code, with every kernel that it calls.
+    """A kernel in the restricted Python of `trihedron.models.restricted` as machine code, with every kernel it calls.
 
-    Parameters
-    ----------
-    kernel : callable
-        in the restricted Python of `trihedron.models.restricted`
-
-    Returns
-    -------
-    callable
-        for other functions that numba compiles, not for Python itself: that compiles much faster. Takes float64 arrays
-        for `Vector`; the same arithmetic as the kernel's, operation by operation, but that a division by zero gives an
-        infinity, as in C, and no exception
+    It is for other functions that numba compiles, not for Python itself: that compiles much faster. It takes float64
+    arrays for `Vector`; the same arithmetic as the kernel's, operation by operation, but that a division by zero gives
+    an infinity, as in C, and no exception.
     """
     names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
     linked = {name: compiled(value) if isinstance(value, FunctionType) else value for name, value in names.items()}
@@ -169,12 +161,7 @@ def object_code(loop_of: Callable[[Any], Any], machine: Any, name: str) -> bytes
     """The orchestrator's loop as an object file in which it has this name, without anything that belongs to Python.
 
     Everything is an address or a number that is known only when it runs, so one compilation serves all FMUs and
-    wirings; it calls the FMUs' C functions by their addresses.
-
-    Raises
-    ------
-    RuntimeError
-        something of Python remains
+    wirings; it calls the FMUs' C functions by their addresses. A RuntimeError where something of Python remains.
     """
     pointers = [types.CPointer(kind) for kind in (types.int64, types.float64, types.int64, types.int64, types.float64)]
     options: dict[str, Any] = {"nopython": True, "error_model": "numpy"}

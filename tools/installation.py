@@ -63,12 +63,7 @@ class Installation(Result):
 
 
 def doctor() -> Installation:
-    """Look at the installation and try a run: simulate a table and a block, calibrate what was measured.
-
-    Returns
-    -------
-    Installation
-    """
+    """Look at the installation and try a run: simulate a table and a block, calibrate what was measured."""
     findings = (
         found("trihedron", metadata.version("trihedron")),
         found("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),

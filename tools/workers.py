@@ -76,14 +76,8 @@ def completed(
     """What a function gives for each item, as it is done: few calls are under way, however many items there are.
 
     A call that was lost with a process that ended is made again, and the second time by itself. `instead` gives what
-    stands for an item, which is hashable, that no process survives, while no other call is under way.
-
-    Raises
-    ------
-    Killed
-        no process survives an item, and nothing stands for it
-    LostCluster
-        or what the function raised
+    stands for an item, which is hashable, that no process survives, while no other call is under way; Killed without
+    it. Else LostCluster, or what the function raised.
     """
     waiting, alone = deque(items), deque[Item]()
     losses: Counter[Item] = Counter()
@@ -138,13 +132,8 @@ def started(engine: str = "local", jobs: int | None = None, scheduler: str | Non
     """Workers for as long as the block lasts; where it ends by an exception, they end in the middle of what they do.
 
     Without `jobs` there are as many as cores; without the address of a Dask scheduler "dask" is a cluster of processes
-    of this machine.
-
-    Raises
-    ------
-    InputError
-        an unknown engine, options that do not go together, a scheduler that does not answer, or Dask that is not
-        installed
+    of this machine. An InputError for an unknown engine, options that do not go together, a scheduler that does not
+    answer, or Dask that is not installed.
     """
     if engine not in ENGINES:
         raise InputError(f"engine '{engine}' is not known; {nearest(engine, ENGINES)}")

@@ -411,18 +411,5 @@ class Campaign(Section):
 
 
 def parse_campaign(content: bytes, path: Path) -> Campaign:
-    """A campaign from the bytes of its file, checked down to each field.
-
-    Parameters
-    ----------
-    content : bytes
-        of a TOML file of schema trihedron.campaign/1
-    path : Path
-        of the file
-
-    Raises
-    ------
-    InputError
-        not UTF-8, not TOML (with the line), or a field that is missing, unknown or wrong
-    """
+    """A campaign from the bytes of its file, checked down to each field; errors as of `read_sections`."""
     return read_sections(content, path, Campaign, base_folder=path.parent)

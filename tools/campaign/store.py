@@ -265,10 +265,7 @@ def opened(
 ) -> Iterator[Store]:
     """A campaign's folder, for nobody else while the block lasts; `content` is the bytes of the campaign file.
 
-    Raises
-    ------
-    InputError
-        a folder that holds another campaign, or this one while `resume` is false, or that somebody works in
+    An InputError where it holds another campaign, or this one while `resume` is false, or somebody works in it.
     """
     made_folder(folder / RUNS, folder)
     store = Store(folder, campaign)

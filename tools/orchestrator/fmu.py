@@ -135,12 +135,9 @@ def refuse_damaged(content: bytes, label: str) -> None:
 
 
 def xml_root(xml: bytes, name: str, whole: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
-    """The tag of the root of an XML document, and its attributes; elements nested deeper than so far are refused.
+    """The tag of the root of an XML document, and its attributes.
 
-    Raises
-    ------
-    InputError
-        a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, nested too deeply
+    An InputError for a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, or too deep.
     """
     roots: list[tuple[str, dict[str, str]]] = []
     depth = 0
@@ -215,10 +212,7 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
 def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
     """Check an FMU archive and unpack it into the folder for its SHA-256, which is made when all checks are passed.
 
-    Raises
-    ------
-    InputError
-        missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or without a binary for this platform
+    An InputError where it is missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or not for this platform.
     """
     try:
         content = read_archive(path, label, ".fmu")

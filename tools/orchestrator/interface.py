@@ -137,26 +137,12 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
 class Variable:
     """One scalar variable, or one element of an array of FMI 3.0.
 
-    Attributes
-    ----------
-    name, causality, variability : str
-        as the model description has them; the name of an array's element ends with its number
-    kind : str
-        Real, Integer, Boolean, String or Enumeration; Binary and Clock, which the orchestrator does not pass on
-    access : str
-        which of FMI's getters and setters serves it, a key of `VALUE_TYPES`
-    reference : int
-        value reference
-    unit : str or None
-    minimum, maximum : float or None
-        in its unit
-    start : bool, int, float, str or None
-    items : tuple
-        the values of an enumeration with their names
-    place, size : int
-        which element of the array with this value reference it is, and how many there are
-    relative : bool
-        a difference: the offset of its unit does not apply
+    Name, causality, variability, start, and minimum and maximum in its `unit` are as the description has them; the
+    name of an array's element ends with its number. `kind` is Real, Integer, Boolean, String or Enumeration, or Binary
+    or Clock, which the orchestrator does not pass on; `access`, a key of `VALUE_TYPES`, says which of FMI's getters and
+    setters serves it by its value `reference`. `items` are the values of an enumeration with their names; `place` says
+    which of the `size` elements of its array it is; `relative`: a difference, to which the offset of its unit does not
+    apply.
     """
 
     name: str

@@ -200,14 +200,9 @@ def run_fmus(
     """Run FMUs together from the grid's start to its end; `keep_rows` takes what is recorded, block by block.
 
     `progress` is told how many more steps are made, `flush` says whether a block is handed on before it is full. Where
-    it is not `compiled`, or strings are recorded, plain Python gives the same results.
-
-    Raises
-    ------
-    InputError
-        a call that does not end with OK or Warning, an output that is not finite, or a cycle that does not settle
-    KeyboardInterrupt
-        Ctrl-C, once what was recorded is kept and the FMUs are closed
+    it is not `compiled`, or strings are recorded, plain Python gives the same results. An InputError for a call that
+    does not end with OK or Warning, an output that is not finite, a cycle that does not settle; a KeyboardInterrupt
+    after Ctrl-C, once what was recorded is kept and the FMUs are closed.
     """
     with held_interrupt() as pressed, ExitStack() as stack:
         slaves: dict[str, Slave] = {}

@@ -103,23 +103,10 @@ class Port:
 class Ports:
     """What goes into and out of one FMU at each step, from all wires of the run and the FMU's own stimuli.
 
-    An input holds its `start_value` before anything is passed on.
-
-    Attributes
-    ----------
-    inputs, outputs : dict
-        FMI type to port. Inputs that change come first, constants last; outputs that are recorded come first.
-    recorded : dict
-        FMI type to number of recorded values
-    feeds : list
-        what is copied into the inputs from stimuli
-    moves, conversions : dict
-        what is copied into the inputs from the outputs of each FMU; a conversion is the row and the numbers of CONVERT
-
-    Raises
-    ------
-    InputError
-        a variable of a type that the orchestrator does not pass on
+    An input holds its `start_value` before anything is passed on. `inputs` and `outputs` are the ports of each type:
+    inputs that change come first, constants last; outputs that are recorded come first, `recorded` is their number.
+    `feeds` are copied into the inputs from stimuli, `moves` and `conversions` (the row and numbers of CONVERT) from the
+    outputs of each FMU. An InputError for a variable of a type that the orchestrator does not pass on.
     """
 
     def __init__(
@@ -240,13 +227,7 @@ class Place:
 class Program:
     """Operations on running FMUs and what goes into and out of each, with what a message needs of each operation.
 
-    Attributes
-    ----------
-    rows, numbers : list
-        as the table above says
-    places : list of Place
-    cursors : int
-        how many feeds there are
+    `rows` and `numbers` are as the table above says; `cursors` is the number of feeds.
     """
 
     def __init__(self, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]) -> None:

@@ -9,7 +9,7 @@ import math
 import re
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -298,10 +298,13 @@ def _names(fmus: list[Part]) -> dict[Path_, str]:
     names: dict[Path_, str] = {}
     for part in fmus:
         name = re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(part.path))
-        name = name if re.match(r"[A-Za-z_]", name) else f"_{name}"
-        candidates = [name, *(f"{name}_{i}" for i in range(2, len(fmus) + 2))]
-        names[part.path] = next(n for n in candidates if n not in names.values())
+        names[part.path] = free_name(name if re.match(r"[A-Za-z_]", name) else f"_{name}", names.values())
     return names
+
+
+def free_name(wanted: str, taken: Collection[str]) -> str:
+    """A name that is not taken: with a number from 2 on where the wanted one is."""
+    return next(name for name in (wanted, *(f"{wanted}_{i}" for i in range(2, len(taken) + 3))) if name not in taken)
 
 
 def _interfaces(

@@ -44,7 +44,7 @@ from ..orchestrator.stimuli import (
     resolve_programme,
     table_of,
 )
-from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared
+from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared, free_name
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""
@@ -58,14 +58,12 @@ def export_ssp(
     fmi: int = 2,
     platform: str | None = None,
 ) -> Path:
-    """Write the system of a scenario as an .ssp of SSP 1.0.
+    """Write the system of a scenario as an .ssp of SSP 1.0, whose path is returned; the same scenario, the same bytes.
+
+    Position programmes become components PositionProgramme, constants become parameters.
 
     Parameters
     ----------
-    scenario : Scenario
-        position programmes become components PositionProgramme, constants become parameters
-    out : Path
-        the file; the same scenario gives the same bytes
     flavour : str, optional
         "python": components run by PythonFMU, which C++ hosts cannot load; "native": compiled, the default where
         there is a compiler
@@ -73,11 +71,6 @@ def export_ssp(
         2: the tools that open an .ssp take FMI 2.0
     platform : str, optional
         of the native flavour: "host" (the default), "all" or a name
-
-    Returns
-    -------
-    Path
-        the file
 
     Raises
     ------
@@ -132,7 +125,7 @@ def self_contained(scenario: Scenario) -> Scenario:
             positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
             drive, end = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
             ends.append(end)
-            name = _free("programme", [*fmus, *first])
+            name = free_name("programme", [*fmus, *first])
             parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], scenario.run.step_s)
             first[name] = {"component": PROGRAMME, "parameters": parameters}
             connections.append({"from": f"{name}.command", "to": stimulus.to})
@@ -144,12 +137,6 @@ def self_contained(scenario: Scenario) -> Scenario:
     # The programmes stand first: some tools step in this order.
     fmus = {**first, **fmus}
     return Scenario.model_validate({**written, **paths, "run": run, "fmus": fmus, "connections": connections})
-
-
-def _free(wanted: str, taken: Sequence[str]) -> str:
-    """A name that is not taken."""
-    names = [wanted, *(f"{wanted}_{i}" for i in range(2, len(taken) + 3))]
-    return next(name for name in names if name not in taken)
 
 
 def _set(fmus: dict[str, Any], interface: Interface, values: Mapping[str, Value]) -> None:
@@ -266,7 +253,7 @@ def _parameter_sets(scenario: Scenario, loaded: Mapping[str, Loaded], sources: S
             label, component = setting.parameters_from, setting.component or interface.model
             taken = ["parameters", *(each.name for each in sets.values())]
             if label not in sets:
-                sets[label] = WrittenSet(_free(PurePosixPath(label).stem, taken), f"calibration {label}")
+                sets[label] = WrittenSet(free_name(PurePosixPath(label).stem, taken), f"calibration {label}")
             for key, given in calibrated_parameters(name, setting, interface, sources).items():
                 for variable, value in spread(given, interface.find(key), key):
                     calibrated.add(variable.name)
