@@ -81,7 +81,7 @@ FORCE: dict[str, Any] = {"size": 3, "unit": "m/s2", "display_unit": "g", "nomina
 RATE: dict[str, Any] = {"size": 3, "unit": "rad/s", "display_unit": "deg/s"}
 INCREMENT: dict[str, Any] = {"size": 3, "unit": "rad", "display_unit": "arcsec", "variability": "discrete"}
 AXES: dict[str, Any] = {"size": 2, "unit": "rad", "display_unit": "deg"}
-COMMAND = AXES | {"variability": "discrete"}
+COMMAND: dict[str, Any] = AXES | {"variability": "discrete"}
 ATTITUDE: dict[str, Any] = {"size": 4, "start": (1.0, 0.0, 0.0, 0.0), "within": (-1.001, 1.001)}
 """Quantities: what the variables of one have in common, as the tables of the components take it."""
 
