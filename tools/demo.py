@@ -94,10 +94,8 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
         calibration_section(calibration, truth, [out / "calibration.json"]),
         Section(
             "A measured record with a hidden effect",
-            [
-                "A second bench was simulated with one more piece of physics composed into its FMUs. The diagnosis saw "
-                f"the record alone. What had been hidden: {hidden}."
-            ],
+            "A second bench was simulated with one more piece of physics composed into its FMUs. The diagnosis saw "
+            f"the record alone. What had been hidden: {hidden}.",
             files=[measured, answer_file],
         ),
         *sections_of(diagnosis, [out / "diagnosis.json", *extended]),

@@ -54,7 +54,7 @@ class Section:
 
     title: str
     paragraphs: Sequence[str] = ()
-    """plain text"""
+    """plain text; a single one may stand for itself"""
     svg: str | None = None
     """a picture, SVG"""
     caption: str = ""
@@ -68,6 +68,8 @@ class Section:
     """a file that the page carries"""
 
     def __post_init__(self) -> None:
+        if isinstance(self.paragraphs, str):
+            object.__setattr__(self, "paragraphs", (self.paragraphs,))
         if self.svg is not None and not self.svg.startswith("<svg "):
             raise ValueError("svg is not a picture: it begins with '<svg '")
         if not all(equation.startswith("<math ") for equation in self.equations):

@@ -292,7 +292,7 @@ def _row(text: str) -> str:
         if text[position] in "{[":
             brace = text[position] == "{"
             end = text.index("}" if brace else "]", position)
-            parts.append((_choice if brace else _matrix)(text[position + 1 : end]))
+            parts.append(_table(text[position + 1 : end], brace=brace))
             position = end + 1
             continue
         match = _TOKEN.match(text, position)
@@ -310,15 +310,12 @@ def _row(text: str) -> str:
     return "".join(parts)
 
 
-def _choice(text: str) -> str:
-    rows = [part.split(";") for part in text.split("|")]
-    cells = "".join(f"<mtr><mtd>{_row(value)}</mtd><mtd>{_row(where)}</mtd></mtr>" for value, where in rows)
-    return f'<mrow><mo stretchy="true">{{</mo><mtable columnalign="left left">{cells}</mtable></mrow>'
-
-
-def _matrix(text: str) -> str:
+def _table(text: str, *, brace: bool) -> str:
+    """A choice behind a brace, or a matrix in brackets."""
     rows = ["".join(f"<mtd>{_row(cell)}</mtd>" for cell in part.split(";")) for part in text.split("|")]
     cells = "".join(f"<mtr>{row}</mtr>" for row in rows)
+    if brace:
+        return f'<mrow><mo stretchy="true">{{</mo><mtable columnalign="left left">{cells}</mtable></mrow>'
     opens, closes = '<mo form="prefix" stretchy="true">(</mo>', '<mo form="postfix" stretchy="true">)</mo>'
     return f'<mrow>{opens}<mtable class="matrix">{cells}</mtable>{closes}</mrow>'
 
@@ -340,28 +337,19 @@ def _element(match: re.Match[str], *, first: bool) -> str:
             return "<mi>?</mi>"
         sign = f"<mo{form}{size}>{escape(match['operator'].replace('-', '−'))}</mo>"
         return f"<msup>{sign}<mn>{_SUPERSCRIPTS[match['raised']]}</mn></msup>" if match["raised"] else sign
-    name = _name(match["name"])
+    upright = ' mathvariant="normal"' if match["name"] in FUNCTIONS else ""
+    name = f"<mi{upright}>{escape(match['name'])}</mi>"
+    if match["name"].startswith("Δ") and len(match["name"]) > 1:
+        # A change is written with an upright Δ before the letter that it is of.
+        name = f'<mrow><mi mathvariant="normal">Δ</mi><mi>{escape(match["name"][1:])}</mi></mrow>'
     below = f"<mn>{escape(match['below'])}</mn>" if match["below"] else ""
     above = f"<mn>{_SUPERSCRIPTS[match['above']]}</mn>" if match["above"] else ""
-    if below and above:
-        return f"<msubsup>{name}{below}{above}</msubsup>"
-    if below or above:
-        return f"<m{'sub' if below else 'sup'}>{name}{below}{above}</m{'sub' if below else 'sup'}>"
-    return name
+    tag = f"m{'sub' if below else ''}{'sup' if above else ''}"
+    return f"<{tag}>{name}{below}{above}</{tag}>" if below or above else name
 
 
-def _name(text: str) -> str:
-    """A name; a change is written with an upright Δ before the letter that it is of."""
-    if text.startswith("Δ") and len(text) > 1:
-        return f'<mrow><mi mathvariant="normal">Δ</mi><mi>{escape(text[1:])}</mi></mrow>'
-    upright = ' mathvariant="normal"' if text in FUNCTIONS else ""
-    return f"<mi{upright}>{escape(text)}</mi>"
-
-
-def signed(value: float, text: str, *, first: bool = False) -> str:
+def signed(value: float, text: str) -> str:
     """A term of a sum: the number's text (of |value|) with the value's sign before it."""
-    if first:
-        return f"−{text}" if value < 0.0 else text
     return f"{'−' if value < 0.0 else '+'} {text}"
 
 

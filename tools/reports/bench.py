@@ -64,7 +64,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     return Section(
         "What was measured",
         said,
-        next_directions(record.alpha, record.beta, *np.zeros((2, 0))),
+        next_directions(record.alpha, record.beta, np.zeros(0), np.zeros(0)),
         "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
     )
 
@@ -75,10 +75,8 @@ def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Secti
     readings = np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1) / gravity
     return Section(
         "The bench, simulated",
-        [
-            "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
-            f"{time[-1]:.0f} s, the block reads, the attitude computer follows the increments."
-        ],
+        "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
+        f"{time[-1]:.0f} s, the block reads, the attitude computer follows the increments.",
         bench_tour(time, (alpha, beta), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,
@@ -132,11 +130,9 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     header = ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"]
     return Section(
         "Evidence: the readings that prove it",
-        [
-            f"These {len(result.witness)} readings alone, whatever the others are, cannot all be within "
-            f"{result.radius:.3g} σ of any parameters' prediction. If one of them is known to be spoilt, leave its "
-            "row out and look again."
-        ],
+        f"These {len(result.witness)} readings alone, whatever the others are, cannot all be within "
+        f"{result.radius:.3g} σ of any parameters' prediction. If one of them is known to be spoilt, leave its "
+        "row out and look again.",
         table=Table(header, rows),
     )
 

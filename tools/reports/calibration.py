@@ -85,10 +85,8 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
     ideal, best = (f"{rms or 0} g (root mean square), at most {most or 0} g" for rms, most in figures)
     return Section(
         "Residuals before and after",
-        [
-            f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
-            f"{best}. The picture shows the latter, in units of σ."
-        ],
+        f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
+        f"{best}. The picture shows the latter, in units of σ.",
         residuals(here.positions, left / here.bound.reshape(-1, 3), None, bench.proved(result, numbers)),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
     )
@@ -120,9 +118,10 @@ def joint_set_sections(result: Calibration) -> list[Section]:
 
 def levelling_section(result: Calibration) -> Section | None:
     """The correction as equations, and the error of the vertical before and after it, attitude by attitude."""
-    if not is_corrected(result):
+    found = levelled(result)
+    if found is None:
         return None
-    correction, names, gained = levelled(result)
+    correction, names, gained = found
     rows: list[list[Cell]] = [
         [name, significant(before / ARCSEC, 3), upwards(after / ARCSEC)]
         for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
@@ -261,13 +260,10 @@ def lines(result: Calibration) -> list[str]:
     return said + [f"warning: {warning}" for warning in result.warnings]
 
 
-def is_corrected(result: Calibration) -> bool:
-    """Whether the calibration gives a correction of readings with a bound."""
-    return result.verdict == "consistent" and all(e.low is not None for e in result.reading_errors)
-
-
-def levelled(result: Calibration) -> tuple[Correction, list[str], Levelling]:
-    """The correction, the six attitudes with an axis vertical, and what it is worth there."""
+def levelled(result: Calibration) -> tuple[Correction, list[str], Levelling] | None:
+    """The correction, the six attitudes with an axis vertical, and what it is worth there; None without a bound."""
+    if result.verdict != "consistent" or any(e.low is None for e in result.reading_errors):
+        return None
     correction = correction_of(result.to_json(), "calibration")
     names, reading = face_readings(correction)
     return correction, names, levelling(correction, reading)
@@ -275,9 +271,10 @@ def levelled(result: Calibration) -> tuple[Correction, list[str], Levelling]:
 
 def levelling_lines(result: Calibration) -> list[str]:
     """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
-    if not is_corrected(result):
+    found = levelled(result)
+    if found is None:
         return []
-    before, after = levelled(result)[2].worst
+    before, after = found[2].worst
     return [
         f"levelling with an axis vertical: as read wrong by up to {before / ARCSEC:.2f} arcsec, "
         f"corrected by at most {after / ARCSEC:.2f} (guaranteed; `trihedron apply` corrects)"

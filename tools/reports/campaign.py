@@ -436,10 +436,8 @@ def _sizes(suite: Suite) -> list[Section]:
         sections.append(
             Section(
                 "How right the sizes are",
-                [
-                    f"In {errors['inside_intervals']} of {errors['cases_with_intervals']} cases named by their own "
-                    "name the true parameters are inside their intervals."
-                ],
+                f"In {errors['inside_intervals']} of {errors['cases_with_intervals']} cases named by their own "
+                "name the true parameters are inside their intervals.",
                 size_errors_picture(*zip(*pairs, strict=True)),
                 "Relative error of each estimated size; the band is the mean with twice its standard error.",
             )

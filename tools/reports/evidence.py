@@ -325,10 +325,8 @@ def structure_section(result: Diagnosis) -> Section | None:
     of = "accelerometer" if of_bench(result) else "axis"
     return Section(
         "What the residual depends on",
-        [
-            f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
-            "predicts where it was left out; the band is what is more than noise within its bound."
-        ],
+        f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
+        "predicts where it was left out; the band is what is more than noise within its bound.",
         shares(shown, of),
         "Part of the residual's sum of squares that is predicted.",
     )

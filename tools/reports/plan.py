@@ -140,11 +140,9 @@ def plan_page(plans: Plans) -> Page:
     sections = [
         Section(
             "Guaranteed errors",
-            [
-                "A target is estimated by a sum of readings with weights Φ. Errors of readings within σ make it wrong "
-                f"by σ Σ|Φ| at most: its cost, in units of σ. Of all positions among {where}, and all weights without "
-                "bias, these cost least; no others cost less by more than the gap.",
-            ],
+            "A target is estimated by a sum of readings with weights Φ. Errors of readings within σ make it wrong "
+            f"by σ Σ|Φ| at most: its cost, in units of σ. Of all positions among {where}, and all weights without "
+            "bias, these cost least; no others cost less by more than the gap.",
             table=Table(["target", "meaning", "cost [σ]", "proven gap", "readings"], rows),
             equations=[equation("z = f/g − Q up(α, β)"), equation("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
         ),
@@ -181,10 +179,10 @@ def target_section(plan: Plan) -> Section:
     readings = list(zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True))
     rows: list[list[Cell]] = []
     terms = []
-    for k, (p, a, b, w) in enumerate(readings):
+    for p, a, b, w in readings:
         rows.append([int(p) + 1, *(Written(minus(text)) for text in (f"{a:.8g}", f"{b:.8g}", f"{w:+.6f}"))])
-        terms.append(signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)", first=k == 0))
-    terms[0] = f"'{symbol_text(plan.target)}' = {terms[0]}"
+        terms.append(signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)"))
+    terms[0] = f"'{symbol_text(plan.target)}' = {terms[0].removeprefix('+ ').replace('− ', '−')}"
     places = dict.fromkeys((float(a), float(b)) for _, a, b, _ in readings)
     name = f"{plan.target}.csv"
     content = next_positions_csv([{"alpha_deg": a, "beta_deg": b} for a, b in places])

@@ -352,7 +352,8 @@ def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
 
 def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
     """Run a scenario of `Bench.scenario` and average its rests; with `every` those too whose readings drift."""
-    raw = read_record(simulate(scenario, progress=progress).table, RawRecord)
+    raw = read_record(simulate(scenario, progress=progress).table)
+    assert isinstance(raw, RawRecord)
     raw = replace(raw, path=Path("record"), sha256="")
     rests = find_rests(raw)
     return average_rests(raw, [replace(rest, refused=None) for rest in rests] if every else rests)

@@ -81,7 +81,7 @@ PICTURES: dict[str, Callable[[], str]] = {
 }
 UNKNOWN = np.full((2, 3), np.nan)
 NOTHING: dict[str, Callable[[], str]] = {
-    "tour of one row": lambda: bench_tour(np.zeros(1), np.ones((2, 1)), np.ones((1, 3))),
+    "tour of one row": lambda: bench_tour(np.zeros(1), (np.ones(1), np.ones(1)), np.ones((1, 3))),
     "residuals of NaN": lambda: residuals(at([1, 2], [3, 4]), UNKNOWN, UNKNOWN, np.isfinite(UNKNOWN)),
     "one accelerometer missing": lambda: residuals(
         at([1.0], [2.0]), np.array([[0.1, np.nan, 3.0]]), None, np.array([[False, True, True]])
@@ -129,7 +129,10 @@ def test_a_picture_repeats_to_the_byte_whatever_the_settings_of_the_user(name: s
 
 def test_hostile_labels_are_shown_cut_and_nothing_else() -> None:
     hostile = [f"{HOSTILE} {k} {'effect ' * 200}" for k in range(40)]
-    for svg in (candidates(hostile, np.linspace(0.1, 5.0, 40)), held_out(np.ones((40, 3)), np.ones((40, 3)), hostile)):
+    for svg in (
+        candidates(hostile, np.linspace(0.1, 5.0, 40).tolist()),
+        held_out(np.ones((40, 3)), np.ones((40, 3)), hostile),
+    ):
         assert not list(ElementTree.fromstring(svg).iter(f"{SVG}script"))
         assert any("<script>" in text for text in texts(svg))
         assert max(len(text) for text in texts(svg)) < 64
