@@ -18,14 +18,7 @@ from ..files import write_text
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Suite, cases_csv, confusion, named_suite
 from .makers import versions
-from .pictures.suites import (
-    chance_of,
-    confusion_picture,
-    distributions_picture,
-    rates_picture,
-    sensitivity_picture,
-    size_errors_picture,
-)
+from .pictures import suites
 
 MOST_ROWS = 24
 """Lines of one table on a terminal; the page has all."""
@@ -231,12 +224,12 @@ def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Sect
             sections.append(Section(title, [rate_text(found[0]) + "."]))
         elif "confusion" in item:
             title = f"{item['of']}, and what {item['confusion']} was"
-            sections.append(Section(title, svg=confusion_picture(found), caption=f"Rows: {item['of']}."))
+            sections.append(Section(title, svg=suites.confusion_picture(found), caption=f"Rows: {item['of']}."))
         else:
             sections += [
                 Section(
                     f"What {name} depends on",
-                    svg=sensitivity_picture(name, entry, runs),
+                    svg=suites.sensitivity_picture(name, entry, runs),
                     caption=_method(entry, runs),
                 )
                 for name, entry in found.items()
@@ -252,7 +245,7 @@ def _method(entry: Mapping[str, Any], runs: int) -> str:
         return f"{indices}, with bootstrapped intervals of 95 %.{without}"
     return (
         f"Spearman's rank correlation with each parameter. With no connection 95 % of the correlations of {runs} runs "
-        f"lie in the band, ±{chance_of(runs):.2g}."
+        f"lie in the band, ±{suites.chance_of(runs):.2g}."
     )
 
 
@@ -267,7 +260,7 @@ def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> S
             rows.append([*ends, entry["cases"], *(str(of["count"]) for of in found)])
     return Section(
         f"Rates against {against}",
-        svg=rates_picture(curves, against),
+        svg=suites.rates_picture(curves, against),
         caption="Lines are intervals of 95 % (Wilson).",
         table=Table(header, rows),
     )
@@ -285,7 +278,7 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     columns = {name: np.asarray(results.numbers(name)) for name in there}
     marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
-    svg = distributions_picture(columns, marks)
+    svg = suites.distributions_picture(columns, marks)
     return Section(title, svg=svg, caption="Dashed lines are the quantiles.", table=Table(header, rows))
 
 
@@ -363,7 +356,7 @@ def suite_page(suite: Suite) -> Page:
     bench = not suite.strapdown
     told = ", ".join(f"{number} {kind}" for kind, number in suite.outcomes.items())
     hidden = any(outcome.places for outcome in suite.results)
-    picture = confusion_picture(confusion(suite.results)) if hidden else None
+    picture = suites.confusion_picture(confusion(suite.results)) if hidden else None
     about = _about_bench(suite, told) if bench else _about_block(suite, hidden=hidden)
     sections = [Section("What was made of the records", about, picture, CAPTION), *(_sizes(suite) if bench else ())]
     rows: list[list[Any]] = []
@@ -421,7 +414,7 @@ def _sizes(suite: Suite) -> list[Section]:
             Section(
                 "From which size it is seen",
                 [],
-                rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
+                suites.rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
                 "Sizes are relative to that from which the effect is surely detected at its positions, whatever the "
                 "noise within σ.",
             )
@@ -438,7 +431,7 @@ def _sizes(suite: Suite) -> list[Section]:
                 "How right the sizes are",
                 f"In {errors['inside_intervals']} of {errors['cases_with_intervals']} cases named by their own "
                 "name the true parameters are inside their intervals.",
-                size_errors_picture(*zip(*pairs, strict=True)),
+                suites.size_errors_picture(*zip(*pairs, strict=True)),
                 "Relative error of each estimated size; the band is the mean with twice its standard error.",
             )
         )

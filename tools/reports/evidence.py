@@ -26,16 +26,7 @@ from ..document.notation import (
 )
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
-from .pictures.residuals import (
-    candidates,
-    errors_over_quantities,
-    errors_over_time,
-    likeness_picture,
-    order_picture,
-    residuals,
-    residuals_over_inputs,
-    shares,
-)
+from .pictures import residuals as pictures
 
 MOST_RANKED = 16
 MOST_BARS = 18
@@ -68,13 +59,13 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         Section(
             "Residuals" if fit is None else "Residuals before and after",
             [said],
-            residuals(here.positions, before, after, proof),
+            pictures.residuals(here.positions, before, after, proof),
             "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
         ),
         Section(
             "Residuals against the inputs",
             [],
-            residuals_over_inputs(here.input, before, after, proof),
+            pictures.residuals_over_inputs(here.input, before, after, proof),
             "Residuals of each accelerometer against its own input.",
         ),
     ]
@@ -93,14 +84,14 @@ def error_pictures(result: Diagnosis) -> dict[str, str]:
     middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
     after = evidence.split(result.findings[0].fit.left)[evidence.quoted] if result.causes else None
     return {
-        "time": errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
-        "quantities": errors_over_quantities(evidence.quantities(), part.error, after),
+        "time": pictures.errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
+        "quantities": pictures.errors_over_quantities(evidence.quantities(), part.error, after),
     }
 
 
 def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
     """Errors of pieces without and with the effects; `bias` says what was taken out of the gyros."""
-    what, pictures = quoted_words(result), error_pictures(result)
+    what, errors = quoted_words(result), error_pictures(result)
     carried = (
         "The simulation carries the direction of gravity from rest to rest"
         if result.reference == "gravity"
@@ -123,14 +114,14 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
                 f"The bounds come from {result.noise_bound_from}.",
                 *bias,
             ],
-            pictures["time"],
+            errors["time"],
             f"Size of the error over each of the {what}. The line is the bound about each of {about}: a size may be "
             f"{size} of it.",
         ),
         Section(
             "Errors against rate, turn and orientation",
             [],
-            pictures["quantities"],
+            errors["quantities"],
             f"The same errors of the {what} against what they may depend on.",
         ),
     ]
@@ -216,7 +207,7 @@ def ranking_section(result: Diagnosis) -> Section | None:
     return Section(
         "Evidence: which effect mends it",
         said,
-        candidates(*zip(*shown, strict=True)),
+        pictures.candidates(*zip(*shown, strict=True)),
         f"Least largest residual that each effect leaves, over its bound; the best {len(shown)}.",
     )
 
@@ -243,7 +234,7 @@ def confusion_section(result: Diagnosis) -> Section | None:
     return Section(
         "Evidence: what could be taken for what",
         said,
-        likeness_picture([place.title for place in places], likeness(result.evidence, places)),
+        pictures.likeness_picture([place.title for place in places], likeness(result.evidence, places)),
         "Cosine of the least angle between what two effects add to the readings.",
         Table(header, [row for k, row in enumerate(rows) if row not in rows[:k]]) if rows else None,
     )
@@ -273,7 +264,7 @@ def length_section(result: Diagnosis) -> Section | None:
     return Section(
         "Length by length",
         said,
-        order_picture(orders) if orders else None,
+        pictures.order_picture(orders) if orders else None,
         "What is left of the errors that were left out, effect after effect." if orders else "",
         Table([*header, "smallest sets that stand"], rows),
     )
@@ -327,7 +318,7 @@ def structure_section(result: Diagnosis) -> Section | None:
         "What the residual depends on",
         f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
         "predicts where it was left out; the band is what is more than noise within its bound.",
-        shares(shown, of),
+        pictures.shares(shown, of),
         "Part of the residual's sum of squares that is predicted.",
     )
 

@@ -152,12 +152,9 @@ def named_suite(name: str) -> NamedSuite:
     suites = tomllib.loads(text)
     if name not in suites:
         raise InputError(f"--suite {name}: {nearest(name, tuple(suites))}")
-    entry = suites[name]
-    size = tuple(entry["size"]) if "size" in entry else None
-    options = Options(
-        mode=entry["mode"], positions=tuple(entry["positions"]), noise=entry.get("noise", "all"), size=size
-    )
-    return NamedSuite(options, entry["cases"], entry["seed"])
+    entry = {key: tuple(value) if isinstance(value, list) else value for key, value in suites[name].items()}
+    cases, seed = entry.pop("cases"), entry.pop("seed")
+    return NamedSuite(Options(**entry), cases, seed)
 
 
 def run_suite(
