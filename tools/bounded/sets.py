@@ -416,71 +416,30 @@ def settle(problem, chosen_set, weights, limit):
     these and the number of columns of each candidate; the chosen set is a row of five.
     """
     matrix, residual, always, starts, sizes = problem
-    rows = len(residual)
-    used = np.empty(matrix.shape[1], dtype=np.int64)
-    count = always
-    for k in range(always):
-        used[k] = k
-    for k in range(3):
-        if chosen_set[k] >= 0:
-            for column in range(starts[chosen_set[k]], starts[chosen_set[k]] + sizes[chosen_set[k]]):
-                used[count] = always + column
-                count += 1
+    used = np.arange(always)
     w = weights.copy()
-    for k in range(3, len(chosen_set)):
-        if chosen_set[k] >= 0:
+    for k in range(len(chosen_set)):
+        if chosen_set[k] >= 0 and k < 3:
+            first = always + starts[chosen_set[k]]
+            used = np.append(used, np.arange(first, first + sizes[chosen_set[k]]))
+        elif chosen_set[k] >= 0:
             w[chosen_set[k]] = 0.0
     w /= w.sum()
-    alive = 0
-    for m in range(rows):
-        if w[m] > 0.0:
-            alive += 1
-    normal = np.empty((count, count))
-    right = np.empty(count)
-    x = np.empty(count)
-    misfit = np.empty(rows)
+    columns, counted = matrix[:, used], w > 0.0
+    x, correction = np.empty(len(used)), np.empty(len(used))
     for _ in range(ROUNDS):
-        normal[:] = 0.0
-        right[:] = 0.0
-        for m in range(rows):
-            if w[m] > 0.0:
-                for p in range(count):
-                    value = w[m] * matrix[m, used[p]]
-                    right[p] += value * residual[m]
-                    for q in range(p + 1):
-                        normal[p, q] += value * matrix[m, used[q]]
-        _solve(normal, right, x)
+        weighted = columns * w.reshape(-1, 1)
+        normal = weighted.T @ columns
+        _solve(normal, weighted.T @ residual, x)
         # Once more with what is left, so that the sum of squares is the least to rounding.
-        for again in range(2):
-            square, largest = 0.0, 0.0
-            right[:] = 0.0
-            for m in range(rows):
-                if w[m] > 0.0:
-                    value = residual[m]
-                    for p in range(count):
-                        value -= matrix[m, used[p]] * x[p]
-                    misfit[m] = value
-                    square += w[m] * value * value
-                    largest = max(largest, abs(value))
-                    if again == 0:
-                        for p in range(count):
-                            right[p] += w[m] * matrix[m, used[p]] * value
-                else:
-                    misfit[m] = 0.0
-            if again == 0:
-                correction = np.empty(count)
-                _substitute(normal, right, correction)
-                x += correction
-        if square > limit:
+        _substitute(normal, weighted.T @ (residual - columns @ x), correction)
+        x += correction
+        misfit = np.abs(residual - columns @ x) * counted
+        if np.sum(w * misfit * misfit) > limit:
             return REFUSED, w
-        if largest <= 1.0:
+        if misfit.max() <= 1.0:
             return ACCEPTED, w
-        total = 0.0
-        for m in range(rows):
-            total += w[m] * abs(misfit[m])
-        for m in range(rows):
-            if w[m] > 0.0:
-                w[m] = 0.99 * w[m] * abs(misfit[m]) / total + 0.01 / alive
+        w = (0.99 * w * misfit / np.sum(w * misfit) + 0.01 / counted.sum()) * counted
     return UNDECIDED, w
 
 

@@ -53,24 +53,9 @@ def diagnose(
 ) -> Diagnosis:
     """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
-    Parameters
-    ----------
-    record : PositionRecord or StrapdownRecord
-    rerun : bool
-        simulate what was held out again, without and with the effects that were named
-    progress : bool
-        show a bar on standard error, where that is a terminal
-    **options
-        of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`
-
-    Returns
-    -------
-    Diagnosis
-
-    Raises
-    ------
-    InputError
-        a record that cannot be used
+    Options are of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`. `rerun`:
+    simulate what was held out again, without and with the effects that were named; `progress`: show a bar on standard
+    error, where that is a terminal. An InputError for a record that cannot be used.
     """
     carried = isinstance(record, StrapdownRecord)
     evidence = carried_evidence(record, **options) if carried else bench_evidence(record, **options)

@@ -7,7 +7,7 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
@@ -15,7 +15,7 @@ from ...models.effects.last_stage import place_of
 from ..bounded.programmes import Interval, chebyshev_radius, column_space
 from ..bounded.sets import Problem, project, sets_of_size
 from ..calibration.calibration import (
-    STANDARD_BOUNDS,
+    Asked,
     Calibration,
     calibrate,
     radius_limit,
@@ -74,17 +74,15 @@ class Bench(Evidence):
     `residual`, `nominal` and `bound` are fractions of g, at the nominal model's fit `here`; measurements are ordered
     position by position, accelerometers 1, 2, 3 within each: M = 3 N.
 
-    `calibration` is that of the nominal model, `circumstances` are those of the rows, `numbers` (N,) the record's own
-    numbers of these; `bounds` are u^max and v^0max of (1.7); `resolution` is half a last digit of the readings, as a
-    fraction of g.
+    `calibration` is that of the nominal model; `numbers` (N,) are the record's own numbers of its rows; `bounds` are
+    u^max and v^0max of (1.7).
     """
 
     calibration: Calibration
     here: Linearisation
-    circumstances: Circumstances
+    readings: Readings
     numbers: NDArray[np.int_]
     bounds: tuple[float, float]
-    resolution: float
 
     decisive = False
     most_sets = None
@@ -108,7 +106,7 @@ class Bench(Evidence):
     @property
     def limit(self) -> float:
         """Radius up to which a model stands."""
-        return radius_limit(self.calibration.noise_bound, self.resolution) + FIT_TOLERANCE
+        return radius_limit(self.calibration.noise_bound, self.readings.resolution) + FIT_TOLERANCE
 
     @property
     def too_large(self) -> str:
@@ -118,12 +116,7 @@ class Bench(Evidence):
     @property
     def rounding(self) -> float:
         """What writing down the readings adds to their bounds."""
-        return reading_uncertainty(self.resolution)
-
-    @cached_property
-    def readings(self) -> Readings:
-        """The readings with where and in which circumstances they were taken."""
-        return Readings.of(self.here, self.circumstances, self.resolution)
+        return reading_uncertainty(self.readings.resolution)
 
     @cached_property
     def rows(self) -> Rows:
@@ -380,7 +373,8 @@ class Bench(Evidence):
 
     def channels(self) -> Sequence[Channel]:
         """The residuals of each accelerometer over the angles, its input, time and temperature."""
-        slow = {"time": self.circumstances.hours, "temperature": self.circumstances.temperature}
+        when = self.readings.circumstances
+        slow = {"time": when.hours, "temperature": when.temperature}
         residual, bound, n = self.residual.reshape(-1, 3), self.bound.reshape(-1, 3), self.rows.n
         return [
             Channel(
@@ -464,36 +458,26 @@ def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[Effect
     return [places[k] for k in order if spaces[k].shape[1]]
 
 
-def bench_evidence(
-    record: PositionRecord,
-    *,
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: str = "asymmetric",
-    bounds: tuple[float, float] = STANDARD_BOUNDS,
-    mounting: Mapping[str, ArrayLike] | str = "identity",
-) -> Bench:
-    """The evidence of a position record; arguments and errors as for `trihedron.tools.calibration.calibrate`."""
-    nominal = calibrate(
-        record, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting
-    )
+def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
+    """The evidence of a position record.
+
+    Options are noise_bound, gravity, baseline, bounds and mounting; they and the errors are as for
+    `trihedron.tools.calibration.calibrate`.
+    """
+    asked, nominal = Asked(**options), calibrate(record, **options)
     here, circumstances = nominal.linearised, circumstances_of(record)
     if nominal.verdict == "falsified":
-        here = with_usual_signs(here, circumstances, nominal.noise_bound, bounds)
+        here = with_usual_signs(here, circumstances, nominal.noise_bound, asked.bounds)
     names = tuple((symbol, "") for symbol in here.symbols)
-    places = catalogue_places(baseline, circumstances)
-    resolution = record.written_to(gravity)
-    return Bench((), names, here.point, places, nominal, here, circumstances, record.position, bounds, resolution)
-
-
-def catalogue_places(baseline: str, circumstances: Circumstances) -> tuple[EffectPlace, ...]:
-    """Every effect at every place that can be tried: not in the baseline's model, nothing missing in the record."""
-    return tuple(
-        place
+    readings = Readings.of(here, circumstances, record.written_to(asked.gravity))
+    # Every effect that is not in the baseline's model, and of which nothing is missing in the record.
+    known = [
+        effect
         for effect in POSITION_EFFECTS.values()
-        if effect.within != baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
-        for place in effect.places
-    )
+        if effect.within != asked.baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
+    ]
+    places = tuple(place for effect in known for place in effect.places)
+    return Bench((), names, here.point, places, nominal, here, readings, record.position, asked.bounds)
 
 
 def with_usual_signs(

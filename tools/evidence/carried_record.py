@@ -78,21 +78,13 @@ def carried_evidence(
     With true attitude in the record the carried attitude is compared with it over windows of several lengths; without,
     the direction of gravity is carried from rest to rest.
 
-    Parameters
-    ----------
-    record : StrapdownRecord
-    gravity : float
-        model value [m/s²]
-    baseline : "calibrated", "nominal" or None
-        whether the gyros' bias, scale factors and misalignments are free. None: calibrated where gravity is the
-        reference, nominal where the truth is known: the block as delivered, its mean at rest taken out
-    rates : "instantaneous" or "averaged"
-        what a rate in the record means
+    `gravity` is the model's [m/s²]; `baseline`, "calibrated" or "nominal", says whether the gyros' bias, scale factors
+    and misalignments are free. None: calibrated where gravity is the reference, nominal where the truth is known: the
+    block as delivered, its mean at rest taken out. `rates`, "instantaneous" or "averaged", is what a rate in the record
+    means.
 
-    Raises
-    ------
-    InputError
-        a record whose gyros and accelerometers, or truth, cannot belong together: units, order or signs of axes
+    An InputError for a record whose gyros and accelerometers, or truth, cannot belong together: units, order or signs
+    of axes.
     """
     if baseline not in (None, *BASELINES):
         raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")

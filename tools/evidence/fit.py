@@ -211,20 +211,9 @@ class Classes:
 class Gain(Told):
     """Errors of what was not used to estimate anything, without and with the effects.
 
-    Attributes
-    ----------
-    over : str or None
-        the kind of moves or windows, in words
-    pieces : int or None
-        how many
-    held_out_rms_before, held_out_rms_after, held_out_max_before, held_out_max_after : float
-        over the sizes of the errors: fractions of g, or arcminutes of turns
-    others : list of Gain or None
-        the same of every other kind
-    before, after : (S, d) array
-        the errors themselves, in g or rad; NaN where they do not count
-    rows : (S,) array of int or None
-        rows of the record that they are of
+    `over` is the kind of moves or windows, in words, `pieces` how many; figures are over the sizes of the errors:
+    fractions of g, or arcminutes of turns; `others` is the same of every other kind. `before`, `after` (S, d) are the
+    errors themselves, in g or rad, NaN where they do not count; `rows` (S,) of the record that they are of.
     """
 
     over: str | None = None
@@ -283,16 +272,9 @@ def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> 
 def export_extended(
     places: Sequence[EffectPlace], folder: Path, components: Sequence[str] = (), flavour: str = "python"
 ) -> dict[str, Path]:
-    """Write FMUs that are extended by effects into a folder: component -> file.
+    """Write FMUs of a flavour that are extended by effects into a folder: component -> file.
 
-    Parameters
-    ----------
-    places : sequence of EffectPlace
-    folder : Path
-    components : sequence of str
-        by default those that the effects extend, and the compensation that takes the gyros' out
-    flavour : str
-        as for `trihedron.fmus.build`
+    By default of the components that the effects extend, and of the compensation that takes the gyros' out.
     """
     extended = {c for place in places if (c := place.definition.component) is not None}
     if "GyroBlock" in extended:
@@ -313,17 +295,8 @@ def composed(
 ) -> Scenario:
     """A scenario of components, each with those of the effects composed in that extend it.
 
-    Parameters
-    ----------
-    title : str
-    fmus : mapping
-        name -> component and its parameters
-    effects : sequence of mapping
-        as in a scenario file
-    columns : mapping
-        of the record
-    **parts
-        other parts of a scenario file: ``run``, ``connections``, ``stimuli``
+    `fmus`: of each name the component and its parameters; `effects` as in a scenario file; `columns` of the record;
+    other parts of a scenario file: ``run``, ``connections``, ``stimuli``.
     """
     entries = [(CATALOGUE[str(entry["effect"])].component, dict(entry)) for entry in effects]
     described = {
