@@ -81,7 +81,7 @@ class Polytope:
         """
         self._highs.changeColsCost(len(self._columns), self._columns, np.asarray(weights, dtype=float))
         while True:
-            solution = _solve(self._highs)
+            solution = solved(self._highs)
             x = np.array(solution.col_value)
             if len(self._taken) == len(self._scale):
                 break
@@ -172,7 +172,7 @@ def _chebyshev(
         np.concatenate([target, -infinite]) / np.append(np.full(rows, stretch), np.ones(rows)),
         np.concatenate([infinite, target / stretch]),
     )
-    solution = _solve(highs)
+    solution = solved(highs)
     values = np.array(solution.col_value) * stretch
     duals = np.array(solution.row_dual)
     return max(0.0, float(values[-1])), values[:-1] / size, (duals[:rows] + duals[rows:]) / bound
@@ -199,7 +199,7 @@ def least_largest(
         np.concatenate([lower / unit, -offset / unit, -infinite]),
         np.concatenate([upper / unit, infinite, -offset / unit]),
     )
-    values = np.array(_solve(highs).col_value) * unit
+    values = np.array(solved(highs).col_value) * unit
     return float(values[-1]), values[:-1]
 
 
@@ -254,11 +254,16 @@ def _model(
     return highs
 
 
-def _solve(highs: highspy.Highs) -> highspy.HighsSolution:
-    """Solve, warm if possible; when that fails, from nothing by one strategy after the other."""
+def solved(
+    highs: highspy.Highs, usual: int = PRIMAL_SIMPLEX, others: Sequence[tuple[int, str]] = OTHER_STRATEGIES
+) -> highspy.HighsSolution:
+    """Solve, warm if possible; when that fails, from nothing by one strategy after the other, then set the usual one.
+
+    A SolverError where none of them solves it.
+    """
     highs.run()
     status = highs.getModelStatus()
-    for strategy, presolve in OTHER_STRATEGIES:
+    for strategy, presolve in others:
         if status == highspy.HighsModelStatus.kOptimal:
             break
         highs.clearSolver()
@@ -269,7 +274,7 @@ def _solve(highs: highspy.Highs) -> highspy.HighsSolution:
     if status != highspy.HighsModelStatus.kOptimal:
         raise SolverError(f"a linear programme was not solved: {highs.modelStatusToString(status)}")
     solution = highs.getSolution()
-    highs.setOptionValue("simplex_strategy", PRIMAL_SIMPLEX)
+    highs.setOptionValue("simplex_strategy", usual)
     highs.setOptionValue("presolve", "off")
     return solution
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from ..bounded.programmes import PRIMAL_SIMPLEX, SolverError, solver
+from ..bounded.programmes import OTHER_STRATEGIES, solved, solver
 from .forms import MOST_TERMS, ROUNDING, Sheet, dual_forms, padded_terms
 
 ARTIFICIAL_COST = 1e4
@@ -380,16 +380,7 @@ class Columns:
 
         Last, whether the columns can determine the target.
         """
-        self._highs.run()
-        if self._highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-            self._highs.clearSolver()
-            self._highs.setOptionValue("simplex_strategy", PRIMAL_SIMPLEX)
-            self._highs.run()
-            self._highs.setOptionValue("simplex_strategy", 0)
-        status = self._highs.getModelStatus()
-        if status != highspy.HighsModelStatus.kOptimal:
-            raise SolverError(f"a linear programme was not solved: {self._highs.modelStatusToString(status)}")
-        solution = self._highs.getSolution()
+        solution = solved(self._highs, usual=0, others=OTHER_STRATEGIES[1:])
         values = np.array(solution.col_value)
         pairs = values[0::2] - values[1::2]
         possible = bool(np.abs(pairs[: self._size]).max() <= 1e-9)
