@@ -364,6 +364,7 @@ def _feedback() -> Callable[..., Any]:
 @cache
 def _short_words() -> Callable[..., Any]:
     compile_ = numba.njit(nogil=True, error_model="numpy")
+    multiply = compiled(rotation.multiply)
 
     @compile_
     def two_sum(a, b):
@@ -396,15 +397,6 @@ def _short_words() -> Callable[..., Any]:
             rest = rest + (low[k, i] + low[k + 1, i])
             small = first * a[i] + second * b[i] + SIXTH * (a[j] * b[m] - a[m] * b[j])
             x[i], x_low[i] = two_sum(QUARTER * total, QUARTER * rest + small)
-
-    @compile_
-    def product(q, v, d):
-        """d = q ∘ v in single."""
-        d0 = q[0] * v[0] - q[1] * v[1] - q[2] * v[2] - q[3] * v[3]
-        d1 = q[0] * v[1] + q[1] * v[0] + q[2] * v[3] - q[3] * v[2]
-        d2 = q[0] * v[2] - q[1] * v[3] + q[2] * v[0] + q[3] * v[1]
-        d3 = q[0] * v[3] + q[1] * v[2] - q[2] * v[1] + q[3] * v[0]
-        d[0], d[1], d[2], d[3] = d0, d1, d2, d3
 
     @compile_
     def add_product(sign, q, q_low, v, v_low, d, d_low):
@@ -443,11 +435,11 @@ def _short_words() -> Callable[..., Any]:
                 v[i + 1], v_low[i + 1] = two_sum(TWO * x[i], TWO * x_low[i] - TWO * x[i] * part)
             if arithmetic == 0:
                 v[0] = (ONE - square) / (ONE + square)
-                product(q, v, q)
+                multiply(q, v, q)
             elif arithmetic == 3:
                 pair_product(q, q_low, v, v_low, d, d_low)
             else:
-                product(q, v, d)
+                multiply(q, v, d)
             if arithmetic == 1:
                 for i in range(4):
                     q[i] = q[i] + d[i]

@@ -223,14 +223,9 @@ def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
         else:
             frequencies = (_slow_frequency(name, axis, conditions),)
             amplitudes_deg = (SLOW_AMPLITUDES_DEG[name][axis],)
-        store_harmonics(
-            axis,
-            conditions.pi,
-            _padded(np.radians(amplitudes_deg)),
-            _padded(frequencies),
-            _padded(()),
-            harmonics,
-        )
+        rest = (0.0,) * (HARMONICS - len(frequencies))
+        amplitudes, phases = (*np.radians(amplitudes_deg).tolist(), *rest), (0.0,) * HARMONICS
+        store_harmonics(axis, conditions.pi, amplitudes, (*frequencies, *rest), phases, harmonics)
     return np.array(harmonics)
 
 
@@ -254,11 +249,6 @@ def _composition_amplitudes_deg(name: str, axis: int, conditions: Conditions) ->
 
 def _as_typed(amplitude_deg: float) -> float:
     return next((typed for full, typed in TYPED_DEG.items() if abs(amplitude_deg - full) < 1e-9), amplitude_deg)
-
-
-def _padded(values: object) -> list[float]:
-    given = [float(value) for value in np.asarray(values).reshape(-1)]
-    return given + [0.0] * (HARMONICS - len(given))
 
 
 TRIED = "tried without success: exact π, other T, errors taken at every n-th step only, words of 36 to 42 bits"
