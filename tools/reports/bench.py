@@ -18,8 +18,9 @@ from ..diagnosis.result import Cause, Diagnosis
 from ..document.blocks import Download, Section, Table
 from ..document.notation import Cell, Written, effect_formula, equation, minus, signed, to_bound, typeset
 from ..records import PositionRecord
-from .makers import matrix_text, versions
-from .pictures.records import bench_tour, next_directions
+from .makers import cited, matrix_text, versions
+from .pictures.records import bench_tour
+from .pictures.residuals import next_directions
 
 VERDICTS = {
     "consistent": "consistent: the model explains the record within the noise bound",
@@ -229,6 +230,12 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
     for prior in result.priors:
         given[f"known beforehand, {prior.expression}"] = f"at most {prior.limit:g}"
     return given | dict(more or {}) | versions()
+
+
+def calibration_sources(result: Calibration) -> list[str]:
+    """Of a calibration."""
+    falsified, allan = result.verdict == "falsified", "Allan" in result.noise_bound_basis
+    return cited("guaranteed", "simplex", falsified and "chebyshev", allan and "allan")
 
 
 # The model of bench and block, with its numbers

@@ -28,7 +28,6 @@ from ..document.notation import (
 from ..errors import InputError
 from ..records import PositionRecord
 from . import bench
-from .makers import cited
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
 
@@ -55,7 +54,7 @@ def page(result: Calibration, record: PositionRecord) -> Page:
         tone=TONES.get(result.verdict, "attention"),
         key=bench.key_figures(result),
         provenance=bench.provenance(result),
-        sources=sources(result),
+        sources=bench.calibration_sources(result),
     )
 
 
@@ -314,9 +313,3 @@ def correction_equation(correction: Correction) -> list[str]:
     for n, terms, plus, minus in bench.correction_terms(correction, ".12g"):
         lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")
     return lines
-
-
-def sources(result: Calibration) -> list[str]:
-    """Of a calibration."""
-    falsified, allan = result.verdict == "falsified", "Allan" in result.noise_bound_basis
-    return cited("guaranteed", "simplex", falsified and "chebyshev", allan and "allan")

@@ -435,7 +435,7 @@ def sources(result: Diagnosis) -> list[str]:
     """Of a diagnosis, whatever the record."""
     own = result.witness
     if of_bench(result):
-        first = calibration.sources(result.evidence.calibration)
+        first = bench.calibration_sources(result.evidence.calibration)
         shuffled, left_out = own and own.shuffles, own and (own.folds or own.blocks)
         gained = result.gain
     else:

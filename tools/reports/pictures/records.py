@@ -21,7 +21,6 @@ from ...records import RawRecord
 from ...records.noise import allan_deviation
 from ...records.rests import Rest, without_turns
 from . import (
-    ALERT,
     AXES,
     BAND,
     DASHES,
@@ -199,33 +198,6 @@ def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
         axes.set_xlabel("time in the rest [s]")
     legend(figure)
     return figure, "Angles and readings, less their medians, during rests that were refused"
-
-
-@drawn
-def next_directions(
-    alpha: NDArray, beta: NDArray, next_alpha: NDArray, next_beta: NDArray, labels: Sequence[str] = ()
-) -> Drawn:
-    """Directions of the vertical in the inner frame, of angles [rad]; areas on the sphere are as on paper.
-
-    They were measured (N,), or are proposed (K,), with labels beside them.
-    """
-    figure, ((axes,),) = sheet(2.9)
-    measured = {"marker": "o", "color": QUIET.light if len(labels) else FIRST.light, "markersize": 4.4}
-    proposed = {"marker": "D", "color": ALERT.light, "markersize": 5.5}
-    for a, b, words, label, look in (
-        (alpha, beta, (), "measured", measured),
-        (next_alpha, next_beta, labels, "measure next", proposed),
-    ):
-        if not len(a):
-            continue
-        around, along = np.degrees(np.arctan2(np.sin(a) * np.cos(b), np.sin(a) * np.sin(b))), np.cos(a)
-        axes.plot(around, along, linestyle="none", markeredgewidth=0, label=label, **look)
-        for x, y, text in zip(around, along, words, strict=False):
-            axes.annotate(text, (x, y), (5, 4), textcoords="offset points", fontsize=7.5)
-    axes.set(xlim=(-185.0, 185.0), ylim=(-1.12, 1.12), xticks=range(-180, 181, 90), ylabel="along the third axis")
-    axes.set_xlabel("direction about the third axis of the inner frame, from the first [deg]")
-    legend(figure, 2)
-    return figure, "Directions of the vertical in the inner frame: measured positions and proposed ones"
 
 
 STEP_DEG = 2.0

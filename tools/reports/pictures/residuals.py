@@ -87,6 +87,33 @@ def _readings(axes: "Axes", x: NDArray, p: int, before: NDArray, after: NDArray 
         say_empty(axes)
 
 
+@drawn
+def next_directions(
+    alpha: NDArray, beta: NDArray, next_alpha: NDArray, next_beta: NDArray, labels: Sequence[str] = ()
+) -> Drawn:
+    """Directions of the vertical in the inner frame, of angles [rad]; areas on the sphere are as on paper.
+
+    They were measured (N,), or are proposed (K,), with labels beside them.
+    """
+    figure, ((axes,),) = sheet(2.9)
+    measured = {"marker": "o", "color": QUIET.light if len(labels) else FIRST.light, "markersize": 4.4}
+    proposed = {"marker": "D", "color": ALERT.light, "markersize": 5.5}
+    for a, b, words, label, look in (
+        (alpha, beta, (), "measured", measured),
+        (next_alpha, next_beta, labels, "measure next", proposed),
+    ):
+        if not len(a):
+            continue
+        around, along = np.degrees(np.arctan2(np.sin(a) * np.cos(b), np.sin(a) * np.sin(b))), np.cos(a)
+        axes.plot(around, along, linestyle="none", markeredgewidth=0, label=label, **look)
+        for x, y, text in zip(around, along, words, strict=False):
+            axes.annotate(text, (x, y), (5, 4), textcoords="offset points", fontsize=7.5)
+    axes.set(xlim=(-185.0, 185.0), ylim=(-1.12, 1.12), xticks=range(-180, 181, 90), ylabel="along the third axis")
+    axes.set_xlabel("direction about the third axis of the inner frame, from the first [deg]")
+    legend(figure, 2)
+    return figure, "Directions of the vertical in the inner frame: measured positions and proposed ones"
+
+
 MOST_LABELS = 32
 """So many labels stand beside each other; of more, every second, third, ... is shown."""
 
