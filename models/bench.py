@@ -57,27 +57,10 @@ _SINE = tuple((-1.0) ** k / factorial(2 * k + 1) for k in range(_TERMS))
 _COSINE = tuple((-1.0) ** k / factorial(2 * k + 2) for k in range(_TERMS))
 
 
-def hat(vector: NDArray) -> NDArray:
-    """θ̂ of (1.2): [[0, θ3, −θ2], [−θ3, 0, θ1], [θ2, −θ1, 0]].
-
-    Parameters
-    ----------
-    vector : (..., 3) array
-
-    Returns
-    -------
-    (..., 3, 3) array
-    """
-    vector = np.asarray(vector)
-    matrix = np.zeros((*vector.shape, 3), vector.dtype)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        matrix[..., i, j] = vector[..., k]
-        matrix[..., j, i] = -vector[..., k]
-    return matrix
-
-
 def small_turn(vector: ArrayLike) -> NDArray:
     """exp(θ̂): the frame turned by the rotation vector θ [rad] (..., 3), as direction cosines (..., 3, 3).
+
+    θ̂ is that of (1.2): [[0, θ3, −θ2], [−θ3, 0, θ1], [θ2, −θ1, 0]].
 
     The power series of sin(θ)/θ and (1 − cos θ)/θ² in θ², good to rounding for turns up to 2π: there is no special
     case at zero, and complex steps pass through.
@@ -89,7 +72,10 @@ def small_turn(vector: ArrayLike) -> NDArray:
     for s, c in zip(_SINE[-2::-1], _COSINE[-2::-1], strict=True):
         sine = sine * square + s
         cosine = cosine * square + c
-    generator = hat(vector)
+    generator = np.zeros((*vector.shape, 3), vector.dtype)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        generator[..., i, j] = vector[..., k]
+        generator[..., j, i] = -vector[..., k]
     return np.eye(3) + sine * generator + cosine * (generator @ generator)
 
 

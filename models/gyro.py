@@ -154,32 +154,6 @@ def keep_rate(first: int, rate_of_step: Vector, context: Vector) -> None:
                 context[at + p] = context[at - 3 + p]
 
 
-def mean_rate(
-    step: float, input_kind: float, rate: Vector, increment: Vector, last_rate: Vector, rate_of_step: Vector
-) -> None:
-    """Mean rate (3,) [rad/s] over a step, from what the input is."""
-    for p in range(3):
-        if input_kind == HELD_RATES:
-            rate_of_step[p] = rate[p]
-        elif input_kind == INSTANTANEOUS_RATES:
-            rate_of_step[p] = 0.5 * (last_rate[p] + rate[p])
-        else:
-            rate_of_step[p] = increment[p] / step
-        last_rate[p] = rate[p]
-
-
-def take_increment(
-    step: float, quantum: float, rate_reading: Vector, carried: Vector, increment_reading: Vector
-) -> None:
-    """Increments (3,) [rad] over a step, in whole quanta; what is left of one is carried to the next."""
-    for p in range(3):
-        angle = rate_reading[p] * step + carried[p]
-        increment_reading[p] = angle
-        if quantum > 0.0:
-            increment_reading[p] = quantum * math.floor(angle / quantum + 0.5)
-        carried[p] = angle - increment_reading[p]
-
-
 def step(
     time: float,
     step: float,
@@ -226,7 +200,14 @@ def step(
         return 5
     if last_step[0] > 0.0:
         keep_rate(0, rate_of_step, context)
-    mean_rate(step, input_kind, rate, increment, last_rate, rate_of_step)
+    for p in range(3):
+        if input_kind == HELD_RATES:
+            rate_of_step[p] = rate[p]
+        elif input_kind == INSTANTANEOUS_RATES:
+            rate_of_step[p] = 0.5 * (last_rate[p] + rate[p])
+        else:
+            rate_of_step[p] = increment[p] / step
+        last_rate[p] = rate[p]
     if last_step[0] == 0.0:
         keep_rate(1, rate_of_step, context)
     last_step[0] = step
@@ -234,7 +215,13 @@ def step(
     hours = (time + step - start[0]) / 3600.0
     describe_step(hours, step, temperature, specific_force, interval, gravity, context)
     read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
-    take_increment(step, quantum, rate_reading, carried, increment_reading)
+    for p in range(3):
+        # What is left of a quantum is carried to the next increment.
+        angle = rate_reading[p] * step + carried[p]
+        increment_reading[p] = angle
+        if quantum > 0.0:
+            increment_reading[p] = quantum * math.floor(angle / quantum + 0.5)
+        carried[p] = angle - increment_reading[p]
     return 0
 
 
@@ -260,15 +247,14 @@ def solve_response(scale_misalignment: Vector, right: Vector, n: Vector) -> None
 
 def can_be_solved(scale_misalignment: Vector) -> float:
     """1.0 where each gyro follows its own axis more than the two others together, else 0.0."""
-    certain = 1.0
     for p in range(3):
         others = 0.0
         for q in range(3):
             if q != p:
                 others = others + math.fabs(scale_misalignment[3 * p + q])
         if not 1.0 + scale_misalignment[4 * p] > others:
-            certain = 0.0
-    return certain
+            return 0.0
+    return 1.0
 
 
 def initialise_inverse(
