@@ -68,23 +68,6 @@ def attitude_of_angles(angle: Vector, attitude: Vector, work: Vector) -> None:
     turn(attitude, 0, angle[2], work)
 
 
-def observe(
-    time: float,
-    gravity: float,
-    harmonics: Vector,
-    angle: Vector,
-    angle_rate: Vector,
-    rate: Vector,
-    specific_force: Vector,
-    attitude: Vector,
-    work: Vector,
-) -> None:
-    """Angles, rates, attitude and specific force at `time`."""
-    move_harmonically(time, harmonics, angle, angle_rate, rate)
-    attitude_of_angles(angle, attitude, work)
-    to_body(attitude, 0.0, gravity, 0.0, specific_force)
-
-
 def integrate_by_trapezoid(
     time: float,
     step: float,
@@ -180,7 +163,9 @@ def initialise(
     last_step[0] = 0.0
     for i in range(3):
         increment[i] = 0.0
-    observe(time, gravity, harmonics, angle, angle_rate, rate, specific_force, attitude, work)
+    move_harmonically(time, harmonics, angle, angle_rate, rate)
+    attitude_of_angles(angle, attitude, work)
+    to_body(attitude, 0.0, gravity, 0.0, specific_force)
     return 0
 
 
@@ -213,5 +198,7 @@ def step(
     else:
         pieces = 1 + int(math.floor(phase / PHASE_OF_PIECE))
         integrate_exactly(time, step, pieces, harmonics, angle, angle_rate, rate, increment)
-    observe(time + step, gravity, harmonics, angle, angle_rate, rate, specific_force, attitude, work)
+    move_harmonically(time + step, harmonics, angle, angle_rate, rate)
+    attitude_of_angles(angle, attitude, work)
+    to_body(attitude, 0.0, gravity, 0.0, specific_force)
     return 0

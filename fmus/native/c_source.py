@@ -75,11 +75,6 @@ def places(component: Component) -> dict[str, int]:
     return found
 
 
-def memory_size(component: Component) -> int:
-    """Numbers in the memory; without effects there is still a place to point at."""
-    return places(component)["effect"] + max(component.effect_count, 1)
-
-
 def rows(component: Component, fmi: int) -> list[Row]:
     """The variables that the world sees, in the order of their value references from 1 on."""
     where = places(component)
@@ -111,6 +106,7 @@ def _text(message: str) -> str:
 
 
 def _starts(component: Component) -> list[float]:
+    """The memory at the start; without effects there is still a place to point at."""
     values = [float(x) for v in component.variables for x in v.starts]
     return values if component.effect_count else [*values, 0.0]
 
@@ -171,7 +167,7 @@ def model_h(component: Component, fmi: int, token: str, source: str) -> str:
         token=token,
         digest=hashlib.sha256(f"state 1\n{source}".encode()).hexdigest()[:16],
         variables=len(rows(component, fmi)),
-        memory=memory_size(component),
+        memory=len(_starts(component)),
     )
 
 
