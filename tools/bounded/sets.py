@@ -57,11 +57,6 @@ class Problem:
         blocks = tuple(slice(start, stop) for start, stop in pairwise(ends))
         return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), blocks)
 
-    def columns_of(self, chosen: Sequence[int]) -> NDArray:
-        """Numbers of the columns of some candidates."""
-        parts = [np.arange(self.blocks[i].start, self.blocks[i].stop) for i in chosen]
-        return np.concatenate(parts) if parts else np.zeros(0, dtype=int)
-
     @property
     def starts(self) -> NDArray:
         """First columns (n,) of the candidates."""
@@ -232,7 +227,8 @@ def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:
     """Chebyshev radius that a set leaves, by a linear programme."""
     kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
-    columns = np.hstack((problem.nominal, problem.columns[:, problem.columns_of(candidate.effects)]))[kept]
+    own = [problem.columns[:, problem.blocks[effect]] for effect in candidate.effects]
+    columns = np.hstack([problem.nominal, *own])[kept]
     return chebyshev_radius(columns, problem.residual[kept], np.ones(len(kept)))[0]
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ..errors import InputError, nearest
-from .model import MOUNTING_TARGETS, Linearisation, Parametrisation, determined
+from .model import Linearisation, Parametrisation, determined
 
 NAMES = {
     "X1": ("outer-axis-tilt", "rad"),
@@ -93,24 +93,13 @@ class Target:
 
 def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
     """The targets of the paper under convention "A1" or "A2"; the mounting's once for each mounting."""
-    minus = {pair[1] for pair in SYMMETRIC_PAIRS} if p.symmetric else set()
-    groups: list[tuple[str, ...]] = []
-    for target in TARGETS:
-        if target in minus:
-            continue
-        if target in MOUNTING_TARGETS and len(p.mountings) > 1:
-            if target == MOUNTING_TARGETS[0]:
-                groups += [(t, name) for name in p.mountings for t in MOUNTING_TARGETS]
-            continue
-        groups.append((target,))
     targets = []
-    for target, *mounting in groups:
+    for own in p.symbols:
+        target, at, mounting = own.partition("@")
         symbol = SYMMETRIC_CONVENTION.get(target, target) if convention == "A2" else target
         name, unit = NAMES[symbol]
-        if mounting:
-            symbol = SYMBOL.sub(lambda match, at=mounting[0]: f"{match[0]}@{at}", symbol)
-            name = f"{name}@{mounting[0]}"
-        targets.append(Target(symbol, name, unit, expression_weights(symbol, p)))
+        symbol = SYMBOL.sub(lambda match, suffix=at + mounting: match[0] + suffix, symbol)
+        targets.append(Target(symbol, name + at + mounting, unit, expression_weights(symbol, p)))
     return targets
 
 

@@ -227,8 +227,8 @@ class Visits:
     def disturbed(self, point: NDArray, sized: Sized) -> Positions:
         """Where the table really stands: true angles, and the small turns of what gives way behind the encoders."""
         at = self.true_angles(point, sized)
-        behind = [e for e in sized if acts_on_table(e[0]) and e[0].definition.stage != "encoder_effects"]
-        if not behind:
+        behind = [entry for entry in sized if entry[0].definition.stage != "encoder_effects"]
+        if not any(place.definition.turns for place, _ in behind):
             return at
         turns = self._turns(at, point, behind)
         return replace(at, alpha=at.alpha + turns[:, 1], beta=at.beta + turns[:, 3], tilts=turns[:, [0, 2]])
@@ -237,11 +237,6 @@ class Visits:
 def readings_at(rows: NDArray) -> NDArray:
     """Numbers (3 n,) of the readings at some positions (n,) of int."""
     return (3 * rows[:, None] + np.arange(3)).ravel()
-
-
-def acts_on_table(place: EffectPlace) -> bool:
-    """Whether an effect turns parts of the table or adds to its encoders: then its turns are exact."""
-    return place.definition.turns is not None
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
@@ -392,7 +387,8 @@ class Cast:
         columns = {place: signature_columns([place], rows) for place, _ in linear}
         reading = predicted_reading(p, point, at, readings.sign).ravel()
         for place, part in linear:
-            if not acts_on_table(place):
+            # Of what turns the table, or adds to its encoders, the turns are exact: it stands elsewhere.
+            if place.definition.turns is None:
                 reading = reading + columns[place] @ part
         slopes = reading_jacobian(p, point, at, readings.sign)
         rows = replace(rows, prediction=reading.reshape(-1, 3))

@@ -5,7 +5,7 @@ ends of moves or windows is the evidence.
 """
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -143,42 +143,35 @@ class Carried(CarriedRecord):
 
     # Runs of the simulation
 
-    def gyros_with(
-        self, step: NDArray, effects: Mapping[EffectPlace, tuple[float, ...]], coefficients: NDArray
-    ) -> GyroModel:
-        """The gyros with a step (P,) of the model's parameters and effects, their sizes also as coefficients (k,)."""
-        gyros = with_parameters(self.model, self.own, step[self.of_forces :])
+    def gyros_with(self, places: Sequence[EffectPlace], solution: NDArray) -> GyroModel:
+        """The gyros with steps of the model's parameters and coefficients of effects (P + k,)."""
+        gyros = with_parameters(self.model, self.own, solution[self.of_forces : len(self.names)])
         bias = gyros.bias
         if self.at_rest is not None:
-            bias = bias - self.at_rest[:, self.numbers_of(tuple(effects))] @ coefficients
-        own = {place: values for place, values in effects.items() if is_of_gyros(place)}
+            bias = bias - self.at_rest[:, self.numbers_of(places)] @ solution[len(self.names) :]
+        own = {place: values for place, values in self.values_of(places, solution).items() if is_of_gyros(place)}
         return GyroModel(bias, gyros.scale_misalignment, own)
 
     def simulated(
-        self, places: Sequence[EffectPlace], folder: Path
-    ) -> Callable[[NDArray, Sequence[NDArray]], list[NDArray[np.float64]]]:
-        """Export the FMUs that carry the attitude, extended by effects, into a folder; what they give.
+        self, fmus: Mapping[str, Path], places: Sequence[EffectPlace], solution: NDArray, held: Sequence[NDArray]
+    ) -> list[NDArray[np.float64]]:
+        """Errors (n, d) of numbers (n,) of some pieces of each scored kind, by FMUs that are extended by effects.
 
-        That takes a solution (P + k,) and numbers (n,) of some pieces of each scored kind to errors (n, d) of these.
+        The solution (P + k,) are steps of the model's parameters and coefficients of the effects.
         """
-        fmus = export_extended(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
+        pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, held, strict=True)]
+        rows = all_rows(pieces)
         # What counts the hours must count them from the record's beginning; of a long record a part is run.
         whole = len(self.motion) <= LONG or reads(places, "HOURS")
-
-        def errors(solution: NDArray, held: Sequence[NDArray]) -> list[NDArray[np.float64]]:
-            pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, held, strict=True)]
-            rows = all_rows(pieces)
-            begin, end = (0, len(self.motion)) if whole else (int(rows[0]), int(rows[-1]) + 1)
-            step, coefficients = np.split(solution, [len(self.names)])
-            effects = self.values_of(places, solution)
-            gyros = self.gyros_with(step, effects, coefficients)
-            attitude = carried_attitude(self.motion.part(begin, end), gyros, self.found.gravity, fmus)
-            moved = [replace(mine, first=mine.first - begin, last=mine.last - begin) for mine in pieces]
-            forces = {place: values for place, values in effects.items() if not is_of_gyros(place)}
-            up = self.reference.directions((self.point + step)[: len(NAMES)], forces)
-            held_ones = enumerate(zip(moved, held, strict=True))
-            return [self.reference.errors(k, turned(mine, attitude), up, up, at) for k, (mine, at) in held_ones]
-
+        begin, end = (0, len(self.motion)) if whole else (int(rows[0]), int(rows[-1]) + 1)
+        gyros = self.gyros_with(places, solution)
+        attitude = carried_attitude(self.motion.part(begin, end), gyros, self.found.gravity, fmus)
+        forces = {p: values for p, values in self.values_of(places, solution).items() if not is_of_gyros(p)}
+        up = self.reference.directions((self.point + solution[: len(self.names)])[: len(NAMES)], forces)
+        errors = []
+        for k, (mine, at) in enumerate(zip(pieces, held, strict=True)):
+            moved = replace(mine, first=mine.first - begin, last=mine.last - begin)
+            errors.append(self.reference.errors(k, turned(moved, attitude), up, up, at))
         return errors
 
     def errors_along(self, attitude: NDArray, step: NDArray) -> list[NDArray[np.float64]]:
@@ -324,12 +317,13 @@ class Carried(CarriedRecord):
             for number, places in enumerate(((), fit.places)):
                 folder = Path(name) / str(number)
                 folder.mkdir()
-                simulate, matrix = self.simulated(places, folder), self.matrix(places)
+                fmus = export_extended(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
+                matrix = self.matrix(places)
                 errors = [np.full(self.parts[k].error.shape, np.nan) for k in self.scored]
                 for fold in range(of_rows.max() + 1):
                     solution = estimated(matrix[of_rows != fold], self.residual[of_rows != fold])
                     held = [np.flatnonzero(folds[k] == fold) for k in self.scored]
-                    for error, at, mine in zip(errors, held, simulate(solution, held), strict=True):
+                    for error, at, mine in zip(errors, held, self.simulated(fmus, places, solution, held), strict=True):
                         error[at] = mine
                 results.append(errors)
         kinds = [

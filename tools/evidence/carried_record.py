@@ -244,15 +244,13 @@ def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArra
     linearly. A solution (P + k,) are steps of the model's parameters and the effects' coefficients.
     """
     count = len(made.names)
-    step, size = solution[:count], solution[count:]
-    model = made.gyros_with(step, made.values_of(places, solution), size)
-    attitude = carried_attitude(made.motion, model, made.found.gravity)
+    attitude = carried_attitude(made.motion, made.gyros_with(places, solution), made.found.gravity)
     columns = np.concatenate([np.arange(count), count + made.numbers_of(places)])
     errors = [
         part.error
         if part.pieces.kind == "norms"
         else error + np.concatenate([part.nominal, part.columns], axis=-1)[..., columns] @ solution
-        for part, error in zip(made.parts, made.errors_along(attitude, step), strict=True)
+        for part, error in zip(made.parts, made.errors_along(attitude, solution[:count]), strict=True)
     ]
     return made.with_errors(errors)
 

@@ -217,9 +217,8 @@ class Evidence:
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The Chebyshev fit of the model and some effects of possible sizes."""
         matrix, count = self.matrix(places), len(self.names)
-        free = np.full(count, np.inf)
-        ends = self.limits_of(places)
-        low, high = np.concatenate([-free, ends[0]]), np.concatenate([free, ends[1]])
+        free, ends = np.full(count, np.inf), self.limits_of(places)
+        low, high = np.append(-free, ends[0]), np.append(free, ends[1])
         at = np.concatenate([self.point, np.zeros(matrix.shape[1] - count)])
         squares = estimated(matrix, self.residual)
         # Of many rows few matter: those that least squares fit worst, and what a fit to them violates.

@@ -111,7 +111,7 @@ def test_the_search_finds_exactly_the_sets_that_will_do(seed):
         tuple(sorted(rng.choice(24, size=rng.integers(1, 3), replace=False).tolist())),
     )
     residual = 0.6 * problem.residual
-    for index in problem.columns_of(true.effects):
+    for index in (k for effect in true.effects for k in range(problem.columns.shape[1])[problem.blocks[effect]]):
         residual = residual + 4.0 * problem.columns[:, index]
     for row in true.outliers:
         residual[row] += 30.0
