@@ -104,28 +104,9 @@ def export_components(
     platform: str | None = None,
     effects: Sequence[str] = (),
 ) -> Exported:
-    """Write components as FMUs into a folder; native ones with reference results beside them.
+    """Write components as FMUs into a folder, as `trihedron.export` says; native ones with reference results.
 
-    Parameters
-    ----------
-    names : sequence of str
-        components; all of them when there are none, or those that the effects extend
-    out : Path
-        the folder
-    flavour : str
-        "python": run by PythonFMU; "native": compiled
-    fmi : int
-        2 or 3
-    platform : str, optional
-        of the native flavour: "host" (the default), "all" or a name
-    effects : sequence of str
-        titles of effects that extend the components
-
-    Raises
-    ------
-    InputError
-        a name that no component has, an effect of a component that is not exported, a platform that nothing here
-        compiles for, or a folder that cannot be written
+    All of them where none is named, or those that the effects extend.
     """
     known, table = component_names(), components()
     for name in names:

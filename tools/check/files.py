@@ -62,22 +62,10 @@ MOST = 200
 
 
 def check(path: Path | str) -> Check:
-    """Say everything that is wrong with a file that Trihedron reads, with lines.
+    """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
 
-    Parameters
-    ----------
-    path : Path
-        a scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV,
-        Parquet); a calibration, diagnosis or plan (JSON); an .fmu or .ssp. What it is is told by its content
-
-    Returns
-    -------
-    Check
-
-    Raises
-    ------
-    InputError
-        no file that can be read
+    A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
+    calibration, diagnosis or plan (JSON); an .fmu or .ssp. An InputError where no file can be read.
     """
     path = Path(path)
     data, ending = bytes_of(path), path.suffix.lower()

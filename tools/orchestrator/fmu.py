@@ -379,14 +379,26 @@ class Slave:
     def set_values(self, values: Iterable[tuple[Variable, Value]], _: Interface) -> None:
         """Set variables one by one, as is done before the run."""
         for variable, value in values:
-            text = isinstance(value, str)
-            c_type = ctypes.c_char_p if text else np.ctypeslib.as_ctypes_type(variable.value_type.dtype)
-            memory = (c_type * 1)(value.encode() if text else value)
-            reference = (ctypes.c_uint * 1)(variable.reference)
+            self._set(variable, [value], f"{variable.name} = {value!r}")
+
+    def _set(self, variable: Variable, values: list[Any], said: str) -> None:
+        """Set a variable, or an array of FMI 3.0."""
+        name, reference = self.accessor("Set", variable.access), ctypes.c_uint(variable.reference)
+        sizes = () if self.prefix == "fmi2" else (len(values),)
+        # Its prototype is FMPy's, which knows no memory of numpy.
+        words = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, *[ctypes.c_size_t] * len(sizes))
+        function = ctypes.CFUNCTYPE(ctypes.c_int, *words)(self.address(name))
+        if variable.kind == "String":
+            values = [ctypes.create_string_buffer(str(value).encode()) for value in values]
+            memory = np.array([ctypes.addressof(text) for text in values], dtype=np.uint64)
+        else:
+            memory = np.array(values, dtype=variable.value_type.dtype)
+        status = function(self.component, ctypes.addressof(reference), 1, memory.ctypes.data, *sizes)
+        if status > 1:
             try:
-                self.call(self.accessor("Set", variable.access), reference, 1, memory)
+                self.fail(name, status, None)
             except InputError as error:
-                raise InputError(f"{error} [setting {variable.name} = {value!r}]") from error
+                raise InputError(f"{error} [setting {said}]") from error
 
     def begin(self, start: float, stop: float) -> None:
         """Tell the times of the run and enter initialisation."""
@@ -456,25 +468,7 @@ class Slave3(Slave):
             whole = [given.get(v, v.start) for v in elements]
             if None in whole:
                 raise InputError(f"{self}: {name} has no start values; give all its {len(whole)} elements")
-            try:
-                self._set(first, whole)
-            except InputError as error:
-                shown = whole[0] if len(whole) == 1 else whole
-                raise InputError(f"{error} [setting {name} = {shown!r}]") from error
-
-    def _set(self, variable: Variable, values: list[Any]) -> None:
-        name, reference = self.accessor("Set", variable.access), ctypes.c_uint(variable.reference)
-        # Its prototype is FMPy's, which knows no memory of numpy.
-        words = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t)
-        function = ctypes.CFUNCTYPE(ctypes.c_int, *words)(self.address(name))
-        if variable.kind == "String":
-            values = [ctypes.create_string_buffer(str(value).encode()) for value in values]
-            memory = np.array([ctypes.addressof(text) for text in values], dtype=np.uint64)
-        else:
-            memory = np.array(values, dtype=variable.value_type.dtype)
-        status = function(self.component, ctypes.addressof(reference), 1, memory.ctypes.data, len(values))
-        if status > 1:
-            self.fail(name, status, None)
+            self._set(first, whole, f"{name} = {whole[0] if len(whole) == 1 else whole!r}")
 
     def begin(self, start: float, stop: float) -> None:
         """Enter initialisation with the times of the run."""

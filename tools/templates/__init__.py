@@ -30,32 +30,7 @@ ABOUT = {
 
 
 def new(kind: str, path: str | Path | None = None, *, positions: int = POSITIONS) -> list[Path]:
-    """Write a file to fill in.
-
-    Parameters
-    ----------
-    kind : str
-        one of `TEMPLATES`
-    path : path, optional
-        the file; without it <kind>.toml or <kind>.csv in the current folder
-    positions : int
-        of a scenario's programme and of a position record: so many of the plan that the package holds
-
-    Returns
-    -------
-    list of Path
-        what was written; of a scenario its position programme too
-
-    Raises
-    ------
-    InputError
-        for another kind, a file that is there already, or a number of positions without a plan
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.new("scenario", "bench.toml")  # doctest: +SKIP
-    """
+    """Write a file to fill in; `trihedron.new` says more. Of a scenario its position programme is written too."""
     if kind not in TEMPLATES:
         raise InputError(f"new {kind}: there is no such template; {nearest(kind, TEMPLATES)}")
     ending = ".toml" if kind in ("scenario", "mounting") else ".csv"
