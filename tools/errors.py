@@ -32,14 +32,11 @@ def one_line(text: str) -> str:
 
 def nearest_file(path: Path) -> str:
     """What follows "no such file": "; did you mean 'x'?" where a file beside it is called much the same."""
-    from difflib import get_close_matches
-
     try:
-        beside = [entry.name for entry in path.parent.iterdir() if entry.name != path.name]
+        said = nearest(path.name, [entry.name for entry in path.parent.iterdir() if entry.name != path.name])
     except OSError:
         return ""
-    close = get_close_matches(path.name, beside, n=1, cutoff=0.6)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    return f"; {said}" if said.startswith("did you") else ""
 
 
 def reason(error: OSError) -> str:

@@ -161,7 +161,7 @@ class _Processes:
     def __init__(self, jobs: int, folder: str) -> None:
         self.kills = 0
         self._jobs, self._folder = jobs, folder
-        self._pool = self._begun()
+        self.pool = self._begun()
         self._pool_of: dict[Future, ProcessPoolExecutor] = {}
 
     def _begun(self) -> ProcessPoolExecutor:
@@ -173,12 +173,12 @@ class _Processes:
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         try:
-            future = self._pool.submit(function, *arguments)
+            future = self.pool.submit(function, *arguments)
         except BrokenExecutor:
             # One was killed while it had nothing to do.
-            self._pool = self._begun()
-            future = self._pool.submit(function, *arguments)
-        self._pool_of[future] = self._pool
+            self.pool = self._begun()
+            future = self.pool.submit(function, *arguments)
+        self._pool_of[future] = self.pool
         return future
 
     def result(self, future: Future) -> Any:
@@ -186,13 +186,10 @@ class _Processes:
         try:
             return future.result()
         except BrokenExecutor:
-            if pool is self._pool:
+            if pool is self.pool:
                 self.kills += 1
-                self._pool = self._begun()
+                self.pool = self._begun()
             raise Killed("a worker process ended") from None
-
-    def close(self, *, now: bool) -> None:
-        self._pool.shutdown(wait=True, kill_workers=now)
 
 
 @contextlib.contextmanager
@@ -207,7 +204,7 @@ def _processes(jobs: int) -> Iterator[_Processes]:
                 yield processes
                 whole = True
         finally:
-            processes.close(now=not whole)
+            processes.pool.shutdown(wait=True, kill_workers=not whole)
 
 
 def _begin(folder: str, parent: int) -> None:

@@ -11,7 +11,6 @@ import io
 import time as clocks
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -149,15 +148,21 @@ def columns_of(campaign: Campaign, runner: Runner) -> Columns:
     return Columns(parameters, kept, campaign.keep.diagnosis, campaign.keep.record)
 
 
-@dataclass(frozen=True)
 class Prepared:
-    """A campaign in a worker: read, its runner made, its files where the runner finds them."""
+    """A campaign in a worker: read, its runner made, its files where the runner finds them.
 
-    campaign: Campaign
-    design: Design
-    runner: Runner
-    columns: Columns
-    folder: TemporaryDirectory[str]
+    An InputError where this process has other code than who gave the order: results would be mixed with other ones.
+    """
+
+    def __init__(self, order: Order) -> None:
+        if order.code != code_hash():
+            raise InputError("a worker has another version of Trihedron, or of what it uses, than this process")
+        folder = TemporaryDirectory(prefix="trihedron-campaign-", ignore_cleanup_errors=True)
+        # A process of multiprocessing forgets at its end what atexit was told.
+        Finalize(folder, folder.cleanup, exitpriority=10)
+        self.folder, self.campaign = folder, order.unpack(Path(folder.name))
+        self.design, self.runner = Design(self.campaign), make_runner(self.campaign)
+        self.columns = columns_of(self.campaign, self.runner)
 
     def run(self, number: int) -> tuple[dict[str, Any], pl.DataFrame | None]:
         """A run's row, and its record where one is kept; a run that fails has its message in the row."""
@@ -176,20 +181,8 @@ class Prepared:
         return row, given.record
 
 
-@lru_cache(maxsize=2)
-def prepared(order: Order) -> Prepared:
-    """The campaign of an order, made ready once in each process.
-
-    An InputError where this process has other code than who gave the order: results would be mixed with other ones.
-    """
-    if order.code != code_hash():
-        raise InputError("a worker has another version of Trihedron, or of what it uses, than this process")
-    folder = TemporaryDirectory(prefix="trihedron-campaign-", ignore_cleanup_errors=True)
-    # A process of multiprocessing forgets at its end what atexit was told.
-    Finalize(folder, folder.cleanup, exitpriority=10)
-    campaign = order.unpack(Path(folder.name))
-    runner = make_runner(campaign)
-    return Prepared(campaign, Design(campaign), runner, columns_of(campaign, runner), folder)
+prepared = lru_cache(maxsize=2)(Prepared)
+"""The campaign of an order, made ready once in each process."""
 
 
 def compute(order: Order, deadly: frozenset[int], partition: int) -> Computed:

@@ -103,8 +103,8 @@ def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
 class Blocks:
     """Rows of recorded values, of every so manyth communication point, handed on when a block is full.
 
-    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes. A block has `rows` rows; `row` is the
-    next one to be recorded.
+    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes; text (`has_text`) only Python keeps.
+    A block has `rows` rows; `row` is the next one to be recorded.
     """
 
     def __init__(
@@ -128,11 +128,7 @@ class Blocks:
                 texts = self._texts[name, variable.name] = []
                 self._addresses.append((texts, port.values, at))
         self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
-
-    @property
-    def has_text(self) -> bool:
-        """Whether strings are recorded, which only Python can keep."""
-        return bool(self._texts)
+        self.has_text = bool(self._texts)
 
     def record(self) -> None:
         """Record a row now."""
