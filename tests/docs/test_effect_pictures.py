@@ -30,5 +30,6 @@ def test_effects_of_the_input_are_drawn_as_the_contract_defines_them():
 
 def test_the_sheet_is_the_same_bytes_each_time():
     some = [CATALOGUE["quadratic"], CATALOGUE["hysteresis"]]
-    assert effect_sheet(some) == effect_sheet(some)
-    assert "hysteresis" in effect_sheet(some)
+    sheet = effect_sheet(some)
+    assert sheet == effect_sheet(some)
+    assert "hysteresis" in sheet

@@ -106,13 +106,6 @@ def test_observed_orders_are_those_that_are_stated(algorithm: Algorithm) -> None
         assert norm_order == pytest.approx(algorithm.norm_order, abs=0.05)
 
 
-def test_the_23_of_the_paper_is_third_order_and_the_722_fourth() -> None:
-    """The paper calls (23) a fourth-order algorithm and (7.22) a third-order one."""
-    by_source = {a.source: a.order for a in ALGORITHMS}
-    assert by_source["Chelnokov et al. 2016, (23)"] == 3
-    assert by_source["Chelnokov et al. 2016, (7.22)"] == 4
-
-
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -31,7 +31,6 @@ def test_reproduce_attitude(two_rows, tmp_path, capsys):
     [
         (["--out", "FILE"], "is a file"),
         (["--out", "FOLDER", "--json", "FOLDER/attitude.csv"], "is --out (attitude.csv) too"),
-        (["nonsense"], "nonsense"),
     ],
 )
 def test_refusals(two_rows, tmp_path, capsys, arguments, words):

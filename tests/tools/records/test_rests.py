@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import PositionRecord, RawRecord, read_record, write_record
+from trihedron.tools.records import RawRecord
 from trihedron.tools.records.noise import scatter_of_mean, student_quantile
 from trihedron.tools.records.rests import average_rests, find_rests, without_turns
 
@@ -175,17 +175,6 @@ def test_a_table_that_never_stops_has_no_rests():
     few = RawRecord(time[:5], np.zeros(5), np.zeros(5), np.full((5, 3), 5.0))
     with pytest.raises(InputError, match="no rest of the table"):
         averaged(few)
-
-
-def test_the_same_file_gives_the_same_record(tmp_path):
-    raw, _ = Bench(white=5e-6, held=5e-6, encoder_held=ARCSEC).run(PROGRAMME)
-    write_record(raw, tmp_path / "raw.csv")
-    first, second = (read_record(tmp_path / "raw.csv", PositionRecord) for _ in range(2))
-    direct = averaged(raw)
-    for name in ("time_s", "specific_force", "alpha", "scatter"):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
-    np.testing.assert_allclose(first.specific_force, direct.specific_force, rtol=1e-14)
-    assert first.row[0] == direct.row[0] + 1
 
 
 def test_a_million_rows_are_no_loop():
