@@ -257,26 +257,24 @@ def _model(
 def solved(
     highs: highspy.Highs, usual: int = PRIMAL_SIMPLEX, others: Sequence[tuple[int, str]] = OTHER_STRATEGIES
 ) -> highspy.HighsSolution:
-    """Solve, warm if possible; when that fails, from nothing by one strategy after the other, then set the usual one.
+    """Solve, warm if possible; when that fails, from nothing by one strategy after the other, and the usual one again.
 
     A SolverError where none of them solves it.
     """
     highs.run()
-    status = highs.getModelStatus()
+    if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:
+        return highs.getSolution()
     for strategy, presolve in others:
-        if status == highspy.HighsModelStatus.kOptimal:
-            break
         highs.clearSolver()
         highs.setOptionValue("simplex_strategy", strategy)
         highs.setOptionValue("presolve", presolve)
         highs.run()
-        status = highs.getModelStatus()
-    if status != highspy.HighsModelStatus.kOptimal:
-        raise SolverError(f"a linear programme was not solved: {highs.modelStatusToString(status)}")
-    solution = highs.getSolution()
-    highs.setOptionValue("simplex_strategy", usual)
-    highs.setOptionValue("presolve", "off")
-    return solution
+        if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:
+            solution = highs.getSolution()
+            highs.setOptionValue("simplex_strategy", usual)
+            highs.setOptionValue("presolve", "off")
+            return solution
+    raise SolverError(f"a linear programme was not solved: {highs.modelStatusToString(highs.getModelStatus())}")
 
 
 class Possible:

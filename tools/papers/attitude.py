@@ -223,9 +223,9 @@ def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
         else:
             frequencies = (_slow_frequency(name, axis, conditions),)
             amplitudes_deg = (SLOW_AMPLITUDES_DEG[name][axis],)
-        rest = (0.0,) * (HARMONICS - len(frequencies))
-        amplitudes, phases = (*np.radians(amplitudes_deg).tolist(), *rest), (0.0,) * HARMONICS
-        store_harmonics(axis, conditions.pi, amplitudes, (*frequencies, *rest), phases, harmonics)
+        rest = [0.0] * (HARMONICS - len(frequencies))
+        amplitudes, phases = [*np.radians(amplitudes_deg).tolist(), *rest], [0.0] * HARMONICS
+        store_harmonics(axis, conditions.pi, amplitudes, [*frequencies, *rest], phases, harmonics)
     return np.array(harmonics)
 
 

@@ -284,7 +284,7 @@ def _columns(task: Task, effect: EffectPlace, places: Places, given: Readings) -
     columns = np.zeros((3 * len(places), 1))
     if is_linear(effect):
         still, p = np.zeros(len(places)), task.parametrisation
-        at = Positions(*places.angle.T, places.mounting)
+        at = Positions(places.angle[:, 0], places.angle[:, 1], places.mounting)
         rows = Visits(p, at, Circumstances(still, still + 20.0, still, still, True)).rows(np.zeros(len(p.symbols)))
         columns = signature_columns([effect], rows)
     if not columns.any():

@@ -26,7 +26,7 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.sparse import block_array, block_diag
+from scipy.sparse import block_array, block_diag, csc_array
 
 from ..bounded.programmes import linear_programme
 from ..progress import progress_bar
@@ -237,8 +237,8 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     moved = np.where(np.abs(moved) > 1e-13, moved, 0.0).transpose(0, 2, 1).reshape(many * size, -1)
     edges, least = _edges(task, here, np.flatnonzero(kept), radius)
     sums = block_diag([np.ones((1, n)) for n in sizes])
-    matrix = block_array(
-        [[block_diag(blocks), moved, None], [sums, None, -task.best[:, None]], [None, edges, None]], format="csc"
+    matrix = csc_array(
+        block_array([[block_diag(blocks), moved, None], [sums, None, -task.best[:, None]], [None, edges, None]])
     )
     down, up = freedom(task, places.angle, radius)
     free, angles = sum(sizes), down.size
