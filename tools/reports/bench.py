@@ -178,7 +178,7 @@ def next_section(here: Linearisation, positions: Sequence[Mapping[str, Any]]) ->
         angles = (Written(minus(f"{float(p[name]):g}")) for name in ("alpha_deg", "beta_deg"))
         how = (SENSES.get(p[name], str(p[name])) if name in p else None for name in OPTIONAL)
         apart = p.get("apart_g")
-        told = None if apart is None else Written(f"{max(apart, 0.0) / sigma(here) + 0.0:.2g}")
+        told = None if apart is None else Written(f"{max(apart, 0.0) / here.bound.min() + 0.0:.2g}")
         rows.append([k, *angles, *how, ", ".join(p.get("separates", ())) if separates else None, told])
     said = ["Readings at these positions besides would determine what is open."]
     if separates:
@@ -203,12 +203,7 @@ def next_section(here: Linearisation, positions: Sequence[Mapping[str, Any]]) ->
 
 def deciding(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """The positions at which two candidates surely differ."""
-    return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * sigma(here)]
-
-
-def sigma(here: Linearisation) -> float:
-    """σ as a fraction of g."""
-    return float(here.bound.min())
+    return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * here.bound.min()]
 
 
 def provenance(result: Calibration, more: Mapping[str, object] | None = None) -> dict[str, object]:
@@ -361,14 +356,6 @@ def cause_lines(causes: Sequence[Cause]) -> list[str]:
         if formula is not None:
             lines.append(equation(formula))
     return lines
-
-
-def correction_lines(correction: Correction, digits: int) -> list[str]:
-    """The correction of readings as MathML, with so many decimals."""
-    terms = correction_terms(correction, f".{digits}f", "_")
-    return [
-        equation(f"{n} = {t} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}") for n, t, plus, minus in terms
-    ]
 
 
 def correction_terms(correction: Correction, form: str, below: str = "") -> list[tuple[str, str, str, str]]:

@@ -15,6 +15,7 @@ from ..document.notation import (
     Bar,
     Cell,
     bars,
+    equation,
     outwards,
     places_of,
     sentence,
@@ -133,7 +134,10 @@ def levelling_section(result: Calibration) -> Section | None:
             "The errors below are those of the block at rest; the readings' own errors come on top.",
             "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
         ],
-        equations=bench.correction_lines(correction, places_of(result.noise_bound)),
+        equations=[
+            equation(f"{n} = {terms} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}")
+            for n, terms, plus, minus in bench.correction_terms(correction, f".{places_of(result.noise_bound)}f", "_")
+        ],
         table=Table(header, rows),
     )
 

@@ -164,12 +164,15 @@ def parameter_section(result: Diagnosis) -> Section | None:
         at = [k for k, p in enumerate(parameters) if p.unit == unit]
         widest = max(halves[k] or 0.0 for k in at)
         if 0.0 < widest < np.inf:
-            pairs = [[((end or 0.0) - parameters[k].estimate) / widest for end in _ends(parameters[k])] for k in at]
+            pairs = [
+                [((end or 0.0) - parameters[k].estimate) / widest for end in (parameters[k].low, parameters[k].high)]
+                for k in at
+            ]
             for k, bar in zip(at, bars([Bar(None, *pair) for pair in pairs])[0], strict=True):
                 drawn[k] = bar
     rows: list[list[Cell]] = []
     for p, bar in zip(parameters, drawn, strict=True):
-        value, *ends = interval(p.estimate, *_ends(p))
+        value, *ends = interval(p.estimate, p.low, p.high)
         rows.append([own_words(p.name), value, bar, *(ends if None not in halves else (None, None)), unit_text(p.unit)])
     said = "They belong to any block of this kind and are no effects."
     caption = "What the record leaves possible, drawn about the estimate: one scale for all of one unit."
@@ -178,10 +181,6 @@ def parameter_section(result: Diagnosis) -> Section | None:
         caption = ""
     header = ["parameter", "estimate", "interval", "low", "high", "unit"]
     return Section("The block's own parameters", [said], table=Table(header, rows, caption).told())
-
-
-def _ends(parameter: Any) -> tuple[float | None, float | None]:
-    return parameter.low, parameter.high
 
 
 def ranking_section(result: Diagnosis) -> Section | None:
