@@ -57,21 +57,17 @@ class Problem:
         blocks = tuple(slice(start, stop) for start, stop in pairwise(ends))
         return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), blocks)
 
-    @property
-    def starts(self) -> NDArray:
-        """First columns (n,) of the candidates."""
-        return np.array([block.start for block in self.blocks], dtype=np.int64)
-
-    @property
-    def sizes(self) -> NDArray:
-        """Numbers of columns (n,) of the candidates."""
-        return np.array([block.stop - block.start for block in self.blocks], dtype=np.int64)
+    @cached_property
+    def layout(self) -> tuple[NDArray, NDArray]:
+        """First columns (n,) of the candidates, and their numbers of columns (n,)."""
+        ends = np.array([(block.start, block.stop) for block in self.blocks], dtype=np.int64).reshape(-1, 2)
+        return ends[:, 0].copy(), ends[:, 1] - ends[:, 0]
 
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
         """The problem as compiled code takes it: all columns (M, P + C), nominal ones first, where others are."""
         matrix = np.ascontiguousarray(np.hstack((self.nominal, self.columns)))
-        return matrix, self.residual, self.nominal.shape[1], self.starts, self.sizes
+        return matrix, self.residual, self.nominal.shape[1], *self.layout
 
 
 @dataclass(frozen=True)
@@ -89,11 +85,6 @@ class Projection:
     columns: NDArray
     gram: NDArray
     product: NDArray
-
-    @property
-    def square(self) -> float:
-        """Squared bound of the nominal model alone."""
-        return float(self.residual @ self.residual)
 
 
 def project(problem: Problem, weights: NDArray) -> Projection:
@@ -137,9 +128,6 @@ class EffectSet:
 
     effects: tuple[int, ...]
     outliers: tuple[int, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.effects) + len(self.outliers)
 
 
 def sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int = MOST_OUTLIERS) -> Iterator[EffectSet]:
@@ -221,7 +209,7 @@ def settled(problem: Problem, projections: Sequence[Projection], left: OpenSets,
 def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
     """A projection of a problem as compiled code takes it."""
     p = projection
-    return (p.weights, p.basis, p.residual, p.columns, p.gram, p.product, problem.starts, problem.sizes)
+    return (p.weights, p.basis, p.residual, p.columns, p.gram, p.product, *problem.layout)
 
 
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:

@@ -248,6 +248,12 @@ class Asked:
     targets: Sequence[str] = ()
     priors: Sequence[str] = ()
 
+    def __post_init__(self) -> None:
+        choices = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
+        for name, known in choices.items():
+            if (value := getattr(self, name)) not in known:
+                raise InputError(f"--{name} {value}: must be {' or '.join(known)}")
+
 
 def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
@@ -264,8 +270,6 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     """
     asked = Asked(**options)
     bounds = asked.bounds
-    _check_choice("--convention", asked.convention, ("A1", "A2"))
-    _check_choice("--baseline", asked.baseline, ("asymmetric", "symmetric"))
     noise = _noise_bound(record, asked.noise_bound)
     sigma = noise.value
     here = fit_record(record, sigma, asked)
@@ -361,7 +365,6 @@ def radius_limit(noise_bound: float, resolution: float) -> float:
 def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked()) -> Linearisation:
     """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`."""
     gravity, bounds = asked.gravity, asked.bounds
-    _check_choice("--baseline", asked.baseline, ("asymmetric", "symmetric"))
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
         raise InputError(f"--gravity {gravity:g}: must be from {GRAVITIES[0]:g} to {GRAVITIES[1]:g}, as 9.80665 [m/s²]")
     if len(bounds) != 2 or not all(isfinite(b) and 0.0 <= b < 0.5 for b in bounds):
@@ -376,11 +379,6 @@ def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked(
     extent = parameter_limits(p.symbols, bounds, asked_priors(asked.priors, p, bounds))
     with said_of(str(record.path)):
         return fit(p, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds, extent)
-
-
-def _check_choice(option: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise InputError(f"{option} {value}: must be {' or '.join(choices)}")
 
 
 def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:

@@ -397,7 +397,7 @@ class Bench(Evidence):
         turns = [np.arange(first, count, FOLDS) for first in range(FOLDS)]
         blocks = [part for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
         # Readings that no outlier of the set moves, and columns that are no outlier's.
-        lasting = np.concatenate([np.ones(bench, dtype=bool), np.ones(len(fit.stated), dtype=bool)])
+        lasting = np.ones(len(fit.at), dtype=bool)
         for place, block, _ in fit.ways:
             lasting[bench:][block] = place.effect != "outlier"
         used = np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))

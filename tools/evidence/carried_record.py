@@ -21,7 +21,7 @@ from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
 from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .evidence import estimated
-from .fit import blocks_of, coefficient_count
+from .fit import are_possible, blocks_of, coefficient_count
 from .references import (
     FEWEST_WINDOWS,
     LENGTHS,
@@ -214,9 +214,7 @@ def about_main_effect(made: Carried) -> Carried:
     if place is None:
         return made
     solution = even.estimate([place])
-    parameters = place.definition.parameters
-    values = even.values_of([place], solution)[place]
-    possible = all(p.possible(v) for p, v in zip(parameters, values, strict=True))
+    possible = are_possible(place, even.values_of([place], solution)[place])
     return about_effects(made, [place], solution) if possible else made
 
 

@@ -101,11 +101,7 @@ class Fit:
     @property
     def is_possible(self) -> bool:
         """Whether the sizes that are stated are possible."""
-        return all(
-            parameter.possible(value)
-            for place, values in zip(self.places, self.values(), strict=True)
-            for parameter, value in zip(place.definition.parameters, values, strict=True)
-        )
+        return all(are_possible(place, values) for place, values in zip(self.places, self.values(), strict=True))
 
     def possible(self, room: float = 0.0, further: NDArray | None = None, most_rows: int | None = None) -> Possible:
         """The steps from the Chebyshev centre that keep every error within its bound and `room`.
@@ -136,6 +132,11 @@ class Fit:
 
             found.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
         return tuple(found)
+
+
+def are_possible(place: EffectPlace, values: Sequence[float]) -> bool:
+    """Whether these values of an effect's parameters are possible."""
+    return all(p.possible(value) for p, value in zip(place.definition.parameters, values, strict=True))
 
 
 def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
