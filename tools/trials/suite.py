@@ -152,7 +152,8 @@ def named_suite(name: str) -> NamedSuite:
     suites = tomllib.loads(text)
     if name not in suites:
         raise InputError(f"--suite {name}: {nearest(name, tuple(suites))}")
-    entry = {key: tuple(value) if isinstance(value, list) else value for key, value in suites[name].items()}
+    entry: dict[str, Any] = suites[name]
+    entry |= {key: tuple(value) for key, value in entry.items() if isinstance(value, list)}
     cases, seed = entry.pop("cases"), entry.pop("seed")
     return NamedSuite(Options(**entry), cases, seed)
 
