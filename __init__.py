@@ -8,29 +8,6 @@ from typing import Any
 
 from . import tools
 
-__all__ = [
-    "Check",
-    "Exported",
-    "InputError",
-    "Installation",
-    "Simulation",
-    "__version__",
-    "apply",
-    "attitude_of_record",
-    "calibrate",
-    "check",
-    "diagnose",
-    "doctor",
-    "export",
-    "hide",
-    "inspect",
-    "new",
-    "plan",
-    "plan_positions",
-    "read_record",
-    "run_campaign",
-    "simulate",
-]
 _TYPES = {
     "Check": "check",
     "Exported": "exporting",
@@ -38,7 +15,13 @@ _TYPES = {
     "Installation": "installation",
     "Simulation": "orchestrator",
 }
-"""Where the types of results are defined that a user's annotations name."""
+_FUNCTIONS = (
+    *("apply", "attitude_of_record", "calibrate", "check", "diagnose", "doctor", "export", "hide", "inspect", "new"),
+    *("plan", "plan_positions", "read_record", "run_campaign", "simulate"),
+)
+_HOME = {**_TYPES, **dict.fromkeys(_FUNCTIONS, "library")}
+"""In which module of the tools each name is; the stub beside this file says the same to those who check types."""
+__all__ = [*_HOME, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
@@ -47,10 +30,10 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("trihedron")
-    if name in __all__:
+    if name in _HOME:
         from importlib import import_module
 
-        return getattr(import_module(f"trihedron.tools.{_TYPES.get(name, 'library')}"), name)
+        return getattr(import_module(f"trihedron.tools.{_HOME[name]}"), name)
     raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
 
 

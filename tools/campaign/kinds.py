@@ -314,7 +314,9 @@ class AttitudeRuns:
             raise InputError("keep.diagnosis: an attitude run has no diagnosis")
         _algorithm(setting.algorithm, "attitude.algorithm")
         papers.paper_motion(setting.motion, papers.EXACT)
-        self.outputs = dict.fromkeys(("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps"), LOWER)
+        self.outputs: Mapping[str, Output] = dict.fromkeys(
+            ("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps"), LOWER
+        )
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Make a run."""
