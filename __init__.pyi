@@ -20,3 +20,4 @@ from .tools.library import simulate as simulate
 from .tools.orchestrator import Simulation as Simulation
 
 __version__: str
+__all__: list[str]
