@@ -75,8 +75,9 @@ def test_commands_over_every_step(rows, step, lead):
     from trihedron.models.table_commands import move_duration
 
     alpha, beta, dwell = (list(column) for column in zip(*rows, strict=True))
-    targets = np.radians(np.column_stack([alpha, beta])).tolist()
-    model = programme(*zip(*targets, strict=True), dwell, lead_steps=lead, **SLOW)
+    outer, inner = np.radians([alpha, beta]).tolist()
+    targets = [[a, b] for a, b in zip(outer, inner, strict=True)]
+    model = programme(outer, inner, dwell, lead_steps=lead, **SLOW)
     # As contracts and docs/scenarios.md have it: a slot is the slower axis' move and the dwell, in whole steps.
     ends, before = [0], SLOW["initial_angle"]
     for target, rest in zip(targets, dwell, strict=True):
