@@ -18,7 +18,7 @@ demo: $(READY)
 
 # A file stays with one worker: what its tests share is made once.
 test: $(READY)
-	$(PYTEST) tests -n $(WORKERS) --dist loadscope -m "not acceptance and not benchmark_ratio"
+	$(PYTEST) tests -n $(WORKERS) --dist worksteal -m "not acceptance and not benchmark_ratio"
 
 acceptance: $(READY)
 	$(PYTEST) tests -n $(WORKERS) -m acceptance -s

@@ -177,6 +177,7 @@ for jobs in (1, 2):
 """
 
 
+@pytest.mark.acceptance
 def test_several_processes_give_the_same_records(tmp_path):
     """Also where the first process has threads of polars, for which a copy of it would wait for ever."""
     subprocess.run([sys.executable, "-c", IN_PROCESSES, str(tmp_path)], check=True, timeout=100)
