@@ -195,6 +195,7 @@ def test_hidden_effect_cases_are_those_of_the_suite():
         assert told["diagnosis"]["schema"] == "trihedron.diagnosis/1"
 
 
+@pytest.mark.acceptance
 def test_an_fmu_that_takes_its_process_with_it_costs_its_run_alone(tmp_path):
     """For real: an FMU that ends its process in one run, fails in another, and works in the others."""
     build_foreign("foreign_deadly", tmp_path)
