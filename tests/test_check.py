@@ -137,6 +137,12 @@ def test_other_toml_files(text: str, said: str, tmp_path: Path):
     assert said in found(written(tmp_path, text))[0][1]
 
 
+@pytest.mark.parametrize("kind", ["campaign", "scenario"])
+def test_a_key_that_only_programs_set_is_unknown_in_a_file(kind: str, tmp_path: Path):
+    problems = found(written(tmp_path, f'schema = "trihedron.{kind}/1"\nbase_folder = "x"\n'))
+    assert (2, "base_folder: unknown key; it is not for files") in problems
+
+
 def test_a_record_with_many_mistakes_has_each_with_its_row_and_column(record: Path, tmp_path: Path):
     lines = record.read_text(encoding="utf-8").split("\n")
     lines.insert(3, "# a comment moves what follows by a line")

@@ -153,10 +153,15 @@ def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) 
         raise InputError(f"{path}: is not a {what} (nested too deeply)") from error
     if "schema" not in data:
         raise InputError(f'{path}: schema is missing; write schema = "{schema}"')
-    for name in origin:
-        if name in data:
-            raise InputError(f"{path}: {name}: unknown key; it is not for files")
+    for said in not_for_files(data, model).values():
+        raise InputError(f"{path}: {said}")
     return checked_sections({**data, **origin}, model, str(path))
+
+
+def not_for_files(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, str]:
+    """Keys that only a program sets, with what is said of each."""
+    known = model.model_fields
+    return {k: f"{k}: unknown key; it is not for files" for k in data if k in known and known[k].exclude}
 
 
 def checked_sections(data: Mapping[str, Any], model: type[File], label: str = "") -> File:

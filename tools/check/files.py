@@ -47,7 +47,7 @@ from ..records.columns import ANGLES, FORCE, RAW, Columns, extra_warning, warnin
 from ..records.kinds import RawRecord
 from ..records.read import MAGIC, all_faults, read_record
 from ..records.rests import position_record_of
-from ..result import Location, field_problems
+from ..result import Location, field_problems, not_for_files
 from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, json_lines, toml_lines
 
@@ -103,6 +103,9 @@ def _check_toml(found: Findings, text: str) -> None:
         return
     found.lines = toml_lines(text)
     schema = data.get("schema")
+    for name, said in not_for_files(data, Campaign if schema == CAMPAIGN else Scenario).items():
+        found.add(said, (name,))
+        del data[name]
     if schema == CAMPAIGN:
         found.kind = "campaign"
         try:
