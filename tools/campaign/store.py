@@ -31,10 +31,10 @@ SUMMARY, PAGE = "summary.json", "index.html"
 RUNS, RECORDS = "runs", "records"
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
 _CODE = (
-    *("attitude", "bounded", "calibration", "campaign", "diagnosis", "evidence", "motion"),
+    *("bounded", "calibration", "campaign", "compiled.py", "diagnosis", "evidence", "motion"),
     *("orchestrator", "papers", "records", "trials"),
 )
-"""Sub-packages that results follow from, beside models and fmus."""
+"""Sub-packages and modules of the tools that results follow from, beside models and fmus."""
 
 
 @dataclass(frozen=True)
@@ -118,10 +118,9 @@ def code_hash() -> str:
         digest.update(f"\0{package} {metadata.version(package)}".encode())
     tools = Path(__file__).parents[1]
     folders = [Path(str(package.__file__)).parent for package in (models, fmus)]
-    folders += [tools / name for name in _CODE]
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(f"\0{path.relative_to(folder).as_posix()}\0".encode() + path.read_bytes())
+    for place in (*folders, *(tools / name for name in _CODE)):
+        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(f"\0{path.relative_to(place.parent).as_posix()}\0".encode() + path.read_bytes())
     return digest.hexdigest()
 
 
