@@ -111,6 +111,14 @@ def test_a_check_agrees_with_the_run(tmp_path: Path):
         assert any(str(refused.value).removeprefix(f"{path}: ") == message for _, message in problems)
 
 
+def test_a_misspelt_file_names_the_nearest(tmp_path: Path):
+    written(tmp_path, "", "scenario.toml")
+    with pytest.raises(th.InputError, match=r"scenari\.toml: no such file; did you mean 'scenario\.toml'\?"):
+        th.check(tmp_path / "scenari.toml")
+    with pytest.raises(th.InputError, match=r"record\.csv: no such file$"):
+        th.check(tmp_path / "record.csv")
+
+
 def test_a_file_that_is_not_toml_has_the_line(tmp_path: Path):
     assert found(written(tmp_path, "[run]\nstep_s = 0.1\nstop_s = = 2\n")) == [(3, "is not TOML: Invalid value")]
 
