@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -c tests/pytest.ini --rootdir tests
 demo: $(READY)
 	$(BIN)/trihedron demo --out demo-results
 
-# A file stays with one worker: what its tests share is made once.
+# A worker that has none left takes tests of another one: a long file does not hold up the end.
 test: $(READY)
 	$(PYTEST) tests -n $(WORKERS) --dist worksteal -m "not acceptance and not benchmark_ratio"
 

@@ -148,7 +148,7 @@ class _Problem:
 
 
 def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
-    """Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
+    """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
 
     What to add to the bound of each measurement (3 N,), as a fraction of g; `certain` (N, 3) is where the sign was
     certain before anything was known, by the `bounds` u^max and v^0max of (1.7).

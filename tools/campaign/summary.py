@@ -243,7 +243,7 @@ def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str
 def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
     """First-order and total Sobol indices with bootstrapped intervals; rows in which a run failed are left out.
 
-    Source: Saltelli et al., Computer Physics Communications 181 (2010), 259-270, as stats.sobol_indices has it.
+    Source: Saltelli et al., Computer Physics Communications 181 (2010), 259-270, as scipy.stats.sobol_indices has it.
     """
     names, n = list(campaign.distributions), campaign.sampling.points
     rows = values.reshape(len(names) + 2, n)
