@@ -217,9 +217,16 @@ def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch
 
 
 def test_a_record_with_strings_runs_as_plain_python(foreign: Path) -> None:
-    fmus = {"g": {**GAIN, "parameters": {"label": "größe "}}, "h": GAIN}
-    table = run(foreign, fmus, connections=wires("g.said -> h.word"), stimuli=[{"to": "g.word", "constant": "µ"}]).table
+    """Every type but Real is set, passed on and recorded as what it is."""
+    fmus = {"g": {**GAIN, "parameters": {"label": "größe ", "times": 3, "inverted": True}}, "h": GAIN}
+    along = wires("g.said -> h.word", "g.counted -> h.count", "g.marked -> h.mark")
+    given = {"word": "µ", "count": 7, "mark": False}
+    stimuli = [{"to": f"g.{name}", "constant": value} for name, value in given.items()]
+    table = run(foreign, fmus, connections=along, stimuli=stimuli).table
     assert table["h.said"].to_list() == ["nonegröße µ"] * 11
+    assert table["h.counted"].to_list() == [21] * 11
+    assert table["h.marked"].to_list() == [True] * 11
+    assert [table.schema[f"h.{name}"] for name in ("said", "counted", "marked")] == [pl.String, pl.Int32, pl.Boolean]
 
 
 NATIVE = """<?xml version="1.0" encoding="UTF-8"?>
