@@ -207,12 +207,19 @@ def add_increment(
     beta = motion[2] + turns[3]
     lean = stand[EPSILON] + turns[2]
     along = motion[1] + turn_rates[1]
-    down = -turn_rates[0] * math.sin(alpha)
-    first = along * math.cos(lean) - down * math.sin(lean)
-    second = turn_rates[0] * math.cos(alpha) + turn_rates[2]
-    third = along * math.sin(lean) + down * math.cos(lean)
-    x = first * math.cos(beta) + second * math.sin(beta)
-    y = second * math.cos(beta) - first * math.sin(beta)
+    cos_lean = math.cos(lean)
+    sin_lean = math.sin(lean)
+    cos_beta = math.cos(beta)
+    sin_beta = math.sin(beta)
+    down = 0.0
+    second = turn_rates[2]
+    if turn_rates[0] != 0.0:
+        down = -turn_rates[0] * math.sin(alpha)
+        second = turn_rates[0] * math.cos(alpha) + turn_rates[2]
+    first = along * cos_lean - down * sin_lean
+    third = along * sin_lean + down * cos_lean
+    x = first * cos_beta + second * sin_beta
+    y = second * cos_beta - first * sin_beta
     to_body(mounting_attitude, x, y, third + motion[3] + turn_rates[3], work)
     for i in range(3):
         increment[i] = increment[i] + weight * work[i]
