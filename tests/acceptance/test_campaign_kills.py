@@ -172,3 +172,29 @@ def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on
         _, complaints = main.communicate(timeout=MOST_SECONDS)
     assert main.returncode == 0, complaints
     assert content(out) == unbroken
+
+
+def test_a_disk_that_is_full(tmp_path, unbroken):
+    small = tmp_path / "small"
+    small.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=160k", "tmpfs", str(small)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("a small file system cannot be mounted here")
+    path, out = written(tmp_path, LONGER), small / "out"
+    try:
+        main = started(path, out, "--jobs", "2")
+        _, complaints = main.communicate(timeout=MOST_SECONDS)
+        assert main.returncode == 2
+        assert "No space left on device" in complaints
+        assert "--resume goes on" in complaints
+        assert complaints.count("\n") == 1
+        there = content(out)
+        assert 0 < files_done(out) < 60
+        assert all(unbroken[name] == value for name, value in there.items())
+        subprocess.run(["mount", "-o", "remount,size=8m", str(small)], check=True)
+        main = started(path, out, "--jobs", "2", "--resume")
+        _, complaints = main.communicate(timeout=MOST_SECONDS)
+        assert main.returncode == 0, complaints
+        assert content(out) == unbroken
+    finally:
+        subprocess.run(["umount", "-l", str(small)], check=False)

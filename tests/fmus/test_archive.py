@@ -23,6 +23,8 @@ from trihedron.fmus.native.compile import PLATFORMS, BuildError, host_compiler, 
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components, write_reference
+from trihedron.tools.orchestrator.run import simulate
+from trihedron.tools.orchestrator.scenario import Scenario
 
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 
@@ -249,3 +251,27 @@ def test_five_platforms_in_one_fmu_of_under_120_kilobytes(fmi, tmp_path):
         library.start(instance)
         assert library.step(instance, 0.0, 0.01) == 0
         library.free(instance)
+
+
+@needs_compiler
+def test_the_orchestrator_runs_native_fmus_with_the_same_results(tmp_path):
+    """A table, a block and an attitude computer: native FMUs against those of the Python flavour."""
+    names = {"table": "TurntableMotion", "block": "AccelerometerBlock", "computer": "AttitudeComputer"}
+    for name in names.values():
+        build(name, tmp_path, flavour="native")
+    links = (("table.specific_force", "block.specific_force"), ("table.increment", "computer.increment"))
+    parameters = {"table": {"initial_angle": [0.3, -0.2]}, "block": {"noise_bound": 1e-5}, "computer": {}}
+    runs = []
+    for kind in ("component", "fmu"):
+        fmus = {
+            key: {kind: name if kind == "component" else f"{name}.fmu", "parameters": parameters[key]}
+            for key, name in names.items()
+        }
+        data = {
+            "run": {"stop_s": 2.0, "step_s": 0.01},
+            "fmus": fmus,
+            "connections": [{"from": a, "to": b} for a, b in links],
+            "base_folder": tmp_path,
+        }
+        runs.append(simulate(Scenario.model_validate(data)).table)
+    assert runs[0].equals(runs[1])

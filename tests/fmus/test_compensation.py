@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -57,3 +58,11 @@ def test_errors_without_a_certain_inverse_are_refused():
     assert "too large for one inverse" in model.refuses_step(0.1, 0.1)
     model.put(**{"scale_error_minus[3]": 0.0, "reading[1]": math.nan})
     assert "not finite" in model.refuses_step(0.2, 0.1)
+
+
+def test_the_scale_factor_of_each_sign_counts():
+    for sign, scale in ((1.0, 0.01), (-1.0, -0.02)):
+        parameters = {"scale_error_plus[3]": 0.01, "scale_error_minus[3]": -0.02}
+        reading, recovered = there_and_back(parameters, (0.0, 0.0, sign * GRAVITY))
+        assert reading[2] == pytest.approx(sign * GRAVITY * (1 + scale), rel=1e-15)
+        assert recovered[2] == pytest.approx(sign * GRAVITY, rel=1e-15)

@@ -217,3 +217,14 @@ def test_a_wrong_parameter_of_a_component_is_named_by_the_scenario(parameters, s
         simulate(scenario)
     assert said in str(refused.value)
     assert "py exception" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "said"),
+    [
+        ("TurntableMotion", {"mounting[1]": 0.9}, "mounting is not a proper orthogonal matrix"),
+        ("AttitudeComputer", {"initial_attitude[1]": 0.5}, "not a unit quaternion"),
+    ],
+)
+def test_bad_parameters_stop_the_initialisation_with_a_message(name, settings, said):
+    assert said in Named(name, **settings).refuses_to_begin()

@@ -250,3 +250,13 @@ def test_the_degree_follows_what_the_increments_support(seed: int) -> None:
     assert chosen_degree(np.tile(axis * 0.01, (16, 1))) == 8
     # No more than half a turn is given to one polynomial.
     assert chosen_degree(np.tile(0.5 * axis / np.linalg.norm(axis), (16, 1))) == 2
+
+
+@every
+def test_three_radians_in_a_sample_are_exact_or_refused(algorithm: Algorithm) -> None:
+    model = computer(algorithm)
+    if algorithm.name == "mean-rate":
+        feed(model, (0.0, 3.0, 0.0), 0.0, 0.1)
+        assert distance(model["attitude"], np.array([math.cos(1.5), 0.0, math.sin(1.5), 0.0])) < 1e-15
+    else:
+        assert "valid range" in refused(model, (0.0, 3.0, 0.0))

@@ -138,3 +138,10 @@ def test_23_differs_from_22_by_the_picard_term_that_it_leaves_out() -> None:
     expected = [v / mpf(10) ** 9 / 48 for v in cross(total, cross(first, second))]
     for i in range(3):
         assert abs(x[1][i] - x[0][i] - expected[i]) < mpf(10) ** -40
+
+
+def test_the_23_of_the_paper_is_third_order_and_the_722_fourth() -> None:
+    """The paper calls (23) a fourth-order algorithm and (7.22) a third-order one."""
+    by_source = {a.source: a.order for a in ALGORITHMS}
+    assert by_source["Chelnokov et al. 2016, (23)"] == 3
+    assert by_source["Chelnokov et al. 2016, (7.22)"] == 4

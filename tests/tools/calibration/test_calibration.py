@@ -398,3 +398,12 @@ def test_pairs_are_projections_of_the_feasible_set():
         turning = edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1)
         assert inside.min() > -1e-4 * SIGMA**2
         assert turning.min() > -1e-4 * SIGMA**2
+
+
+def test_one_position_determines_nothing_but_what_is_known_beforehand():
+    one = simulated(random_bench(np.random.default_rng(4))).selected(np.array([7]))
+    alone = calibrate(one, noise_bound=SIGMA)
+    assert alone.verdict == "insufficient"
+    assert [gap.symbol for gap in alone.missing] == [e.symbol for e in alone.parameters]
+    assert len(alone.next_positions) >= 5
+    assert calibrate(one, noise_bound=SIGMA, priors=["bounds"]).verdict == "consistent"

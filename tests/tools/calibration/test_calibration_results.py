@@ -138,3 +138,12 @@ def test_noise_bound_is_taken_from_repeats_and_the_result_says_so():
     assert 0.8 * SIGMA < result.noise_bound < 3 * SIGMA
     assert "repeat" in result.noise_bound_basis
     assert result.to_json()["noise_bound_basis"] == result.noise_bound_basis
+
+
+def test_other_mountings_are_calibrated_as_well():
+    for name in ("cyclic", "tripod", "skew"):
+        rng = np.random.default_rng(9)
+        bench = random_bench(rng)
+        noise = rng.uniform(-SIGMA, SIGMA, (24, 3))
+        result = calibrate(simulated(bench, noise=noise, mounting=PRESETS[name]), noise_bound=SIGMA, mounting=name)
+        assert misses(result, target_values(bench, PRESETS[name])) == []

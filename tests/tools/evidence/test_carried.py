@@ -19,7 +19,7 @@ from trihedron.tools.motion.carry import GyroModel, carried_attitude
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.orchestrator.load import usual_flavour
 from trihedron.tools.reports.diagnosis import lines
-from trihedron.tools.trials.draw import draw_clean_block
+from trihedron.tools.trials.draw import Options, draw_case, draw_clean_block
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
@@ -200,3 +200,17 @@ def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
     found = diagnose(replace(record, specific_force=np.roll(record.specific_force, 200, axis=0)), rerun=False)
     assert found.verdict == "unexplained"
     assert any("would be" in text and "check units" in text for text in found.not_named or ())
+
+
+@pytest.mark.acceptance
+def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
+    case = draw_case(Options(strapdown=True), 1, 17)
+    assert case.places == (LATENCY,)
+    found = diagnose(case.measured())
+    assert found.verdict == "explained"
+    assert [cause.place for cause in found.causes] == [LATENCY]
+    assert found.gain is not None
+    for gain in (found.gain, *(found.gain.others or ())):
+        assert np.isfinite(gain.before).all()
+        assert np.isfinite(gain.after).all()
+    assert found.gain.improves

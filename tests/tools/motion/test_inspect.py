@@ -315,3 +315,27 @@ def test_the_rests_of_broad_03_are_those_before_and_after_the_motion():
     assert found.accelerometers.verdict == "insufficient"
     assert len(found.accelerometers.missing) >= 5
     assert found.gyros.verdict == "insufficient"
+
+
+def test_a_record_without_rests_has_none():
+    t = PERIOD * np.arange(6000)
+    rate = np.stack([np.sin(2.0 * t), np.cos(3.1 * t), 0.7 * np.sin(1.3 * t + 1.0)], axis=1)
+    rng = np.random.default_rng(0)
+    force = G * np.stack(
+        [np.sin(1.1 * t), np.cos(1.1 * t) * np.sin(0.7 * t), np.cos(1.1 * t) * np.cos(0.7 * t)], axis=1
+    )
+    noisy = force + 0.03 * rng.standard_normal(force.shape)
+    found = inspected(StrapdownRecord(t, rate + 1e-3 * rng.standard_normal(rate.shape), None, noisy))
+    assert len(found.rests) == 0
+    assert found.accelerometers is None
+    assert "no rests" in str(found)
+
+
+def test_a_record_of_one_rest_is_insufficient():
+    rng = np.random.default_rng(0)
+    force = np.array([0.0, 0.0, G]) + 0.03 * rng.standard_normal((6000, 3))
+    found = inspected(StrapdownRecord(PERIOD * np.arange(6000), 1e-3 * rng.standard_normal((6000, 3)), None, force))
+    assert len(found.rests) == 1
+    assert found.accelerometers.verdict == "insufficient"
+    assert found.gyros.verdict == "insufficient"
+    assert found.turning.said == ()

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 import re
 import signal
@@ -359,3 +360,17 @@ def test_a_hosts_own_handler_stays_in_force():
         assert not pressed()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_a_long_run_keeps_its_last_tick(foreign: Path) -> None:
+    """0.1 is no binary fraction; the last row is at the stop time all the same."""
+    setting = {"stop_s": 2000.0, "step_s": 0.1}
+    table = run(foreign, {"clock": CLOCK}, run=setting, record={"every": 20_000}).table
+    assert math.isclose(table["time_s"][-1], 2000.0, rel_tol=1e-15)
+    assert table["clock.count"][-1] == 20_000
+
+
+def test_an_fmu_runs_again_after_it_has_failed(foreign: Path) -> None:
+    for way in ("raises", "nan"):
+        refusal(foreign, {"pump": {**FAILING, "parameters": {"way": WAYS[way]}}})
+    assert run(foreign, {"pump": FAILING}).table["pump.y"][-1] == pytest.approx(0.9)

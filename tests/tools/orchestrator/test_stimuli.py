@@ -207,3 +207,21 @@ def test_steps_that_cannot_be_counted(foreign: Path, run_: dict, says: str) -> N
     said = refusal(foreign, GAINS, run=run_)
     assert said.startswith("run.st")
     assert says in said
+
+
+def test_an_effect_reaches_the_fmu(tmp_path: Path) -> None:
+    """An effect changes the run as its definition says, and only where it is."""
+    table = {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}}
+    effect = {"effect": "quadratic", "where": "accelerometer-3", "coefficient": 1e-3}
+    plain, extended = (
+        run_scenario(
+            tmp_path,
+            {"table": table, "block": {"component": "AccelerometerBlock", "effects": effects}},
+            connections=[{"from": "table.specific_force", "to": "block.specific_force"}],
+        ).table
+        for effects in ([], [effect])
+    )
+    assert extended["block.reading[1]_mps2"].to_list() == plain["block.reading[1]_mps2"].to_list()
+    n3 = plain["table.specific_force[3]_mps2"].to_numpy() / 9.80665
+    gain = (extended["block.reading[3]_mps2"] - plain["block.reading[3]_mps2"]).to_numpy() / 9.80665
+    np.testing.assert_allclose(gain, 1e-3 * n3 * n3, rtol=1e-9)

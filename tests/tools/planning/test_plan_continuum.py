@@ -120,3 +120,18 @@ def test_a_wrong_dual_is_refused() -> None:
             proven_gap(plan.model_copy(update={"optimum": replace(plan.optimum, dual=wrong)}))
     weak = replace(plan.optimum, dual=0.5 * plan.optimum.dual)
     assert proven_gap(plan.model_copy(update={"optimum": weak})) == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.acceptance
+def test_a_turn_of_the_block_by_the_inner_axis_costs_nothing() -> None:
+    """Rz only renames β for the outer angle's offset: X2 costs the same."""
+    here, turned = (plan_targets(["X2"], grid=None, admissible="tables", mounting=m)[0] for m in ("identity", "rz45"))
+    assert here.cost == pytest.approx(turned.cost, rel=1e-9)
+
+
+@pytest.mark.acceptance
+def test_the_order_of_targets_does_not_matter() -> None:
+    names = ("X18", "X3", "X4")
+    forth = {p.target: p.cost for p in plan_targets(names, grid=None, mounting="tripod")}
+    back = {p.target: p.cost for p in plan_targets(names[::-1], grid=None, mounting="tripod")}
+    assert forth == pytest.approx(back, rel=1e-9)

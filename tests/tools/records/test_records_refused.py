@@ -1,6 +1,7 @@
 """What is no record is refused in a line that names file, row, column; hostile files give a record or such a line."""
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -213,3 +214,12 @@ def check_hostile(path: Path, content: bytes) -> None:
             assert len(record) > 0
             assert np.isfinite(record.specific_force).all()
             assert np.isfinite(record.time_s).all()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="the superuser may read every file")
+def test_an_unreadable_file_is_refused(tmp_path):
+    path = tmp_path / "record.csv"
+    path.write_text(VALID)
+    path.chmod(0)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_record(path)
