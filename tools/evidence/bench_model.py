@@ -50,9 +50,9 @@ MAX_LEVERAGE = 1.0
 class Circumstances:
     """The circumstances of each of N rows: what effects may depend on beside the angles.
 
-    `hours` (N,): time since the first row of the record; `temperature` (N,) [degC] where it is known; `sense_alpha`,
-    `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none; `approached`: whether the
-    senses are the record's own, not concluded from the row before.
+    `hours` (N,) [h]: time since the first row of the record; `temperature` (N,) [degC] where it is known;
+    `sense_alpha`, `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none;
+    `approached`: whether the senses are the record's own, not concluded from the row before.
 
     `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
     where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
