@@ -49,7 +49,7 @@ def version() -> str:
 
 
 def build(
-    name: str,
+    component: str | Component,
     folder: Path,
     effects: Sequence[EffectPlace] = (),
     *,
@@ -61,8 +61,8 @@ def build(
 
     Parameters
     ----------
-    name : str
-        of the component
+    component : str or Component
+        by its name, or one with start values of its own (`trihedron.fmus.component.started`)
     folder : Path
         where ``<name>.fmu`` is written
     effects : sequence of EffectPlace
@@ -88,7 +88,7 @@ def build(
     trihedron.fmus.native.compile.BuildError
         there is no compiler for the platform, or it fails
     """
-    component = extend(COMPONENTS[name], effects)
+    component = extend(COMPONENTS[component] if isinstance(component, str) else component, effects)
     if flavour == "native" and fmi in (2, 3):
         # FMPy, which has the headers, is not waited for elsewhere
         from .native.c_source import build_native_fmu

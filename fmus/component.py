@@ -1,7 +1,7 @@
 """A component: its table of variables and the kernels that work on them; extended by effects, nothing else changes."""
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, Literal
@@ -207,3 +207,30 @@ def extend(component: Component, effects: Sequence[EffectPlace]) -> Component:
         variables=component.variables + effect_variables(effects),
         effects=component.effects + tuple(effects),
     )
+
+
+def started(component: Component, values: Mapping[str, float | Sequence[float]]) -> Component:
+    """The component with other start values of some of its parameters, by variable, each in the variable's unit.
+
+    Raises
+    ------
+    ValueError
+        what is no parameter of the component, an array of another length, a value beyond what the parameter takes
+    """
+    parameters = {v.name: v for v in component.interface if v.causality == "parameter"}
+    changed = {}
+    for name, value in values.items():
+        if name not in parameters:
+            raise ValueError(f"{component.name} has no parameter {name}")
+        variable = parameters[name]
+        numbers = (float(value),) if isinstance(value, int | float) else tuple(float(v) for v in value)
+        if len(numbers) != len(variable.elements) or isinstance(value, int | float) != (variable.size == 0):
+            raise ValueError(f"{name} has {len(variable.elements)} elements, not {len(numbers)}")
+        least, most = variable.limits
+        for number in numbers:
+            # NaN fails the comparison.
+            within = (least is None or number >= least) and (most is None or number <= most)
+            if not (within and number - number == 0.0):
+                raise ValueError(f"{name} = {number:g} is beyond what {component.name} takes")
+        changed[name] = replace(variable, start=numbers if variable.size else numbers[0])
+    return replace(component, variables=tuple(changed.get(v.name, v) for v in component.variables))

@@ -6,6 +6,8 @@ does not name the file: who has read it says which it was.
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from math import isfinite
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -24,6 +26,9 @@ CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
 
 VALUES = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+INTERVAL = "trihedron.interval"
+"""Type of the annotation that says which values of a parameter are possible."""
+Interval = tuple[float | None, float | None]
 
 Parameters = dict[str, float | list[float]]
 """Variable -> value in the variable's unit, or list of values for an array."""
@@ -195,7 +200,12 @@ def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str) -> N
         raise ValueError(f"{symbol}: its estimate, guaranteed error, low and high exclude one another; was it edited?")
 
 
-def parameter_set(component: Component, values: Mapping[str, float | list[float]], description: str) -> bytes:
+def parameter_set(
+    component: Component,
+    values: Mapping[str, float | list[float]],
+    description: str,
+    intervals: Mapping[str, Interval] | None = None,
+) -> bytes:
     """The SSP 1.0 ParameterSet of some of a component's real parameters.
 
     Parameters
@@ -206,6 +216,9 @@ def parameter_set(component: Component, values: Mapping[str, float | list[float]
         variable -> value in the variable's unit, or list of values for an array
     description : str
         where the values come from
+    intervals : mapping, optional
+        scalar, as `gamma_21` or `bias[1]`, -> least and largest possible value, None or infinite where nothing bounds
+        it
 
     Returns
     -------
@@ -230,18 +243,32 @@ def parameter_set(component: Component, values: Mapping[str, float | list[float]
         units[variable.unit] = UNITS[variable.unit]
         for name, scalar in zip(variable.elements, scalars, strict=True):
             rows.append((name, "Real", {"value": number(scalar), "unit": variable.unit}))
-    return parameter_file(component.name, description, rows, units)
+    return parameter_file(component.name, description, rows, units, intervals or {})
 
 
 def parameter_file(
-    name: str, description: str, values: Iterable[tuple[str, str, dict[str, str]]], units: Mapping[str, Unit]
+    name: str,
+    description: str,
+    values: Iterable[tuple[str, str, dict[str, str]]],
+    units: Mapping[str, Unit],
+    intervals: Mapping[str, Interval] = MappingProxyType({}),
 ) -> bytes:
-    """An .ssv of SSP 1.0; a value is its name, its type, and its text and unit as the attributes that hold them."""
+    """An .ssv of SSP 1.0; a value is its name, its type, and its text and unit as the attributes that hold them.
+
+    The interval of a value stands in an annotation: an element `interval` with `low` and `high` in the value's unit; an
+    end that nothing bounds is left out.
+    """
     spaces = {"xmlns:ssv": VALUES, "xmlns:ssc": COMMON}
     root = Element("ssv:ParameterSet", {**spaces, "version": "1.0", "name": name, "description": description})
     parameters = SubElement(root, "ssv:Parameters")
     for parameter, kind, attributes in values:
-        SubElement(SubElement(parameters, "ssv:Parameter", name=parameter), f"ssv:{kind}", attributes)
+        element = SubElement(parameters, "ssv:Parameter", name=parameter)
+        SubElement(element, f"ssv:{kind}", attributes)
+        if parameter in intervals:
+            ends = zip(("low", "high"), intervals[parameter], strict=True)
+            bounded = {key: number(end) for key, end in ends if end is not None and isfinite(end)}
+            annotation = SubElement(SubElement(element, "ssv:Annotations"), "ssc:Annotation", type=INTERVAL)
+            SubElement(annotation, "interval", bounded)
     add_units(root, "ssv:Units", units)
     return xml_bytes(root)
 
