@@ -73,14 +73,15 @@ def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False)
     told |= of_lengths(evidence)
     if not evidence.falsified:
         excluded = excluded_sizes(evidence, evidence.baseline)
-        model = evidence.of_model(evidence.baseline, excluded)
+        model = evidence.of_model(centred(evidence, evidence.baseline), excluded)
         return _result("insufficient" if "missing" in model else "consistent", told, model, excluded=excluded)
     found = search(evidence, progress=progress)
     told |= {"tried": single_radii(evidence), **evidence.of_misfit()}
     if not found.fits or evidence.objections():
         return _unexplained(evidence, told, evidence.objections())
     groups = equivalence_groups(evidence, found.fits)
-    findings = [Finding(causes_of(evidence, group[0]), group[0]) for group in groups[: evidence.most_sets]]
+    stated = [centred(evidence, group[0]) for group in groups[: evidence.most_sets]]
+    findings = [Finding(causes_of(evidence, fit), fit) for fit in stated]
     best = findings[0]
     told |= {"findings": findings, "judgement": _judgement(evidence, best.fit)}
     if len(groups) > 1 or not found.complete:
@@ -134,14 +135,22 @@ def _result(verdict: str, told: Mapping[str, Any], more: Mapping[str, Any], **ke
     return Diagnosis.model_validate({**told, **more, **kept, "verdict": verdict, "warnings": warnings})
 
 
+def centred(evidence: Evidence, fit: Fit) -> Fit:
+    """The fit whose parameters and coefficients are one possible point in the middle of what the record leaves."""
+    return fit.centred(evidence.room(fit), evidence.most_rows)
+
+
 def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
     """A set of effects as causes: what is stated of each, inside what the record leaves possible."""
     causes = []
     intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
     for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
         parameters, ends = place.definition.parameters, evidence.told(place, possible)
+        # A phase is told up to whole turns, a size that is just at its end up to rounding.
         stated = [
-            value if parameter.name.endswith("phase") else min(max(value, low), high)
+            value - 2.0 * np.pi * round((value - 0.5 * (low + high)) / (2.0 * np.pi))
+            if parameter.name.endswith("phase") and np.isfinite((low, high)).all()
+            else min(max(value, low), high)
             for parameter, value, (low, high) in zip(parameters, values, ends, strict=True)
         ]
         causes.append(Cause.found(evidence.named(place), evidence.classes.equivalents(place), stated, ends))

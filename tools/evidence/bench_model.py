@@ -22,7 +22,7 @@ from ..calibration.model import (
     reading_jacobian,
 )
 from ..records import PositionRecord
-from .fit import Fit, blocks_of, coefficient_limits
+from .fit import Fit, blocks_of
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
@@ -527,11 +527,7 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
     if fit.is_possible:
         return fit
     own, free = fit.coefficients, np.full(len(fit.point), np.inf)
-    ends = [
-        coefficient_limits(place) if variant is None else (variant.low, variant.high) for place, _, variant in fit.ways
-    ]
-    low, high = (np.concatenate(side) - own for side in zip(*ends, strict=True))
-    low, high = np.append(-free, low), np.append(free, high)
+    low, high = (np.append(sign * free, end - own) for sign, end in zip((-1.0, 1.0), fit.limits, strict=True))
     radius, step, _ = chebyshev_radius(fit.jacobian, fit.residual, fit.bound, low=low, high=high)
     moved = replace(fit, radius=radius, step=step, stated=own + step[len(fit.point) :])
     return moved if radius <= limit and moved.is_possible else None

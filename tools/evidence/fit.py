@@ -1,7 +1,7 @@
 """A model with a set of effects, fitted: what is possible of their sizes, their classes, FMUs and gain."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,17 @@ from pydantic import Field
 from ...fmus import build
 from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.rows import Variant
-from ..bounded.programmes import Interval, Possible, Reach, column_space, polar_intervals, same_space
+from ..bounded.centre import Bounded, analytic_centre, central_programme
+from ..bounded.programmes import (
+    ROOM,
+    Interval,
+    Possible,
+    Reach,
+    SolverError,
+    column_space,
+    polar_intervals,
+    same_space,
+)
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
@@ -34,8 +44,9 @@ class Fit:
     coefficients.
 
     `radius` is the least possible largest error over its bound, with coefficients of possible size; `estimate` (P + K,)
-    are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found;
-    `variants` the ways in which effects act that are not linear.
+    are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found, both
+    those of one possible point where the fit is `centred`; `variants` the ways in which effects act that are not
+    linear.
     """
 
     places: tuple[EffectPlace, ...]
@@ -110,6 +121,43 @@ class Fit:
         """
         jacobian = self.jacobian if further is None else np.hstack((self.jacobian, further))
         return Possible(jacobian, self.left, self.bound + room, most_rows)
+
+    def centred(self, room: float = 0.0, most_rows: int | None = None) -> "Fit":
+        """The fit that states one possible point: the centre of what the bounds and `room` leave, sizes possible.
+
+        Analytic centre of all rows, or central programme where these leave no interior; `most_rows` is as for
+        `Possible`. What nothing determines stays as it is at the Chebyshev centre.
+        """
+        anything = np.full(len(self.point), np.inf)
+        low, high = np.append(-anything, self.limits[0]), np.append(anything, self.limits[1])
+        bound = np.maximum(self.bound + room, np.abs(self.left)) * (1.0 + ROOM)
+        free = Bounded(self.jacobian, self.left, bound)
+        # Where no possible sizes are possible together, those of the fit are stated.
+        for bounded in (replace(free, low=low - self.central, high=high - self.central), free):
+            step = analytic_centre(bounded)
+            try:
+                step = self._middle(bounded, room, most_rows) if step is None else step
+            except SolverError:
+                continue
+            point = self.central + step
+            return replace(self, estimate=point, stated=point[len(self.point) :])
+        return self
+
+    def _middle(self, bounded: Bounded, room: float, most_rows: int | None) -> NDArray[np.float64]:
+        """The step (P + K,) of the central programme."""
+        possible = self.possible(room, None, most_rows)
+        told = [(k, ends) for k in range(len(self.at)) if np.isfinite(ends := possible.ends(k)).all()]
+        weights = np.eye(len(self.at))[[k for k, _ in told]]
+        return central_programme(bounded, weights, np.array([ends for _, ends in told]).reshape(-1, 2))
+
+    @property
+    def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Ends (K,) of the possible coefficients."""
+        ends = [
+            coefficient_limits(p) if variant is None else (variant.low, variant.high) for p, _, variant in self.ways
+        ]
+        low, high = np.hstack([np.zeros((2, 0)), *(np.array(own) for own in ends)])
+        return low, high
 
     def ends(self, room: float = 0.0, most_rows: int | None = None) -> NDArray[np.float64]:
         """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it."""

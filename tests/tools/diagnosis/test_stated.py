@@ -1,0 +1,61 @@
+"""What a diagnosis states is possible: sizes and targets together, within all bounds, each in its interval."""
+
+import numpy as np
+import pytest
+
+from bench_cases import bench_case
+from strapdown_records import strapdown_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.bench_model import Cast
+from trihedron.tools.trials.bench import NOISE_BOUND
+
+HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
+PRODUCT = EffectPlace("cross-product", "accelerometer-1", axes=(1, 3))
+
+
+def exact_misfit(result) -> float:
+    """Largest misfit over its bound of the exact model with what the result states."""
+    finding = result.findings[0]
+    evidence = result.evidence
+    point = np.array([target["after"] for target in result.targets])
+    coefficients = []
+    for cause in finding.causes:
+        values = np.array(cause.values)
+        if any(p.name.endswith("phase") for p in cause.parameters):
+            size, phase = values[::2], values[1::2]
+            values = np.stack((size * np.cos(phase), size * np.sin(phase)), axis=1).ravel()
+        coefficients.append(values)
+    model = Cast(finding.places).model(evidence.readings, point, np.concatenate(coefficients))
+    return float(np.abs((evidence.readings.reading.ravel() - model.reading) / model.bound).max())
+
+
+@pytest.mark.parametrize(
+    ("place", "values", "at_bound"),
+    [(HARMONIC, (2.5e-4, 3.1), False), (PRODUCT, (2e-3,), True)],
+    ids=["errors uniform", "errors at their bound: no interior"],
+)
+def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
+    """Least squares is not one: some reading is beyond its bound there."""
+    record = bench_case(4, place, values).measured()
+    fit = bench_evidence(record, noise_bound=NOISE_BOUND).refit([place])
+    rng = np.random.default_rng(0)
+    errors = rng.choice([-1.0, 1.0], size=(len(record), 3)) if at_bound else rng.uniform(-1.0, 1.0, (len(record), 3))
+    exact = (record.specific_force / 9.80665).ravel() - fit.residual
+    record.specific_force[:] = 9.80665 * (exact.reshape(-1, 3) + NOISE_BOUND * errors)
+    result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+    assert result.verdict == "explained"
+    assert exact_misfit(result) <= 1.0 + 1e-6
+    for entry in (p for cause in result.causes for p in cause.parameters):
+        assert entry.low <= entry.estimate <= entry.high
+    assert all(target["low"] <= target["after"] <= target["high"] for target in result.targets)
+
+
+def test_a_strapdown_baseline_is_possible_as_it_is_stated():
+    result = diagnose(strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3])))
+    assert result.verdict == "consistent"
+    evidence = result.evidence
+    step = np.array([p.estimate for p in result.baseline.parameters]) - evidence.point
+    assert np.abs(evidence.residual - evidence.nominal @ step).max() <= 1.0 + 1e-6
+    assert all(p.low <= p.estimate <= p.high for p in result.baseline.parameters if p.low is not None)
