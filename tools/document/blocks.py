@@ -6,6 +6,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from ..rounding import NONE, exactly
+
 if TYPE_CHECKING:
     from polars import DataFrame
 
@@ -33,7 +35,7 @@ class Table:
     header: Sequence[str]
     """names of the columns, with units"""
     rows: "Sequence[Sequence[Cell]]"
-    """text as it stands; numbers are set to six digits of the column's largest, None as a dash"""
+    """text as it stands, numbers that are no counts rounded by `trihedron.tools.rounding`, None as a dash"""
     caption: str = ""
     """what it shows"""
 
@@ -41,10 +43,14 @@ class Table:
         for number, row in enumerate(self.rows, start=1):
             if len(row) != len(self.header):
                 raise ValueError(f"row {number} has {len(row)} cells, the header {len(self.header)}")
+            if any(isinstance(cell, float) for cell in row):
+                raise TypeError(f"row {number} has a number that is not rounded: {row}")
 
     def told(self) -> "Table":
-        """The same without the columns that say nothing: None in every row."""
-        kept = [k for k in range(len(self.header)) if any(row[k] is not None for row in self.rows)]
+        """The same without the columns that say nothing: nothing in every row."""
+        kept = [
+            k for k in range(len(self.header)) if any(row[k] is not None and row[k] is not NONE for row in self.rows)
+        ]
         return Table([self.header[k] for k in kept], [[row[k] for k in kept] for row in self.rows], self.caption)
 
 
@@ -123,7 +129,7 @@ def notebook(document: Document) -> str:
 
 
 def table_html(frame: "DataFrame") -> str:
-    """A table as HTML; numbers with seven digits, empty where there is none."""
+    """A table as HTML; numbers with all their digits, empty where there is none."""
     head = "".join(f"<th>{escape(name)}</th>" for name in frame.columns)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(_cell(value))}</td>" for value in row) + "</tr>"
@@ -137,4 +143,4 @@ def table_html(frame: "DataFrame") -> str:
 def _cell(value: object) -> str:
     if value is None:
         return ""
-    return f"{value:.7g}" if isinstance(value, float) else str(value)
+    return exactly(value) if isinstance(value, float) else str(value)

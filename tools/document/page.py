@@ -76,10 +76,10 @@ def _said(text: object) -> str:
     return typeset(plain(text))
 
 
-def _cells(table: Table) -> tuple[list[str], list[tuple[str, ...]]]:
+def _cells(table: Table) -> tuple[list[str], list[list[str]]]:
     """How each column looks, and the rows as they are written."""
     columns = [[row[k] for row in table.rows] for k in range(len(table.header))]
-    return list(map(look, columns)), list(zip(*map(written, columns), strict=True))
+    return list(map(look, columns)), [list(map(written, row)) for row in table.rows]
 
 
 def _linked(file: Path | str, folder: Path | None) -> tuple[str, str]:

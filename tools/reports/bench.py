@@ -16,8 +16,9 @@ from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..diagnosis.result import Cause, Diagnosis
 from ..document.blocks import Download, Section, Table
-from ..document.notation import Cell, Written, effect_formula, equation, minus, signed, to_bound, typeset
+from ..document.notation import Cell, effect_formula, equation, minus, signed, typeset
 from ..records import PositionRecord
+from ..rounding import downwards, exactly, nearest, residual, to_bound, upwards
 from .makers import cited, matrix_text, versions
 from .pictures.records import bench_tour
 from .pictures.residuals import next_directions
@@ -40,7 +41,7 @@ def of_bench(result: Diagnosis) -> bool:
 def measured_section(record: PositionRecord, result: Calibration) -> Section:
     """The record in words, and where on the sphere it has measured."""
     seconds = float(np.ptp(record.time_s))
-    lasted = f"{seconds:.0f} seconds" if seconds < 120.0 else f"{seconds / 60.0:.0f} minutes"
+    lasted = f"{nearest(seconds)} seconds" if seconds < 120.0 else f"{nearest(seconds / 60.0)} minutes"
     said = [
         f"{len(record)} positions of the table within {lasted}, three accelerometers at each; "
         f"{result.measurements} readings are used."
@@ -53,14 +54,20 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     known = []
     if record.temperature is not None:
         low, high = float(record.temperature.min()), float(record.temperature.max())
-        known.append(f"temperature {low:.1f} to {high:.1f} °C" if high - low >= 0.05 else f"temperature {low:.1f} °C")
+        known.append(
+            f"temperature {nearest(low)} to {nearest(high)} °C"
+            if high - low >= 0.05
+            else f"temperature {nearest(low)} °C"
+        )
     if record.approach_alpha is not None:
         known.append("the senses in which the positions were approached")
     if record.mounting is not None:
         known.append(f"the mountings {', '.join(dict.fromkeys(record.mounting))}")
     if known:
         said.append(f"Known besides: {'; '.join(known)}.")
-    said.append(f"Errors of averaged readings are taken to be within σ = {result.noise_bound:.3g} g ({basis(result)}).")
+    said.append(
+        f"Errors of averaged readings are taken to be within σ = {upwards(result.noise_bound, 3)} g ({basis(result)})."
+    )
     said += [f"Warning: {warning}." for warning in result.warnings]
     return Section(
         "What was measured",
@@ -77,7 +84,7 @@ def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Secti
     return Section(
         "The bench, simulated",
         "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
-        f"{time[-1]:.0f} s, the block reads, the attitude computer follows the increments.",
+        f"{nearest(time[-1])} s, the block reads, the attitude computer follows the increments.",
         bench_tour(time, (alpha, beta), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,
@@ -94,8 +101,8 @@ def key_figures(result: Calibration) -> dict[str, object]:
     return {
         "positions": result.positions,
         "readings": result.measurements,
-        "noise bound σ": f"{result.noise_bound:.3g} g",
-        "least largest residual": f"{result.radius:.3g} σ",
+        "noise bound σ": f"{upwards(result.noise_bound, 3)} g",
+        "least largest residual": f"{residual(result.radius)} σ",
     }
 
 
@@ -125,15 +132,15 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     left = centre_residual(result) / here.bound.reshape(-1, 3)
     rows: list[list[Cell]] = []
     for i, axis in np.argwhere(proved(result, numbers)):
-        angles = (f"{np.degrees(angle[i]):.4f}" for angle in (here.positions.alpha, here.positions.beta))
-        figures = (*angles, f"{here.input[i, axis]:.3f}", f"{left[i, axis]:+.2f}")
-        rows.append([int(numbers[i]), int(axis) + 1, *(Written(minus(figure)) for figure in figures)])
+        angles = (nearest(np.degrees(angle[i]), 7) for angle in (here.positions.alpha, here.positions.beta))
+        figures = (*angles, nearest(here.input[i, axis]), nearest(left[i, axis]))
+        rows.append([int(numbers[i]), int(axis) + 1, *figures])
     header = ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"]
     return Section(
         "Evidence: the readings that prove it",
         f"These {len(result.witness)} readings alone, whatever the others are, cannot all be within "
-        f"{result.radius:.3g} σ of any parameters' prediction. If one of them is known to be spoilt, leave its "
-        "row out and look again.",
+        f"{residual(result.radius)} σ of any parameters' prediction. If one of them is known to be "
+        "spoilt, leave its row out and look again.",
         table=Table(header, rows),
     )
 
@@ -146,7 +153,7 @@ SENSES = {1: "forwards", -1: "backwards"}
 
 def position_text(position: Mapping[str, Any]) -> str:
     """A proposed table position."""
-    text = f"alpha {position['alpha_deg']:g}°, beta {position['beta_deg']:g}°"
+    text = f"alpha {exactly(position['alpha_deg'])}°, beta {exactly(position['beta_deg'])}°"
     if "mounting" in position:
         text += f", mounting {position['mounting']}"
     if "approach_alpha" in position:
@@ -175,10 +182,10 @@ def next_section(here: Linearisation, positions: Sequence[Mapping[str, Any]]) ->
     separates = any(p.get("separates") for p in positions)
     rows: list[list[Cell]] = []
     for k, p in enumerate(positions, start=1):
-        angles = (Written(minus(f"{float(p[name]):g}")) for name in ("alpha_deg", "beta_deg"))
+        angles = (exactly(float(p[name])) for name in ("alpha_deg", "beta_deg"))
         how = (SENSES.get(p[name], str(p[name])) if name in p else None for name in OPTIONAL)
         apart = p.get("apart_g")
-        told = None if apart is None else Written(f"{max(apart, 0.0) / here.bound.min() + 0.0:.2g}")
+        told = None if apart is None else downwards(max(apart, 0.0) / here.bound.min())
         rows.append([k, *angles, *how, ", ".join(p.get("separates", ())) if separates else None, told])
     said = ["Readings at these positions besides would determine what is open."]
     if separates:
@@ -214,16 +221,16 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
         given["record"] = result.provenance.record
         if result.provenance.sha256:
             given["record, SHA-256"] = result.provenance.sha256
-    given["noise bound"] = typeset(f"{result.noise_bound:.6g} g, {basis(result)}")
-    given["gravity"] = f"{result.gravity:.8g} m/s²"
+    given["noise bound"] = typeset(f"{exactly(result.noise_bound)} g, {basis(result)}")
+    given["gravity"] = f"{exactly(result.gravity)} m/s²"
     given["model"] = f"{result.baseline} scale factors, convention {result.convention}"
     if result.provenance is not None:
         u, v = result.provenance.bounds
-        given["bounds of (1.7)"] = f"u = {u:g}, v = {v:g}"
+        given["bounds of (1.7)"] = f"u = {exactly(u)}, v = {exactly(v)}"
     for name, matrix in zip(p.mountings, p.matrices, strict=True):
         given[f"mounting {name}"] = matrix_text(np.asarray(matrix).tolist())
     for prior in result.priors:
-        given[f"known beforehand, {prior.expression}"] = f"at most {prior.limit:g}"
+        given[f"known beforehand, {prior.expression}"] = f"at most {exactly(prior.limit)}"
     return given | dict(more or {}) | versions()
 
 
@@ -358,19 +365,27 @@ def cause_lines(causes: Sequence[Cause]) -> list[str]:
     return lines
 
 
-def correction_terms(correction: Correction, form: str, below: str = "") -> list[tuple[str, str, str, str]]:
-    """For each accelerometer its input, the reading less what is known of it, and the scales of either sign."""
+def correction_terms(
+    correction: Correction, bound: float | None = None, below: str = ""
+) -> list[tuple[str, str, str, str]]:
+    """For each accelerometer its input, the reading less what is known of it, and the scales of either sign.
+
+    Numbers have the digits that a bound [g] justifies, all of them where none is given.
+    """
+
+    def text(value: float) -> str:
+        return minus(exactly(value) if bound is None else to_bound(value, bound))
+
     found = []
     for p in range(3):
-        terms = [f"f{below}{p + 1}/g", signed(-correction.bias[p], f"{abs(correction.bias[p]):{form}}")]
+        terms = [f"f{below}{p + 1}/g", signed(-correction.bias[p], text(abs(correction.bias[p])))]
         for c, g in enumerate(correction.gamma[p, :p].tolist(), start=1):
-            terms.append(signed(-g, f"{abs(g):{form}} n{below}{c}"))
-        plus, minus = (f"{scale[p]:{form}}" for scale in (correction.plus, correction.minus))
-        found.append((f"n{below}{p + 1}", f"({' '.join(terms)})", plus, minus))
+            terms.append(signed(-g, f"{text(abs(g))} n{below}{c}"))
+        scales = (text(scale[p]) for scale in (correction.plus, correction.minus))
+        found.append((f"n{below}{p + 1}", f"({' '.join(terms)})", *scales))
     return found
 
 
 def number(value: Value) -> str:
     """A number as its bound justifies it, or the sign for one that is open."""
-    written = to_bound(*value)
-    return OPEN if written is None else written.text
+    return minus(to_bound(*value)) or OPEN

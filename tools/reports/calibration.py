@@ -16,18 +16,14 @@ from ..document.notation import (
     Cell,
     bars,
     equation,
-    outwards,
-    places_of,
     sentence,
-    significant,
     symbol_text,
-    to_bound,
     unit_of,
     unit_text,
-    upwards,
 )
 from ..errors import InputError
 from ..records import PositionRecord
+from ..rounding import NONE, exactly, interval, nearest, residual, to_bound, upwards
 from . import bench
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
@@ -64,7 +60,7 @@ def verdict_sentence(result: Calibration) -> str:
     if result.verdict == "falsified":
         return (
             f"Falsified: no parameters of the model keep every reading within the noise bound; the best leave "
-            f"{result.radius:.3g} σ, and {len(result.witness)} readings alone prove it."
+            f"{residual(result.radius)} σ, and {len(result.witness)} readings alone prove it."
         )
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
@@ -72,8 +68,8 @@ def verdict_sentence(result: Calibration) -> str:
     told = ""
     if worst:
         largest = max(e.guaranteed_error for e in worst if e.guaranteed_error is not None)
-        told = f", and all {len(worst)} targets are known, each to within {largest:.1e} or better"
-    return f"Consistent: the model explains every reading within {result.radius:.2g} σ{told}."
+        told = f", and all {len(worst)} targets are known, each to within {upwards(largest)} or better"
+    return f"Consistent: the model explains every reading within {residual(result.radius)} σ{told}."
 
 
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
@@ -81,8 +77,8 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
     here = result.linearised
     left = bench.centre_residual(result)
     parts = here.residual_at(np.zeros(len(here.point))), left
-    figures = ([significant(float(v)) for v in (np.sqrt(np.mean(r**2)), np.abs(r).max())] for r in parts)
-    ideal, best = (f"{rms or 0} g (root mean square), at most {most or 0} g" for rms, most in figures)
+    figures = ((nearest(float(np.sqrt(np.mean(r**2))), 2), upwards(float(np.abs(r).max()))) for r in parts)
+    ideal, best = (f"{rms} g (root mean square), at most {most} g" for rms, most in figures)
     return Section(
         "Residuals before and after",
         f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
@@ -123,7 +119,7 @@ def levelling_section(result: Calibration) -> Section | None:
         return None
     correction, names, gained = found
     rows: list[list[Cell]] = [
-        [name, significant(before / ARCSEC, 3), upwards(after / ARCSEC)]
+        [name, upwards(before / ARCSEC), upwards(after / ARCSEC)]
         for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
     ]
     header = ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"]
@@ -136,7 +132,7 @@ def levelling_section(result: Calibration) -> Section | None:
         ],
         equations=[
             equation(f"{n} = {terms} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}")
-            for n, terms, plus, minus in bench.correction_terms(correction, f".{places_of(result.noise_bound)}f", "_")
+            for n, terms, plus, minus in bench.correction_terms(correction, result.noise_bound, "_")
         ],
         table=Table(header, rows),
     )
@@ -174,8 +170,8 @@ def calibration_section(
         "Calibration with guaranteed bounds",
         [
             sentence(bench.VERDICTS[result.verdict]),
-            f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
-            f"({result.noise_bound_basis}); least possible largest residual {result.radius:.3f} σ.",
+            f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
+            f"({result.noise_bound_basis}); least possible largest residual {residual(result.radius)} σ.",
             *bench.missing_lines(result),
         ],
         table=target_table(result, truth),
@@ -224,13 +220,13 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
             bench.physical_words(e.name),
             to_bound(e.estimate, e.guaranteed_error),
         ]
-        ends = (None, None) if falsified else outwards(e.low, e.high, e.guaranteed_error)
+        ends = (None, None) if falsified else interval(None, e.low, e.high, e.guaranteed_error)[1:]
         row += [upwards(error), None if falsified else bar, *ends, unit_text(e.unit)]
         rows.append([*row, to_bound(known.get(e.symbol), e.guaranteed_error)])
     header = ["target", "meaning", "estimate", "guaranteed error", "interval", "low", "high", "unit", "truth"]
     marks = "band: estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
     marks += "; bar: truth" if known else ""
-    drawn_from = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each estimate. {sentence(marks)}"
+    drawn_from = f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. {sentence(marks)}"
     return Table(header, rows, "" if falsified or reach == 0.0 else drawn_from).told()
 
 
@@ -242,8 +238,8 @@ def lines(result: Calibration) -> list[str]:
     """Verdict and table of targets."""
     said = [
         bench.VERDICTS[result.verdict],
-        f"{result.positions} positions, {result.measurements} readings, σ = {result.noise_bound:.3g} g "
-        f"({result.noise_bound_basis}), radius {result.radius:.3f}",
+        f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
+        f"({result.noise_bound_basis}), radius {residual(result.radius)}",
         "",
         f"{'target':<12} {'name':<34} {'estimate':>13} {'guaranteed':>11} {'low':>13} {'high':>13}  unit",
     ]
@@ -251,13 +247,11 @@ def lines(result: Calibration) -> list[str]:
         if row.estimate is None or row.guaranteed_error is None:
             said.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
             continue
-        ends = ["" if end is None else f"{end:+z.7f}" for end in (row.low, row.high)]
+        estimate, low, high = interval(row.estimate, row.low, row.high, row.guaranteed_error)
         # Of a model that the readings contradict nothing is guaranteed.
-        error = "" if result.verdict == "falsified" else f"{row.guaranteed_error:.1e}"
-        said.append(
-            f"{row.symbol:<12} {row.name:<34} {row.estimate:>+z13.7f} {error:>11} "
-            f"{ends[0]:>13} {ends[1]:>13}  {unit_of(row.unit)}".rstrip()
-        )
+        error = NONE if result.verdict == "falsified" else upwards(row.guaranteed_error)
+        text = f"{row.symbol:<12} {row.name:<34} {estimate:>13} {error:>11} {low:>13} {high:>13}"
+        said.append(f"{text}  {unit_of(row.unit)}".rstrip())
     said += [*levelling_lines(result), *bench.proof_lines(result), *bench.missing_lines(result)]
     said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
     return said + [f"warning: {warning}" for warning in result.warnings]
@@ -279,8 +273,8 @@ def levelling_lines(result: Calibration) -> list[str]:
         return []
     before, after = found[2].worst
     return [
-        f"levelling with an axis vertical: as read wrong by up to {before / ARCSEC:.2f} arcsec, "
-        f"corrected by at most {after / ARCSEC:.2f} (guaranteed; `trihedron apply` corrects)"
+        f"levelling with an axis vertical: as read wrong by up to {upwards(before / ARCSEC, 3)} arcsec, "
+        f"corrected by at most {upwards(after / ARCSEC, 3)} (guaranteed; `trihedron apply` corrects)"
     ]
 
 
@@ -293,7 +287,9 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
         for a latitude at which there is no azimuth to find
     """
     if not abs(latitude_deg) <= 89.0:
-        raise InputError(f"--latitude-deg {latitude_deg:g}: must be from -89 to 89; there is no azimuth at a pole")
+        raise InputError(
+            f"--latitude-deg {exactly(latitude_deg)}: must be from -89 to 89; there is no azimuth at a pole"
+        )
     gained = result.levelling
     worst = int(np.argmax(gained.before))
     before, after = gained.worst
@@ -301,10 +297,11 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
     lines = correction_equation(result.correction)
     lines += [
         f"{len(gained.before)} {result.levelled_at}; largest error of the vertical, in arcseconds:",
-        f"  as read {before / ARCSEC:.2f} ({result.levelled_at.removesuffix('s')} {worst + 1}), "
-        f"corrected at most {after / ARCSEC:.2f}, guaranteed",
-        f"  its part in the azimuth of a gyrocompass at latitude {latitude_deg:g}°: "
-        f"as read up to {azimuth * before / ARCSEC:.2f}, corrected at most {azimuth * after / ARCSEC:.2f}",
+        f"  as read {upwards(before / ARCSEC, 3)} ({result.levelled_at.removesuffix('s')} {worst + 1}), "
+        f"corrected at most {upwards(after / ARCSEC, 3)}, guaranteed",
+        f"  its part in the azimuth of a gyrocompass at latitude {exactly(latitude_deg)}°: "
+        f"as read up to {upwards(azimuth * before / ARCSEC, 3)}, "
+        f"corrected at most {upwards(azimuth * after / ARCSEC, 3)}",
     ]
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
@@ -313,7 +310,7 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
 
 def correction_equation(correction: Correction) -> list[str]:
     """The correction as equations with their numbers, readings f to inputs n."""
-    lines = [f"g = {correction.gravity:.12g} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
-    for n, terms, plus, minus in bench.correction_terms(correction, ".12g"):
+    lines = [f"g = {exactly(correction.gravity)} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
+    for n, terms, plus, minus in bench.correction_terms(correction):
         lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")
     return lines

@@ -12,9 +12,10 @@ from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
 from ..campaign.summary import CHANCE, CampaignResult, Comparison, Results, rate, summarise
 from ..document.blocks import Page, Section, Table
-from ..document.notation import Cell, minus, significant
+from ..document.notation import Cell, minus
 from ..document.page import write_page
 from ..files import write_text
+from ..rounding import exactly, interval, nearest, upwards
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Suite, cases_csv, confusion, named_suite
 from .makers import versions
@@ -43,7 +44,9 @@ def _computed_lines(item: Mapping[str, Any]) -> list[str]:
         head = f"{item['rate']} is {told_values(item)}"
         if "against" not in item:
             return [f"{head}: {rate_text(result[0])}"]
-        rows = [f"  {r['low']:>10.4g} to {r['high']:>10.4g}  {rate_text(r)}" for r in result if r["cases"]]
+        rows = [
+            f"  {nearest(r['low'], 4):>10} to {nearest(r['high'], 4):>10}  {rate_text(r)}" for r in result if r["cases"]
+        ]
         return _cut([f"{head}, by {item['against']}:", *rows])
     if "confusion" in item:
         told = {true: sorted(row.items(), key=lambda pair: -pair[1]) for true, row in result.items()}
@@ -54,10 +57,10 @@ def _computed_lines(item: Mapping[str, Any]) -> list[str]:
 
 def _quantile_lines(result: Mapping[str, Any]) -> list[str]:
     at = next((entry["quantiles"] for entry in result.values() if entry["runs"]), [])
-    lines = [f"{'':<24} {'mean':>11} " + " ".join(f"{q['at']:>10.4g}q" for q in at)]
+    lines = [f"{'':<24} {'mean':>11} " + " ".join(f"{exactly(q['at']):>10}q" for q in at)]
     for name, entry in result.items():
         values = (entry["mean"], *(q["value"] for q in entry["quantiles"])) if entry["runs"] else ()
-        lines.append(f"{name:<24} {' '.join(f'{value:>11.4g}' for value in values) or 'no values'}")
+        lines.append(f"{name:<24} {' '.join(f'{nearest(value, 4):>11}' for value in values) or 'no values'}")
     return lines
 
 
@@ -71,10 +74,13 @@ def _sensitivity(name: str, found: Mapping[str, Any]) -> list[str]:
         if entry[key] is None:
             told = "no value"
         elif sobol:
-            (low, high), (below, above) = entry["first_interval"], entry["total_interval"]
-            told = f"{entry['first']:7.3f} [{low:.3f}, {high:.3f}]  {entry['total']:7.3f} [{below:.3f}, {above:.3f}]"
+            parts = []
+            for index in ("first", "total"):
+                value, low, high = interval(entry[index], *entry[f"{index}_interval"])
+                parts.append(f"{value:>7} [{low}, {high}]")
+            told = "  ".join(parts)
         else:
-            told = f"{entry['correlation']:+.3f}  (p {entry['p']:.2g})"
+            told = f"{nearest(entry['correlation'])}  (p {nearest(entry['p'], 2)})"
         lines.append(f"  {parameter:<28} {told}")
     return _cut(lines)
 
@@ -88,8 +94,8 @@ def rate_text(entry: Mapping[str, Any]) -> str:
     """A rate with its interval."""
     if not entry["cases"]:
         return "no cases"
-    low, high = entry["interval"]
-    return f"{entry['count']} of {entry['cases']} ({entry['rate']:.2%}, 95 % from {low:.2%} to {high:.2%})"
+    percent, low, high = interval(100.0 * entry["rate"], *(100.0 * end for end in entry["interval"]))
+    return f"{entry['count']} of {entry['cases']} ({percent} %, 95 % from {low} % to {high} %)"
 
 
 def _cut(lines: list[str]) -> list[str]:
@@ -104,8 +110,10 @@ def change_lines(comparison: Comparison) -> list[str]:
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
     lines = [f"{len(comparison.changes)} scalars compared ({how}): {counts}"]
     for change in sorted(told, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
-        before, after = ("no value" if value is None else f"{value:.6g}" for value in (change.before, change.after))
-        lines.append(f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {change.p:.2g})")
+        before, after = ("no value" if value is None else nearest(value, 6) for value in (change.before, change.after))
+        lines.append(
+            f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {nearest(change.p, 2)})"
+        )
     return lines
 
 
@@ -175,12 +183,15 @@ def counted(summary: CampaignResult) -> list[str]:
 def _changes(comparison: Comparison) -> Section:
     order = {"worse": 0, "better": 1, "changed": 2, "same": 3}
     changes = sorted(comparison.changes, key=lambda c: (order[c.verdict], 1.0 if c.p is None else c.p))
-    rows = [[c.name, c.verdict, c.what, c.before, c.after, c.p, c.runs] for c in changes[:LISTED]]
+    rows = [
+        [c.name, c.verdict, c.what, nearest(c.before, 6), nearest(c.after, 6), nearest(c.p, 2), c.runs]
+        for c in changes[:LISTED]
+    ]
     pairs = "Runs of the same number are held against each other: " if comparison.paired else "Two samples of runs: "
     test = "Wilcoxon's and McNemar's tests." if comparison.paired else "the tests of Mann and Whitney, and of Fisher."
     return Section(
         "Against the other campaign",
-        [f"{pairs}{test} p is corrected for the number of scalars (Holm); beyond chance is p ≤ {CHANCE:g}."],
+        [f"{pairs}{test} p is corrected for the number of scalars (Holm); beyond chance is p ≤ {exactly(CHANCE)}."],
         table=Table(["scalar", "verdict", "what", "before", "after", "p", "runs"], rows),
     )
 
@@ -203,7 +214,7 @@ def _about(campaign: Campaign) -> Section:
     rows: list[list[str]] = []
     for name, axis in campaign.parameters.items():
         ((form, value),) = axis.model_dump(exclude_none=True).items()
-        shown = ", ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
+        shown = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
         rows.append([name, form.replace("_", " "), minus(shown) + (", ..." if len(value) > MOST_VALUES else "")])
     table = Table(["parameter", "distribution", "of"], rows) if rows else None
     return Section("What was run", [" ".join(said)], table=table)
@@ -245,7 +256,7 @@ def _method(entry: Mapping[str, Any], runs: int) -> str:
         return f"{indices}, with bootstrapped intervals of 95 %.{without}"
     return (
         f"Spearman's rank correlation with each parameter. With no connection 95 % of the correlations of {runs} runs "
-        f"lie in the band, ±{suites.chance_of(runs):.2g}."
+        f"lie in the band, ±{upwards(suites.chance_of(runs))}."
     )
 
 
@@ -256,7 +267,7 @@ def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> S
     for k, entry in enumerate(first):
         found = [ranges[k] for ranges in curves.values()]
         if any(of["cases"] for of in found):
-            ends = (f"{entry[end]:g}" for end in ("low", "high"))
+            ends = (nearest(entry[end], 6) for end in ("low", "high"))
             rows.append([*ends, entry["cases"], *(str(of["count"]) for of in found)])
     return Section(
         f"Rates against {against}",
@@ -270,11 +281,11 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     found = item["result"]
     there = {name: entry for name, entry in found.items() if entry["runs"]}
     at = next((entry["quantiles"] for entry in there.values()), [])
-    header = ["scalar", "runs", "mean", *(f"{100.0 * q['at']:g} %" for q in at), "largest"]
+    header = ["scalar", "runs", "mean", *(f"{exactly(round(100.0 * q['at'], 9))} %" for q in at), "largest"]
     rows: list[list[Cell]] = []
     for name, entry in there.items():
         figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])
-        rows.append([name, entry["runs"], *(significant(figure, 4) for figure in figures)])
+        rows.append([name, entry["runs"], *(nearest(figure, 4) for figure in figures)])
     columns = {name: np.asarray(results.numbers(name)) for name in there}
     marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
@@ -327,16 +338,17 @@ def suite_lines(suite: Suite) -> list[str]:
     if bench and suite.detection:
         lines += ["", "size / sure detection   cases  falsified  named"]
         lines += [
-            f"{b.low:>6.2f} to {math.inf if b.high is None else b.high:>6.2f}        {b.cases:>6}  "
-            f"{b.detected / b.cases:>9.0%}  {b.named / b.cases:>5.0%}"
+            f"{nearest(b.low):>6} to {nearest(math.inf if b.high is None else b.high):>6}        {b.cases:>6}  "
+            f"{nearest(100.0 * b.detected / b.cases):>7} %  {nearest(100.0 * b.named / b.cases):>3} %"
             for b in suite.detection
         ]
     errors = suite.size_errors
     if errors["estimates"]:
-        mean = f"mean error {errors['mean']:+.2%}, rms" if bench else "rms error"
+        mean = f"mean error {nearest(100.0 * errors['mean'])} %, rms" if bench else "rms error"
+        rms, largest = nearest(100.0 * errors["rms"]), upwards(100.0 * errors["largest"], 3)
         lines += [
             "",
-            f"estimated sizes: {mean} {errors['rms']:.2%}, largest {errors['largest']:.2%}; inside their intervals "
+            f"estimated sizes: {mean} {rms} %, largest {largest} %; inside their intervals "
             f"{errors['inside_intervals']} of {errors['cases_with_intervals']}",
         ]
     failures = KINDS[2:] if suite.strapdown else ("part", "wrong")
@@ -390,8 +402,8 @@ def _about_bench(suite: Suite, told: str) -> list[str]:
 def _about_block(suite: Suite, *, hidden: bool) -> list[str]:
     sizes = "Nothing is hidden."
     if hidden and suite.size is not None:
-        least, greatest = suite.size
-        sizes = f"Effects are {least:g} to {greatest:g} times the size from which a record surely disproves the model."
+        least, greatest = map(exactly, suite.size)
+        sizes = f"Effects are {least} to {greatest} times the size from which a record surely disproves the model."
     return [
         "A block is moved by hand from rest to rest; gyro and accelerometer block read, with white and flicker noise. "
         "Every second record has the true attitude, the others have gravity at their rests alone. The diagnosis gets "

@@ -8,8 +8,9 @@ import numpy as np
 from ..diagnosis.procedure import is_stable
 from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOfEffects, Witness
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.notation import Cell, Written, half_width, interval, sentence, significant, unit_of, unit_text
+from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
 from ..records import PositionRecord
+from ..rounding import exactly, interval, nearest, residual, upwards
 from . import bench, calibration, evidence
 from .bench import of_bench
 from .inspection import carried_section, record_sections
@@ -39,7 +40,7 @@ def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
 def sentence_of(cause: Cause, result: Diagnosis) -> str:
     """What an engineer is told of a cause; latency also in samples."""
     if cause.place.effect == "latency":
-        return f"{cause.sentence}, {abs(cause.values[0]) / result.evidence.found.sampling.period:.2f} samples"
+        return f"{cause.sentence}, {nearest(abs(cause.values[0]) / result.evidence.found.sampling.period)} samples"
     return cause.sentence
 
 
@@ -65,22 +66,22 @@ def lines(result: Diagnosis) -> list[str]:
 def _bench_lines(result: Diagnosis) -> list[str]:
     nominal = result.evidence.calibration
     said = [
-        f"{nominal.positions} positions, {nominal.measurements} readings, σ = {nominal.noise_bound:.3g} g "
-        f"({nominal.noise_bound_basis}); nominal model: radius {nominal.radius:.3f}",
+        f"{nominal.positions} positions, {nominal.measurements} readings, σ = {upwards(nominal.noise_bound, 3)} g "
+        f"({nominal.noise_bound_basis}); nominal model: radius {residual(nominal.radius)}",
         *bench.proof_lines(nominal),
     ]
     for finding in sets_of(result)[:MOST_SETS]:
         for cause in finding.causes:
             said += _cause_lines(cause, result)
-        said.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {finding.fit.radius:.3f}")
+        said.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {residual(finding.fit.radius)}")
     if len(sets_of(result)) > MOST_SETS:
         said.append(f"  ... and {len(sets_of(result)) - MOST_SETS} sets more")
     said += [f"  cannot be told from {' and '.join(place.title for place in same)}" for same in result.equal_sets]
     if (g := result.gain) is not None:
         said.append(
             f"held-out positions, simulated again ({int(np.isfinite(g.before).sum())} readings): "
-            f"rms {g.held_out_rms_before:.2e} -> {g.held_out_rms_after:.2e} g, "
-            f"max {g.held_out_max_before:.2e} -> {g.held_out_max_after:.2e} g"
+            f"rms {nearest(g.held_out_rms_before)} -> {nearest(g.held_out_rms_after)} g, "
+            f"max {upwards(g.held_out_max_before, 3)} -> {upwards(g.held_out_max_after, 3)} g"
         )
         said += [] if g.improves else ["warning: the extension does not improve the positions that were held out"]
     elif result.verdict == "explained":
@@ -90,7 +91,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
     if (other := result.second_mounting) is not None:
         said.append(
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
-            f"correlation {other.correlation_before:.2f} -> {other.correlation_after:.2f}"
+            f"correlation {nearest(other.correlation_before)} -> {nearest(other.correlation_after)}"
         )
     if result.complete is False:
         said.append("warning: the search was cut off: more sets of effects would make the model consistent")
@@ -102,8 +103,9 @@ def _carried_lines(result: Diagnosis) -> list[str]:
     if result.baseline.radius is None or result.noise_bound_arcmin is None:
         return said
     said.append(
-        f"reference {result.reference}, {result.baseline_model} block; bound {result.noise_bound_arcmin:.3g} arcmin "
-        f"({result.noise_bound_from}); radius {result.baseline.radius:.3f}"
+        f"reference {result.reference}, {result.baseline_model} block; bound "
+        f"{upwards(result.noise_bound_arcmin, 3)} arcmin ({result.noise_bound_from}); "
+        f"radius {residual(result.baseline.radius)}"
     )
     said += bias_lines(result)
     sets = sets_of(result)
@@ -113,18 +115,18 @@ def _carried_lines(result: Diagnosis) -> list[str]:
             said += _cause_lines(cause, result)
     if sets and result.extended is not None:
         what = "the first set" if len(sets) > 1 else "it" if len(result.causes) == 1 else "them"
-        said.append(f"radius with {what} {result.extended.radius:.3f}")
+        said.append(f"radius with {what} {residual(result.extended.radius)}")
     if len(sets) > MOST_SETS:
         said.append(f"... and {len(sets) - MOST_SETS} sets more")
     said += _length_lines(result)
     said += [
         f"not used, simulated by the exported FMUs over {gain.over} ({gain.pieces} pieces): rms "
-        f"{gain.held_out_rms_before:.3g} -> {gain.held_out_rms_after:.3g} arcmin, max "
-        f"{gain.held_out_max_before:.3g} -> {gain.held_out_max_after:.3g}"
+        f"{nearest(gain.held_out_rms_before)} -> {nearest(gain.held_out_rms_after)} arcmin, max "
+        f"{upwards(gain.held_out_max_before, 3)} -> {upwards(gain.held_out_max_after, 3)}"
         for gain in ([] if result.gain is None else [result.gain, *(result.gain.others or ())])
     ]
     said += [
-        f"left out: rms {w.rms_without:.2f} -> {w.rms_with:.2f} of the bound by {w.title}; as good when "
+        f"left out: rms {nearest(w.rms_without)} -> {nearest(w.rms_with)} of the bound by {w.title}; as good when "
         f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
         for w in witnesses_of(result)
     ]
@@ -136,7 +138,8 @@ def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
     """A cause with its parameters."""
     said = [f"cause: {cause.place.title}: {sentence_of(cause, result)}"]
     for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-        text = f"  {parameter.name} {value:+.4e}, within [{low:+.4e}, {high:+.4e}] {unit_of(parameter.unit)}"
+        shown, *ends = interval(value, low, high)
+        text = f"  {parameter.name} {shown}, within [{', '.join(ends)}] {unit_of(parameter.unit)}"
         said.append(text.rstrip())
     told = "told" if of_bench(result) else "told in this record"
     return said + [f"  cannot be {told} from {other.title}" for other in cause.alike]
@@ -145,8 +148,8 @@ def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
 def _witness_lines(told: Witness) -> list[str]:
     """What readings that were left out say."""
     said = [
-        f"left-out {name} ({score.scored} readings): rms {score.rms_before:.2e} -> {score.rms_after:.2e} g, "
-        f"max {score.max_before:.2e} -> {score.max_after:.2e} g"
+        f"left-out {name} ({score.scored} readings): rms {nearest(score.rms_before)} -> {nearest(score.rms_after)} g, "
+        f"max {upwards(score.max_before, 3)} -> {upwards(score.max_after, 3)} g"
         for name, score in (("positions", told.folds), ("parts in time", told.blocks))
         if score is not None
     ]
@@ -157,8 +160,8 @@ def _witness_lines(told: Witness) -> list[str]:
 
 def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:
     return [
-        f"{what} {entry.get('accelerometer', entry.get('axis'))}: {100 * entry['explained']:.0f} % of it is predicted "
-        f"by {entry['on']}; {100 * entry['explainable']:.0f} % is more than noise"
+        f"{what} {entry.get('accelerometer', entry.get('axis'))}: {nearest(100 * entry['explained'])} % of it is "
+        f"predicted by {entry['on']}; {nearest(100 * entry['explainable'])} % is more than noise"
         for entry in (result.residual_structure or ())[:most]
     ]
 
@@ -167,10 +170,10 @@ def bias_lines(result: Diagnosis) -> list[str]:
     """The gyros' mean at rest that was taken out."""
     if result.bias_at_rest is None:
         return []
-    shown = ", ".join(f"{math.degrees(value):+.4f}" for value in result.bias_at_rest.radps)
+    shown = ", ".join(nearest(math.degrees(value), 4) for value in result.bias_at_rest.radps)
     text = f"gyro bias at rest, taken out: {shown} deg/s"
     if result.bias_at_rest.rms_if_left_in_arcmin is not None:
-        text += f"; left in it would make the errors {result.bias_at_rest.rms_if_left_in_arcmin:.3g} arcmin rms"
+        text += f"; left in it would make the errors {nearest(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
     return [text]
 
 
@@ -183,15 +186,16 @@ def _length_lines(result: Diagnosis) -> list[str]:
     """What each length of windows or moves says, and the order in which effects help."""
 
     def order_text(order: OrderOfEffects) -> str:
-        steps = [f"{step.effect} {step.held_out_rms_arcmin:.3g}" for step in order.steps]
+        steps = [f"{step.effect} {nearest(step.held_out_rms_arcmin)}" for step in order.steps]
         helped = f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
-        return f"left out {order.held_out_rms_arcmin:.3g}{helped}"
+        return f"left out {nearest(order.held_out_rms_arcmin)}{helped}"
 
     said, lengths = [], result.lengths or ()
     for length in lengths:
         text = (
-            f"over {length.over} ({length.pieces} pieces): rms {length.rms_arcmin:.3g} arcmin, largest "
-            f"{length.max_arcmin:.3g}, bound {length.noise_bound_arcmin:.3g}, radius {length.radius:.3g}"
+            f"over {length.over} ({length.pieces} pieces): rms {nearest(length.rms_arcmin)} arcmin, largest "
+            f"{upwards(length.max_arcmin, 3)}, bound {upwards(length.noise_bound_arcmin, 3)}, "
+            f"radius {residual(length.radius)}"
         )
         said.append(text if length.order is None else f"{text}; {order_text(length.order)}")
         if length.order_as_measured is not None:
@@ -218,7 +222,7 @@ def _why_lines(result: Diagnosis) -> list[str]:
         said.append(f"{len({(e['effect'], e['where']) for e in excluded})} effects are bounded by the record:")
     for e in excluded:
         if e["where"] in ("gyro-block", "attitude-computer"):
-            said.append(f"  {e['effect']} {e['parameter']} below {e['above']:.2g} {unit_of(e['unit'])}".rstrip())
+            said.append(f"  {e['effect']} {e['parameter']} below {upwards(e['above'])} {unit_of(e['unit'])}".rstrip())
     if result.cannot_be_seen:
         names = dict.fromkeys(place.effect for place in result.cannot_be_seen)
         said.append(f"this record cannot show: {', '.join(names)}")
@@ -241,7 +245,7 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         first = [bench.measured_section(record, nominal), bench.bench_section(nominal, values, named)]
         key = bench.key_figures(nominal)
         if result.findings:
-            key |= {f"with {evidence.first_words(result)}": f"{result.findings[0].fit.radius:.2f} σ"}
+            key |= {f"with {evidence.first_words(result)}": f"{residual(result.findings[0].fit.radius)} σ"}
         shuffled = result.witness is not None and result.witness.shuffles
         rests_on = bench.provenance(nominal, {"seed of the shuffles": len(record)} if shuffled else {})
     else:
@@ -267,10 +271,10 @@ def _key_of_carried(result: Diagnosis) -> dict[str, object]:
     key: dict[str, object] = {"rows": len(result.evidence.found.record), "reference": result.reference}
     if result.baseline.radius is None or result.noise_bound_arcmin is None:
         return key
-    key |= {f"bound, {evidence.quoted_words(result)}": f"{result.noise_bound_arcmin:.3g} arcmin"}
-    key |= {"largest error": f"{result.baseline.radius:.3g} of its bound"}
+    key |= {f"bound, {evidence.quoted_words(result)}": f"{upwards(result.noise_bound_arcmin, 3)} arcmin"}
+    key |= {"largest error": f"{residual(result.baseline.radius)} of its bound"}
     if result.extended is not None:
-        key[f"with {evidence.first_words(result)}"] = f"{result.extended.radius:.3g}"
+        key[f"with {evidence.first_words(result)}"] = residual(result.extended.radius)
     return key
 
 
@@ -278,7 +282,7 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
     """What the result rests on: record, options, versions, seeds."""
     record = result.evidence.found.record
     given: dict[str, object] = {"record": record.path.name, "record, SHA-256": record.sha256}
-    given |= {"reference": result.reference, "gravity": f"{result.evidence.found.gravity:.8g} m/s²"}
+    given |= {"reference": result.reference, "gravity": f"{exactly(result.evidence.found.gravity)} m/s²"}
     given["model"] = f"{result.baseline_model} block"
     if record.rate is not None:
         given["a rate in the record is"] = result.evidence.rates
@@ -300,8 +304,8 @@ def verdict_sentence(result: Diagnosis) -> str:
         nominal = result.evidence.calibration
         if result.verdict == "unexplained":
             return (
-                f"{lacks} that is not in the catalogue: no parameters leave less than {nominal.radius:.3g} σ, and no "
-                "set of up to three effects mends it."
+                f"{lacks} that is not in the catalogue: no parameters leave less than {residual(nominal.radius)} σ, "
+                "and no set of up to three effects mends it."
             )
         if result.verdict == "insufficient":
             open_ones = bench.open_targets(nominal)
@@ -309,13 +313,13 @@ def verdict_sentence(result: Diagnosis) -> str:
         return sentence(bench.VERDICTS[result.verdict])
     if result.verdict == "unexplained":
         why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
-        return f"{lacks}: its largest error is {result.baseline.radius or 0.0:.3g} times its bound, and {why}."
+        return f"{lacks}: its largest error is {residual(result.baseline.radius or 0.0)} times its bound, and {why}."
     if result.verdict == "insufficient" and result.missing:
         return f"Too little was measured to judge the simulation. To add: {'; '.join(map(str, result.missing))}."
     if result.verdict == "consistent" and result.baseline.radius is not None:
         return (
             "Consistent: the simulation explains the record within its noise; no error is more than "
-            f"{result.baseline.radius:.2g} of its bound, and no effect is named."
+            f"{residual(result.baseline.radius)} of its bound, and no effect is named."
         )
     return sentence(OF_CARRIED[result.verdict])
 
@@ -374,7 +378,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     for number, finding in enumerate(sets_of(result), start=1):
         for cause in finding.causes:
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                left = Written(f"{finding.fit.radius:.2f}")
+                left = residual(finding.fit.radius)
                 row = [cause.place.title, p.name, *interval(value, *ends), unit_text(p.unit), left]
                 rows.append([None if named else number, *row])
     shown = sets_of(result)[:MOST_SETS]
@@ -389,7 +393,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     if (other := result.second_mounting) is not None:
         said.append(
             f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
-            f"their correlation falls from {other.correlation_before:.2f} to {other.correlation_after:.2f}."
+            f"their correlation falls from {nearest(other.correlation_before)} to {nearest(other.correlation_after)}."
         )
     if result.complete is False:
         said.append("The search was cut off: more sets of effects would make the model consistent.")
@@ -410,13 +414,15 @@ def gain_section(result: Diagnosis) -> Section | None:
     unit = result.unit or "g"
     rows: list[list[Cell]] = []
     for one in (gain, *(gain.others or ())):
-        figures = (one.held_out_rms_before, one.held_out_rms_after, one.held_out_max_before, one.held_out_max_after)
+        rms = (one.held_out_rms_before, one.held_out_rms_after)
+        most = (one.held_out_max_before, one.held_out_max_after)
         what = [one.over or "positions", one.pieces or len(one.rows)]
-        rows.append([*what, *(significant(figure, 3) for figure in figures)])
+        rows.append([*what, *map(nearest, rms), *(upwards(figure, 3) for figure in most)])
     said = (
         "The extended components were exported as FMUs, with parameters from the other parts of the record, and run by "
         f"the orchestrator. Over {rows[0][1]} {'positions' if of_bench(result) else f'pieces of {gain.over}'} the root "
-        f"mean square error falls from {gain.held_out_rms_before:.3g} to {gain.held_out_rms_after:.3g} {unit}."
+        f"mean square error falls from {nearest(gain.held_out_rms_before)} to {nearest(gain.held_out_rms_after)} "
+        f"{unit}."
     )
     if not gain.improves:
         said = said.replace("falls", "goes")

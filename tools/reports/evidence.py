@@ -14,16 +14,12 @@ from ..document.blocks import Section, Table
 from ..document.notation import (
     Bar,
     Cell,
-    Written,
     bars,
     half_width,
-    interval,
-    significant,
     symbol_text,
-    to_bound,
     unit_text,
-    upwards,
 )
+from ..rounding import downwards, interval, nearest, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
@@ -48,10 +44,11 @@ def residual_sections(result: Diagnosis) -> list[Section]:
     """Residuals of readings without and with the effects, over the angles and over the inputs."""
     nominal = result.evidence.calibration
     here, fit = nominal.linearised, result.findings[0].fit if result.findings else None
-    said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {nominal.radius:.2f} σ."
+    least = downwards(nominal.radius, 3, above=1.0)
+    said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least} σ."
     if fit is not None:
         which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
-        said += f" With {first_words(result)}{which} it leaves {fit.radius:.2f} σ."
+        said += f" With {first_words(result)}{which} it leaves {residual(fit.radius)} σ."
     before = (here.residual / here.bound).reshape(-1, 3)
     after = None if fit is None else (fit.left / fit.bound).reshape(-1, 3)
     proof = proved(nominal, result.evidence.numbers)
@@ -98,11 +95,13 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
         else "The simulation carries the attitude over windows, and the true attitude says how far it is wrong"
     )
     radius = result.baseline.radius or 0.0
-    least = f"Whatever the block's parameters, the largest error is at least {radius:.3g} of its bound"
+    least = (
+        f"Whatever the block's parameters, the largest error is at least {downwards(radius, 3, above=1.0)} of its bound"
+    )
     if result.bias_at_rest is not None:
-        least = f"The largest error of the block as delivered is {radius:.3g} of its bound"
+        least = f"The largest error of the block as delivered is {residual(radius)} of its bound"
     if result.causes and result.extended is not None:
-        least += f"; with {result.findings[0].title} it is {result.extended.radius:.3g} of it"
+        least += f"; with {result.findings[0].title} it is {residual(result.extended.radius)} of it"
     two = result.evidence.parts[result.evidence.quoted].error.shape[1] == 2
     about, size = ("two axes across it", "√2") if two else ("three axes", "√3")
     return [
@@ -145,7 +144,8 @@ def target_section(result: Diagnosis) -> Section | None:
         after, *possible = interval(t["after"], t["low"], t["high"])
         rows.append([symbol_text(t["symbol"]), words, after, moved, bar, *possible, unit])
     header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high", "unit"]
-    caption = f"Drawn from −{reach:.2g} to {reach:.2g} σ about each target with the effects: what the readings leave."
+    ends = f"−{upwards(reach)} to {upwards(reach)}"
+    caption = f"Drawn from {ends} σ about each target with the effects: what the readings leave."
     return Section(
         "Targets, and what the effects do to them",
         ["The estimates without the effects are wrong by what they move; the intervals are those with them."],
@@ -245,10 +245,15 @@ def length_section(result: Diagnosis) -> Section | None:
         return None
     rows: list[list[Cell]] = []
     for length in result.lengths:
-        figures = (length.noise_bound_arcmin, length.rms_arcmin, length.max_arcmin, length.radius)
+        figures = (
+            upwards(length.noise_bound_arcmin, 3),
+            nearest(length.rms_arcmin),
+            upwards(length.max_arcmin, 3),
+            residual(length.radius),
+        )
         sets = [" + ".join(place.effect for place in places) or "none needed" for places in length.smallest_sets[:4]]
         stand = "; ".join(sets) or "none up to three effects"
-        rows.append([length.over, length.pieces, *(significant(value, 3) for value in figures), stand])
+        rows.append([length.over, length.pieces, *figures, stand])
     orders = orders_of(result)
     said = ["Each length of the pieces by itself, and what it needs."]
     if orders:
@@ -290,7 +295,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
         for name, score in (("every fifth position", told.folds), ("every quarter of the time", told.blocks)):
             if score is not None:
                 figures = (score.rms_before, score.rms_after, score.max_before, score.max_after)
-                rows.append([name, score.scored, *map(significant, figures)])
+                rows.append([name, score.scored, *(nearest(figure, 2) for figure in figures)])
         if told.shuffles:
             said.append(
                 f"Shuffled, the effects predicted what was left out as well in {told.shuffles.as_good} of "
@@ -300,8 +305,8 @@ def judgement_section(result: Diagnosis) -> Section | None:
     else:
         header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
         for w in told or ():
-            errors = (significant(value, 3) for value in (w.rms_without, w.rms_with))
-            rows.append([w.title, *errors, Written(f"{w.shuffles.as_good} of {w.shuffles.tried}")])
+            errors = (nearest(value) for value in (w.rms_without, w.rms_with))
+            rows.append([w.title, *errors, f"{w.shuffles.as_good} of {w.shuffles.tried}"])
         said.append("An effect that does not help, or whose shuffles do as well, is not named.")
     said += [f"Not named: {text}." for text in result.not_named or ()]
     return Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)

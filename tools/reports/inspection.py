@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,13 +10,14 @@ from ...models.effects.definition import matrix_formula
 from ...models.turntable import EARTH_RATE
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section, Table
-from ..document.notation import Cell, Written, half_width, interval, minus, sentence, significant, unit_text, upwards
+from ..document.notation import Cell, half_width, sentence, unit_text
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import COLUMNS, ROWS, NormCalibration
 from ..motion.rests import rest_warnings
+from ..rounding import Number, interval, nearest, outwards, residual, upwards
 from .bench import Value, number, section_of_model
 from .pictures.records import allan_picture, attitude_picture
 
@@ -37,14 +38,15 @@ def sampling_lines(found: Inspection) -> list[str]:
     record, sampling = found.record, found.sampling
     kind = "rates" if record.rate is not None else "increments"
     length = float(record.time_s[-1] - record.time_s[0])
-    jitter = f"jitter {sampling.jitter_rms:.2g} s rms, {sampling.jitter_max:.2g} s at most"
+    jitter = f"jitter {nearest(sampling.jitter_rms, 2)} s rms, {upwards(sampling.jitter_max)} s at most"
     if sampling.jitter_max < DIGITS_OF_STAMPS * sampling.period:
         jitter = "no jitter"
     lines = [
-        f"{record.path.name}: {len(record)} rows of {kind} over {length:.6g} s, one every {sampling.period:.6g} s",
+        f"{record.path.name}: {len(record)} rows of {kind} over {nearest(length, 6)} s, "
+        f"one every {nearest(sampling.period, 6)} s",
         f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
     ]
-    lines += [f"gap of {gap.length_s:.4g} s after {gap.time_s:.6g} s" for gap in sampling.gaps[:5]]
+    lines += [f"gap of {nearest(gap.length_s, 4)} s after {nearest(gap.time_s, 6)} s" for gap in sampling.gaps[:5]]
     lines += [f"{name}: {rows} rows are saturated" for name, rows in sampling.saturated.items()]
     lines += [f"{name}: dead, it never changes" for name in sampling.dead]
     lines.append("temperature: " + ("in the record" if record.temperature is not None else "not in the record"))
@@ -57,15 +59,16 @@ def rest_lines(found: Inspection) -> list[str]:
     if not len(rests):
         return ["no rests: neither gyros nor accelerometers can be judged at rest"]
     lengths = rests.length_s
-    lines = [f"{len(rests)} rests of {lengths.min():.2g} to {lengths.max():.2g} s, median {np.median(lengths):.2g} s"]
+    shortest, longest = outwards(lengths.min(), lengths.max())
+    lines = [f"{len(rests)} rests of {shortest} to {longest} s, median {nearest(np.median(lengths))} s"]
     if rests.turning:
         lines[0] += f"; {rests.turning} slow turns left out"
     lines += rest_warnings(rests, found.gravity)
     if len(found.moves):
         turns = np.degrees([move.turn_rad for move in found.moves])
-        lines.append(f"{len(turns)} moves between them, of {turns.min():.3g} to {turns.max():.3g} degrees")
+        lines.append(f"{len(turns)} moves between them, of {' to '.join(outwards(turns.min(), turns.max()))} degrees")
     quiet = [str(p + 1) for p in range(3) if found.excitation[p] < EXCITED * rests.noise[p]]
-    rates = ", ".join(f"{math.degrees(value):.3g}" for value in found.excitation)
+    rates = ", ".join(nearest(math.degrees(value)) for value in found.excitation)
     lines.append(f"rates between the rests: {rates} deg/s rms about axes 1, 2, 3")
     if quiet:
         lines.append(f"not excited: axis {', '.join(quiet)}")
@@ -74,8 +77,8 @@ def rest_lines(found: Inspection) -> list[str]:
     else:
         force, rate = np.median(rests.force_bound, axis=0).max(), np.median(rests.rate_bound, axis=0).max()
         lines.append(
-            f"bound of a mean at rest, 3 Allan deviations: {force / found.gravity:.2g} g, "
-            f"{math.degrees(rate):.2g} deg/s"
+            f"bound of a mean at rest, 3 Allan deviations: {upwards(force / found.gravity)} g, "
+            f"{upwards(math.degrees(rate))} deg/s"
         )
     return lines
 
@@ -84,14 +87,14 @@ def accelerometer_lines(found: NormCalibration) -> list[str]:
     """The accelerometers calibrated by the norm of gravity."""
     lines = [f"accelerometers by the norm of gravity: {found.verdict}"]
     if found.radius is not None:
-        lines[0] += f", radius {found.radius:.3g}"
+        lines[0] += f", radius {residual(found.radius)}"
     if found.missing:
         lines.append("poses that are missing: " + "; ".join(found.missing))
     if found.column("low") is not None:
         lines.append("            least squares            guaranteed")
         for p in found.parameters:
-            error = math.nan if p.standard_error is None else p.standard_error
-            lines.append(f"  {p.name:9} {p.least_squares:+.5f} ± {error:.5f}   {p.low:+.5f} to {p.high:+.5f}")
+            value, low, high = interval(p.least_squares, p.low, p.high)
+            lines.append(f"  {p.name:9} {value:>10} ± {upwards(p.standard_error):<8} {low:>10} to {high:>10}")
     return lines
 
 
@@ -108,8 +111,10 @@ def gyro_lines(found: GyrosAtRest) -> list[str]:
         said += "; ".join(model.title for model in found.standing)
     lines = [f"gyros at rest: {said}"]
     for model in found.tried:
-        chance = "" if model.by_chance is None else f", as good for {100.0 * model.by_chance:.0f} % of shuffled rests"
-        lines.append(f"  {model.title}: radius {model.radius:.3g}{chance}")
+        chance = (
+            "" if model.by_chance is None else f", as good for {nearest(100.0 * model.by_chance)} % of shuffled rests"
+        )
+        lines.append(f"  {model.title}: radius {residual(model.radius)}{chance}")
     return lines + [f"  not tried, {why}" for why in found.not_tried]
 
 
@@ -150,14 +155,14 @@ def _gyros(found: GyrosAtRest) -> Section:
     rows: list[list[Cell]] = [
         [
             model.title,
-            significant(model.radius, 3),
-            "–" if model.by_chance is None else Written(f"{100.0 * model.by_chance:.0f} %"),
+            residual(model.radius),
+            None if model.by_chance is None else Number(f"{nearest(100.0 * model.by_chance)} %"),
         ]
         for model in found.tried
     ]
     header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well"]
     more = [sentence(f"not tried: {why}") for why in found.not_tried]
-    return Section("Gyros at rest", [sentence(said), *more], table=Table(header, rows) if rows else None)
+    return Section("Gyros at rest", [sentence(said), *more], table=Table(header, rows).told() if rows else None)
 
 
 def attitude_lines(run: AttitudeRun) -> list[str]:
@@ -168,7 +173,7 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
         "averaged": "rates averaged over their intervals",
     }
     lines = [
-        f"{run.record.name}: {span:.1f} s at {1.0 / run.period:.1f} Hz, algorithm {run.algorithm}, "
+        f"{run.record.name}: {nearest(span, 4)} s at {nearest(1.0 / run.period, 4)} Hz, algorithm {run.algorithm}, "
         f"{how.get(run.rates, 'increments as measured')}"
     ]
     rms, maximum, final, drift = run.rms, run.maximum, run.final, run.drift
@@ -178,20 +183,22 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
     if run.gyro_bias is None:
         earth = math.degrees(EARTH_RATE * (run.time_s[known][-1] - run.time_s[0]))
         lines.append(
-            f"rates as measured: neither the gyros' bias nor Earth's rotation ({earth:.3f} deg over this time) "
+            f"rates as measured: neither the gyros' bias nor Earth's rotation ({nearest(earth)} deg over this time) "
             "is taken out"
         )
     else:
-        bias = ", ".join(f"{math.degrees(value):.4f}" for value in run.gyro_bias)
+        bias = ", ".join(nearest(math.degrees(value), 4) for value in run.gyro_bias)
         lines.append(f"a gyro bias of ({bias}) deg/s is taken out of the rates")
     lines.append(
-        f"attitude error over {int(known.sum())} updates: {math.degrees(rms):.3f} deg rms, "
-        f"{math.degrees(maximum):.3f} deg at most, {math.degrees(final):.3f} deg at the end, "
-        f"drift {60.0 * math.degrees(drift):.3f} deg/min"
+        f"attitude error over {int(known.sum())} updates: {nearest(math.degrees(rms))} deg rms, "
+        f"{upwards(math.degrees(maximum), 3)} deg at most, {nearest(math.degrees(final))} deg at the end, "
+        f"drift {nearest(60.0 * math.degrees(drift))} deg/min"
     )
     if run.heading is not None and run.tilt is not None:
         heading, tilt = (float(np.sqrt(np.mean(part[known] ** 2))) for part in (run.heading, run.tilt))
-        lines.append(f"of it heading {math.degrees(heading):.3f} deg rms, tilt {math.degrees(tilt):.3f} deg rms")
+        lines.append(
+            f"of it heading {nearest(math.degrees(heading))} deg rms, tilt {nearest(math.degrees(tilt))} deg rms"
+        )
     return lines + split_lines(run)
 
 
@@ -202,11 +209,11 @@ def split_lines(run: AttitudeRun) -> list[str]:
         split = split_error(run.time_s[known], np.degrees(run.error_rad[known]))
     except InputError:
         return []
-    rate = ", ".join(f"{60.0 * value:+.3f}" for value in split.rate)
-    amplitude = ", ".join(f"{value:.3f}" for value in split.amplitude)
+    rate = ", ".join(nearest(60.0 * value) for value in split.rate)
+    amplitude = ", ".join(upwards(value, 3) for value in split.amplitude)
     return [
         f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
-        f"(period {split.period:.1f} s)"
+        f"(period {nearest(split.period)} s)"
     ]
 
 
@@ -215,12 +222,13 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     shown = runs[-1]
     rows: list[list[Cell]] = []
     for run in runs:
-        bias = "none" if run.gyro_bias is None else ", ".join(f"{np.degrees(value):.3f}" for value in run.gyro_bias)
+        bias = "none" if run.gyro_bias is None else ", ".join(nearest(np.degrees(value)) for value in run.gyro_bias)
         known = [None if part is None else part[run.judged] for part in (run.heading, run.tilt)]
         parts = [None if part is None else float(np.sqrt(np.mean(part**2))) for part in known]
         drift = None if run.drift is None else 60.0 * run.drift
-        figures = (run.rms, run.maximum, run.final, drift, *parts)
-        rows.append([minus(bias), *(None if v is None else significant(float(np.degrees(v)), 3) for v in figures)])
+        figures = [None if v is None else math.degrees(v) for v in (run.rms, run.maximum, run.final, drift, *parts)]
+        rms, largest, *others = figures
+        rows.append([Number(bias), nearest(rms), upwards(largest, 3), *map(nearest, others)])
     names = ["rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]", "heading rms [deg]", "tilt rms [deg]"]
     return Section(
         "A measured strapdown record",
@@ -237,8 +245,8 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
 def comparison_lines(found: AttitudeComparison) -> list[str]:
     """The comparison as lines for a person, angles in degrees."""
 
-    def degrees(angle: float | None, width: int) -> str:
-        return f"{'-' if angle is None else f'{math.degrees(angle):.2e}':>{width}}"
+    def degrees(angle: float | None, width: int, how: Callable[..., str] = nearest) -> str:
+        return f"{'-' if angle is None else how(math.degrees(angle), 3):>{width}}"
 
     width = max(len(row.algorithm) for row in found.algorithms)
     lines = [f"{'algorithm':{width}}  order  updates  from {found.reference}  error rms  error max   [deg]"]
@@ -247,7 +255,7 @@ def comparison_lines(found: AttitudeComparison) -> list[str]:
         if row.refused:
             lines.append(f"{start}  not taken: {row.refused}")
         else:
-            angles = "  ".join((degrees(row.apart, 20), degrees(row.rms, 9), degrees(row.maximum, 9)))
+            angles = "  ".join((degrees(row.apart, 20), degrees(row.rms, 9), degrees(row.maximum, 9, upwards)))
             lines.append(f"{start}  {row.updates:7d}  {angles}")
     return lines
 

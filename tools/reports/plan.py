@@ -1,19 +1,21 @@
 """What plans say: text, pages, and the files to carry one out."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..document.blocks import Download, Page, Section, Table
-from ..document.notation import Cell, Written, equation, minus, signed, symbol_text
+from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning.check import SettingCheck
 from ..planning.common import DWELL_S, Curve, PlannedPosition, PositionPlan, checked_dwell
 from ..planning.plan import Plan, Plans
+from ..rounding import downwards, exactly, nearest, upwards
 from .bench import next_positions_csv, physical_words
 from .makers import cited, matrix_text, versions
 from .pictures.records import curve_picture, plan_picture, positions_picture
 
+COST = 11
+"""Digits of a cost, which is proven to more."""
 UNCERTAIN = 1e-8
 """A relative gap above this is said in words."""
 
@@ -21,30 +23,32 @@ UNCERTAIN = 1e-8
 def plan_lines(plans: Plans) -> list[str]:
     """Positions and weights of one plan, or a line for each of several."""
     first = plans[0]
-    where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
+    where = "all angles" if first.grid_deg is None else f"a grid of {exactly(first.grid_deg)}°"
     rows = " with the bias rows" if first.admissible == "tables" else ""
-    signs = f"signs certain by (1.7){rows}, u = {first.bounds[0]:g}, v = {first.bounds[1]:g}"
+    signs = f"signs certain by (1.7){rows}, u = {exactly(first.bounds[0])}, v = {exactly(first.bounds[1])}"
     which = "every position" if first.baseline == "symmetric" else signs
     lines = [f"optimal among {where}; {which}; mounting {next(iter(first.mounting))}", ""]
     if len(plans) > 1:
         lines.append(f"{'target':<12} {'name':<34} {'cost [σ]':>14} {'gap':>8} {'readings':>9}")
         lines += [
-            f"{plan.target:<12} {plan.name:<34} {plan.cost:>14.10f} {plan.gap:>8.0e} {len(plan.weights):>9}"
+            f"{plan.target:<12} {plan.name:<34} {upwards(plan.cost, COST):>14} {upwards(plan.gap, 1):>8} "
+            f"{len(plan.weights):>9}"
             for plan in plans
         ]
     else:
         lines.append(f"{'accelerometer':>13} {'alpha [deg]':>14} {'beta [deg]':>14} {'weight':>12}")
         lines += [
-            f"{one.accelerometer:>13} {one.alpha_deg:>14.8g} {one.beta_deg:>14.8g} {one.weight:>+12.6f}"
+            f"{one.accelerometer:>13} {nearest(one.alpha_deg, 8):>14} {nearest(one.beta_deg, 8):>14} "
+            f"{nearest(one.weight, 6):>12}"
             for one in first.weights
         ]
         lines += [
             "",
-            f"{first.target} ({first.name}): guaranteed error {first.cost:.10f} σ; "
-            f"no plan has less than {first.lower_bound:.10f} σ (gap {first.gap:.0e})",
+            f"{first.target} ({first.name}): guaranteed error {upwards(first.cost, COST)} σ; "
+            f"no plan has less than {downwards(first.lower_bound, COST)} σ (gap {upwards(first.gap, 1)})",
         ]
     lines += [
-        f"warning: {plan.target}: the optimum is proven to {plan.gap:.1e} only"
+        f"warning: {plan.target}: the optimum is proven to {upwards(plan.gap)} only"
         for plan in plans
         if plan.gap > UNCERTAIN
     ]
@@ -54,10 +58,11 @@ def plan_lines(plans: Plans) -> list[str]:
 def position_lines(plan: PositionPlan) -> list[str]:
     """The positions in the order of measurement, the costs, and what is proven."""
     several = len(plan.mountings) > 1
+    u, v = map(exactly, plan.bounds)
+    reserve = f", setting errors up to {exactly(plan.reserve_deg)}°" if plan.reserve_deg else ""
     lines = [
         f"{len(plan.positions)} positions, {plan.readings} readings; signs certain by (1.7)"
-        f"{' with the bias rows' if plan.admissible == 'tables' else ''}, u = {plan.bounds[0]:g}, "
-        f"v = {plan.bounds[1]:g}{f', setting errors up to {plan.reserve_deg:g}°' if plan.reserve_deg else ''}; "
+        f"{' with the bias rows' if plan.admissible == 'tables' else ''}, u = {u}, v = {v}{reserve}; "
         f"mounting{'s' if several else ''} {', '.join(plan.mountings)}",
         "",
         f"{'':>4} {'alpha [deg]':>12} {'beta [deg]':>12}",
@@ -66,16 +71,21 @@ def position_lines(plan: PositionPlan) -> list[str]:
         one = plan.positions[at - 1]
         again = "  again" if at in plan.programme[: number - 1] else ""
         mounting = f"  {one.mounting}" if several else ""
-        lines.append(f"{number:>4} {one.alpha_deg:>12.6g} {one.beta_deg:>12.6g}{mounting}{again}")
+        lines.append(f"{number:>4} {nearest(one.alpha_deg, 6):>12} {nearest(one.beta_deg, 6):>12}{mounting}{again}")
     lines += ["", f"{'target':<12} {'cost [σ]':>10} {'optimum':>10} {'ratio':>8}"]
     for target, cost in plan.costs.items():
         best = plan.optima[target]
-        lines.append(f"{target:<12} {cost:>10.6f} {best:>10.6f} {cost / best:>8.5f}")
-    lines += ["", f"worst ratio {plan.worst_ratio:.5f}, mean {plan.mean_ratio:.5f}; moves take {plan.duration:.0f} s"]
+        lines.append(f"{target:<12} {upwards(cost, 7):>10} {upwards(best, 7):>10} {upwards(cost / best, 6):>8}")
+    lines += [
+        "",
+        f"worst ratio {upwards(plan.worst_ratio, 6)}, mean {upwards(plan.mean_ratio, 6)}; "
+        f"moves take {nearest(plan.duration)} s",
+    ]
     if plan.bound is not None:
         lines.append(
-            f"no {plan.bound.count} positions of the {plan.bound.on} have a worst ratio below {plan.bound.ratio:.5f} "
-            f"(proven by {plan.bound.cuts} cuts and their images; of all angles nothing better than 1 is proven)"
+            f"no {plan.bound.count} positions of the {plan.bound.on} have a worst ratio below "
+            f"{downwards(plan.bound.ratio, 6)} (proven by {plan.bound.cuts} cuts and their images; "
+            "of all angles nothing better than 1 is proven)"
         )
     if plan.detection:
         lines.append(
@@ -83,8 +93,8 @@ def position_lines(plan: PositionPlan) -> list[str]:
             "2 σ over that is surely seen:"
         )
         lines += [
-            f"  {one.effect}: distance {one.distance_before:.4f} before, {one.distance_after:.4f} now, "
-            f"at most {one.distance_at_most:.4f}"
+            f"  {one.effect}: distance {downwards(one.distance_before, 4)} before, "
+            f"{downwards(one.distance_after, 4)} now, at most {upwards(one.distance_at_most, 4)}"
             for one in plan.detection
         ]
     if plan.interrupted:
@@ -96,7 +106,8 @@ def curve_lines(curve: Curve) -> list[str]:
     """The curve as a table."""
     lines = [f"{'positions':>9} {'readings':>8} {'worst ratio':>11} {'mean':>9} {'proven':>9}  on a pool of"]
     lines += [
-        f"{p.positions:>9} {p.readings:>8} {p.worst:>11.6f} {p.mean:>9.6f} {p.bound:>9.6f}  {p.pool} positions"
+        f"{p.positions:>9} {p.readings:>8} {upwards(p.worst, 7):>11} {upwards(p.mean, 7):>9} "
+        f"{downwards(p.bound, 7):>9}  {p.pool} positions"
         for p in curve.points
     ]
     return lines
@@ -105,15 +116,16 @@ def curve_lines(curve: Curve) -> list[str]:
 def setting_lines(check: SettingCheck) -> list[str]:
     """What errors of setting do to each target, and what to do about them."""
     lines = [
-        f"largest error of setting {check.largest_error_deg:.4g}°; bias bounded by Σ|b| X^max, "
-        f"σ = {check.noise_bound:g}; all in units of σ",
+        f"largest error of setting {upwards(check.largest_error_deg, 4)}°; bias bounded by Σ|b| X^max, "
+        f"σ = {upwards(check.noise_bound, 6)}; all in units of σ",
         "",
         f"{'target':<10} {'plan Σ|Φ|':>10} {'Σ|b|X^max':>10} {'(4.2) Σ|Φ|':>11} {'re-solved':>10}  advice",
     ]
     for one in check.targets:
-        compensated, solved = ("-" if x is None else f"{x:.4f}" for x in (one.compensated, one.solved))
+        compensated, solved = ("-" if x is None else upwards(x, 5) for x in (one.compensated, one.solved))
         lines.append(
-            f"{one.target:<10} {one.planned:>10.4f} {one.bias:>10.4g} {compensated:>11} {solved:>10}  {one.advice}"
+            f"{one.target:<10} {upwards(one.planned, 5):>10} {upwards(one.bias, 4):>10} {compensated:>11} "
+            f"{solved:>10}  {one.advice}"
         )
     said = {
         "tolerable": "the plan's weights may be used as they are",
@@ -132,10 +144,10 @@ def setting_lines(check: SettingCheck) -> list[str]:
 def plan_page(plans: Plans) -> Page:
     """The page: costs of all targets, then each target's estimator, positions, weights and picture."""
     first = plans[0]
-    where = "all angles" if first.grid_deg is None else f"a grid of {first.grid_deg:g}°"
+    where = "all angles" if first.grid_deg is None else f"a grid of {exactly(first.grid_deg)}°"
     rows: list[list[Cell]] = []
     for p in plans:
-        figures = (Written(f"{p.cost:.10f}"), Written(f"{p.gap:.0e}"))
+        figures = (upwards(p.cost, COST), upwards(p.gap, 1))
         rows.append([symbol_text(p.target), physical_words(p.name), *figures, len(p.weights)])
     sections = [
         Section(
@@ -150,19 +162,20 @@ def plan_page(plans: Plans) -> Page:
     ]
     verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
     if len(plans) == 1:
-        verdict = (
-            f"{first.target}, {physical_words(first.name)}, can be estimated to {first.cost:.6f} σ, and no better."
-        )
+        cost = upwards(first.cost, 7)
+        verdict = f"{first.target}, {physical_words(first.name)}, can be estimated to {cost} σ, and no better."
     rule = "(1.7) as printed" if first.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
     (name, matrix), *_ = first.mounting.items()
     provenance = {
         "positions": where,
-        "signs certain by": f"{rule}; u = {first.bounds[0]:g}, v = {first.bounds[1]:g}",
+        "signs certain by": f"{rule}; u = {exactly(first.bounds[0])}, v = {exactly(first.bounds[1])}",
         f"mounting {name}": matrix_text(matrix),
         "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
         **versions(),
     }
-    key = {"targets": len(plans), "largest cost": f"{max(p.cost for p in plans):.4f} σ"} if len(plans) > 1 else {}
+    key = (
+        {"targets": len(plans), "largest cost": f"{upwards(max(p.cost for p in plans), 5)} σ"} if len(plans) > 1 else {}
+    )
     return Page(
         "Optimal plan",
         verdict,
@@ -180,8 +193,8 @@ def target_section(plan: Plan) -> Section:
     rows: list[list[Cell]] = []
     terms = []
     for p, a, b, w in readings:
-        rows.append([int(p) + 1, *(Written(minus(text)) for text in (f"{a:.8g}", f"{b:.8g}", f"{w:+.6f}"))])
-        terms.append(signed(w, f"{abs(w):.6f} z_{int(p) + 1} ({a:.7g}°, {b:.7g}°)"))
+        rows.append([int(p) + 1, nearest(a, 8), nearest(b, 8), nearest(w, 6)])
+        terms.append(signed(w, minus(f"{nearest(abs(w), 6)} z_{int(p) + 1} ({nearest(a, 7)}°, {nearest(b, 7)}°)")))
     terms[0] = f"'{symbol_text(plan.target)}' = {terms[0].removeprefix('+ ').replace('− ', '−')}"
     places = dict.fromkeys((float(a), float(b)) for _, a, b, _ in readings)
     name = f"{plan.target}.csv"
@@ -200,23 +213,16 @@ MOST_DECIMALS = 4
 """Of the angles [deg]: finer than any table is set."""
 
 
-def decimals_of(angles: Sequence[float]) -> int:
-    """The fewest decimals that show all angles [deg] as they are, four at most."""
-    exact = (d for d in range(MOST_DECIMALS) if all(abs(round(a, d) - a) < 1e-7 for a in angles))
-    return next(exact, MOST_DECIMALS)
-
-
 def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
-    places = decimals_of([angle for one in plan.positions for angle in (one.alpha_deg, one.beta_deg)])
     header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "remark", "done"]
     rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
         one, first = plan.positions[at - 1], plan.programme.index(at) + 1
-        angles = [Written(minus(f"{angle:z.{places}f}")) for angle in (one.alpha_deg, one.beta_deg)]
+        angles = [exactly(round(angle, MOST_DECIMALS)) for angle in (one.alpha_deg, one.beta_deg)]
         remark = f"again no. {first}" if first < number else ""
-        rows.append([number, *angles, one.mounting if several else None, Written(f"{dwell_s:g}"), remark, "☐"])
+        rows.append([number, *angles, one.mounting if several else None, exactly(dwell_s), remark, "☐"])
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
     reserve = plan.reserve_deg
     sections = [
@@ -225,7 +231,7 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
             [
                 "Bring the table to each position in this order, wait for the dwell, then go on. "
                 "Both axes may move at once. Angles are commands to the axes, within one turn.",
-                f"Set to {reserve:g}° or better; write the encoder readings down as they are."
+                f"Set to {exactly(reserve)}° or better; write the encoder readings down as they are."
                 if reserve
                 else "Write the encoder readings down as they are: what counts is where the table stands.",
             ],
@@ -242,18 +248,18 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
             table=Table(
                 ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
                 [
-                    [symbol_text(t.symbol), physical_words(t.name), *(Written(f"{v:.5f}") for v in (c, b, c / b))]
+                    [symbol_text(t.symbol), physical_words(t.name), *(upwards(v, 6) for v in (c, b, c / b))]
                     for t, c, b in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True)
                 ],
             ),
         ),
     ]
     verdict = (
-        f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {minutes:.0f} minutes; "
-        f"no target costs more than {plan.worst_ratio:.4f} times its optimum."
+        f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {nearest(minutes)} minutes; "
+        f"no target costs more than {upwards(plan.worst_ratio, 5)} times its optimum."
     )
     provenance = {
-        "admissible": f"{plan.admissible}, u = {plan.bounds[0]:g}, v = {plan.bounds[1]:g}",
+        "admissible": f"{plan.admissible}, u = {exactly(plan.bounds[0])}, v = {exactly(plan.bounds[1])}",
         "mountings": ", ".join(plan.mountings),
         "order": f"{plan.order}, seed {plan.seed}",
         **versions(),
@@ -292,13 +298,13 @@ def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) ->
 
     files: dict[str, str] = {}
     for name in plan.mountings:
-        lines = [f"{row(one)},{dwell_s:g}" for one in rows if not several or one.mounting == name]
+        lines = [f"{row(one)},{exactly(dwell_s)}" for one in rows if not several or one.mounting == name]
         if lines:
             files[f"programme-{name}.csv" if several else "programme.csv"] = _csv("alpha_deg,beta_deg,dwell_s", lines)
     files["table.csv"] = _csv(
         "order,alpha_deg,beta_deg,dwell_s" + (",mounting" if several else ""),
         [
-            f"{number},{row(one)},{dwell_s:g}{f',{one.mounting}' if several else ''}"
+            f"{number},{row(one)},{exactly(dwell_s)}{f',{one.mounting}' if several else ''}"
             for number, one in enumerate(rows, start=1)
         ],
     )

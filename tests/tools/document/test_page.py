@@ -1,17 +1,21 @@
 """The page of results: one file, no script, whatever the texts hold; and as PDF."""
 
+import math
 import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from page_text import html_of
 from trihedron.tools.cli import main
 from trihedron.tools.document.blocks import Page, Section, Table
+from trihedron.tools.document.notation import Cell
 from trihedron.tools.document.page import without_times, write_html
 from trihedron.tools.errors import InputError
+from trihedron.tools.rounding import nearest, upwards
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
 PICTURE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>'
@@ -55,7 +59,7 @@ def read(text: str) -> Reader:
 def full_page() -> str:
     table = Table(
         ["symbol", "estimate", "position"],
-        [["X4", -1.5e-4, 3], ["X5", None, 12], ["X6+X8", float("nan"), 7], ["X9", -2.5e-15, 8]],
+        [["X4", nearest(-1.5e-4), 3], ["X5", None, 12], ["X6+X8", nearest(math.nan), 7], ["X9", nearest(-2.5e-15), 8]],
         caption="Estimates",
     )
     return html_of(
@@ -89,26 +93,32 @@ def test_the_page_is_whole_and_opens_without_script_and_network() -> None:
     assert "run-1/run data.parquet" in reader.text
     assert "/somewhere" not in page
     # Numbers stand to the right, and what is missing is a dash.
-    for number in ("−0.00015", "−2.5·10⁻¹⁵", "12"):
+    for number in ("−1.5·10⁻⁴", "−2.5·10⁻¹⁵", "12"):
         assert f'<td class="number">{number}</td>' in page
     assert page.count('<td class="number">–</td>') == 2
 
 
 @pytest.mark.parametrize(
-    ("values", "written"),
+    ("cell", "written"),
     [
-        ([0.0100002, -0.00299948, 0.0], ["0.0100002", "−0.0029995", "0.0000000"]),
-        ([1.155361e-5, 3.5e-5], ["1.15536·10⁻⁵", "3.50000·10⁻⁵"]),
-        ([3.14159265, 1e-5], ["3.14159", "10⁻⁵"]),
-        ([1234567.0, 2e6], ["1.23457·10⁶", "2.00000·10⁶"]),
-        ([12345.678, float("inf")], ["12345.7", "inf"]),
-        ([-3, 4], ["−3", "4"]),
-        ([True, False], ["yes", "no"]),
+        (upwards(1.155361e-5), "1.2·10⁻⁵"),
+        (nearest(-0.00299948), "−0.00300"),
+        (nearest(float("-inf")), "−inf"),
+        (-3, "−3"),
+        (True, "yes"),
+        (False, "no"),
+        ("to-day", "to-day"),
     ],
 )
-def test_numbers_of_one_magnitude_are_written_alike(values: list[float], written: list[str]) -> None:
-    page = html_of(Page, "t", "v", [Section("s", table=Table(["a"], [[value] for value in values]))])
-    assert re.findall(r"<td[^>]*>([^<]*)</td>", page) == written
+def test_cells_are_written_with_the_signs_of_typography(cell: Cell, written: str) -> None:
+    page = html_of(Page, "t", "v", [Section("s", table=Table(["a"], [[cell]]))])
+    assert re.findall(r"<td[^>]*>([^<]*)</td>", page) == [written]
+
+
+def test_a_number_that_is_not_rounded_is_no_cell() -> None:
+    for value in (3.541e-5, np.float64(0.5), math.nan):
+        with pytest.raises(TypeError, match="not rounded"):
+            Table(["a"], [[value]])  # type: ignore[list-item]
 
 
 def test_hostile_texts_are_shown_and_never_run() -> None:

@@ -1,0 +1,146 @@
+"""Numbers as text: bounds up, ends of intervals outwards, estimates to nearest; what is guaranteed stays guaranteed.
+
+Whatever shows a number to a person - terminal, page, table, picture, message - writes it by these functions: the name
+of the function says what the number promises. JSON and tables for programs keep every digit.
+
+Rounding is exact: a number is taken for the decimal number that JSON has of it (the shortest that is read back as the
+same double), so that what is shown holds for what is stored, and 1e-5 stays 1e-5.
+"""
+
+import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context, Decimal
+
+FIXED = range(-3, 6)
+"""Powers of ten of a leading digit that are written without one: from 0.001 to 999999."""
+MOST_DECIMALS = 9
+"""Numbers of an interval with more decimals are written with a power of ten."""
+MOST_DIGITS = 17
+"""Significant digits of a double: ends of an interval have no more."""
+_EXACT = Context(prec=800)
+
+
+class Number(str):
+    """A number that is rounded, as ASCII text; empty where there is none. A page sets it as a number."""
+
+    __slots__ = ()
+
+
+NONE = Number("")
+
+
+def upwards(value: float | None, digits: int = 2) -> Number:
+    """A bound: never less than the value.
+
+    Parameters
+    ----------
+    value : float or None
+        in the unit that is shown: converted before, not after
+    digits : int
+        significant digits; fewer where fewer say all
+    """
+    return _significant(value, digits, ROUND_CEILING)
+
+
+def downwards(value: float | None, digits: int = 2, above: float | None = None) -> Number:
+    """What is at least so much: never more than the value; `above`: more digits, until that is seen to be exceeded."""
+    text = _significant(value, digits, ROUND_FLOOR)
+    if value is None or above is None or not above < value < math.inf:
+        return text
+    return text if Decimal(text) > decimal(above) else downwards(value, digits + 1, above)
+
+
+def nearest(value: float | None, digits: int = 3) -> Number:
+    """A figure that promises nothing, as a root mean square; whatever its size it has its digits."""
+    return _significant(value, digits, ROUND_HALF_EVEN)
+
+
+def exactly(value: float | None) -> Number:
+    """A number that a person has given, with all its digits and no more: 1e-5, 0.25, 30."""
+    return _significant(value, MOST_DIGITS, ROUND_HALF_EVEN)
+
+
+def residual(radius: float | None, digits: int = 3) -> Number:
+    """A least largest residual over its bound.
+
+    Up to 1 it says within what a model explains readings, and is rounded up; above 1 that nothing leaves less, and is
+    rounded down, with the digits that show that it is above 1.
+    """
+    return upwards(radius, digits) if radius is None or radius <= 1.0 else downwards(radius, digits, above=1.0)
+
+
+def interval(
+    value: float | None, low: float | None, high: float | None, bound: float | None = None
+) -> tuple[Number, Number, Number]:
+    """An estimate and the ends of what is possible, all to the place of the second digit of half the width.
+
+    The lower end is rounded down, the upper up, the estimate to nearest; an estimate within its interval is shown
+    within. Ends may be infinite, or None where they are not known: then the place is that of `bound`, and where there
+    is none each number has three digits of its own.
+
+    Parameters
+    ----------
+    value, low, high : float or None
+    bound : float, optional
+        of the estimate's error
+    """
+    if low is not None and high is not None and 0.0 < high - low < math.inf:
+        bound = 0.5 * (high - low)
+    ways = ((value, ROUND_HALF_EVEN), (low, ROUND_FLOOR), (high, ROUND_CEILING))
+    finite = [decimal(number) for number, _ in ways if number is not None and math.isfinite(number)]
+    largest = max(map(abs, finite), default=Decimal(0))
+    if bound is None or not 0.0 < bound < math.inf:
+        own = 3 if low is None or high is None or low < high else MOST_DIGITS
+        return tuple(_significant(number, own, how) for number, how in ways)  # type: ignore[return-value]
+    size = largest.adjusted() if largest else 0
+    place = max(decimal(bound).adjusted() - 1, size - MOST_DIGITS + 1)
+    power = 0 if place >= -MOST_DECIMALS and size < FIXED.stop else size
+    return tuple(_placed(number, place, power, how) for number, how in ways)  # type: ignore[return-value]
+
+
+def outwards(low: float | None, high: float | None, bound: float | None = None) -> tuple[Number, Number]:
+    """The ends of an interval, the lower one rounded down and the upper one up."""
+    return interval(None, low, high, bound)[1:]
+
+
+def to_bound(value: float | None, bound: float | None) -> Number:
+    """An estimate to the place of the second digit of its bound; with three digits where it has none."""
+    return interval(value, None, None, bound)[0]
+
+
+def decimal(value: float) -> Decimal:
+    """The decimal number that JSON has of a double."""
+    return Decimal(repr(float(value)))
+
+
+def _significant(value: float | None, digits: int, how: str) -> Number:
+    if value is None or math.isnan(value):
+        return NONE
+    if math.isinf(value):
+        return Number("inf" if value > 0.0 else "-inf")
+    number = decimal(value)
+    if not number:
+        return Number("0")
+    rounded = number
+    # Rounding may come to the next power of ten, which has one place less.
+    for _ in range(2):
+        size = rounded.adjusted()
+        place = size - digits + 1
+        rounded = _quantised(rounded, min(place, 0) if size in FIXED else place, how)
+    if rounded == number:
+        rounded = rounded.normalize(_EXACT)
+    size = rounded.adjusted()
+    return Number(f"{rounded:f}" if size in FIXED else f"{rounded.scaleb(-size, _EXACT):f}e{size}")
+
+
+def _placed(value: float | None, place: int, power: int, how: str) -> Number:
+    """A number rounded at the power of ten `place` and written in units of 10**power."""
+    if value is None or not math.isfinite(value):
+        return _significant(value, 1, how)
+    rounded = _quantised(decimal(value), place if power else min(place, 0), how)
+    if not rounded:
+        rounded = abs(rounded)
+    return Number(f"{rounded.scaleb(-power, _EXACT):f}{f'e{power}' if power and rounded else ''}")
+
+
+def _quantised(number: Decimal, place: int, how: str) -> Decimal:
+    return number.quantize(Decimal(1).scaleb(place), rounding=how, context=_EXACT)
