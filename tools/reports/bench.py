@@ -370,11 +370,11 @@ def correction_terms(
 ) -> list[tuple[str, str, str, str]]:
     """For each accelerometer its input, the reading less what is known of it, and the scales of either sign.
 
-    Numbers have the digits that a bound [g] justifies, all of them where none is given.
+    Numbers have the digits that a bound [g] justifies, twelve where none is given.
     """
 
     def text(value: float) -> str:
-        return minus(exactly(value) if bound is None else to_bound(value, bound))
+        return minus(nearest(value, 12) if bound is None else to_bound(value, bound))
 
     found = []
     for p in range(3):
