@@ -1,6 +1,7 @@
 """What the page on choosing an attitude algorithm says is so."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from choosing import (
     relative_coning_drift,
     situation_errors,
 )
+from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.motion.attitude import algorithm_named
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -49,6 +51,23 @@ def test_coning_drift_of_the_mean_rate_is_exact():
 def test_table_of_orders_in_the_page_is_that_of_the_algorithms():
     page = (DOCS / PAGE).read_text(encoding="utf-8")
     assert between_marks(page, "orders", order_table()) == page
+
+
+WORDS = {2: "second", 3: "third", 4: "fourth"}
+
+
+@pytest.mark.parametrize(
+    ("said", "names"),
+    [
+        (r"in general motion they are of (\w+) order", [a.name for a in ALGORITHMS if "for coning" in a.title]),
+        (r"\(23\) is of (\w+) order", ["two-sample-rodrigues-second-iterate"]),
+        (r"\(7\.22\) is of (\w+), not", ["two-sample-quaternion"]),
+    ],
+)
+def test_orders_in_the_text_of_the_page_are_those_that_were_measured(said, names):
+    text = " ".join((DOCS / PAGE).read_text(encoding="utf-8").split())
+    assert names
+    assert set(re.findall(said, text)) == {WORDS[algorithm_named(name).order] for name in names}
 
 
 def test_page_names_pictures_and_algorithms_that_exist():
