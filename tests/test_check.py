@@ -4,11 +4,13 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import trihedron as th
 from trihedron.tools import cli
 from trihedron.tools.check.findings import json_lines, line_of, toml_lines
+from trihedron.tools.records import StrapdownRecord, write_record
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 STATIC = SCENARIOS / "static-calibration.toml"
@@ -173,6 +175,21 @@ def test_a_good_record_says_what_is_in_it(record: Path):
     checked = th.check(record)
     assert (checked.good, checked.kind) == (True, "position record")
     assert "rows" in checked.summary[0]
+
+
+def test_a_channel_at_its_limit_is_a_warning_of_series_of_every_kind(tmp_path: Path):
+    """A sine that is clipped at 80 %; without the clip nothing is said."""
+    time = 0.01 * np.arange(3000)
+    rate = np.sin(np.outer(time, [1.0, 1.3, 0.7]) + np.array([0.0, 1.0, 2.0]))
+    force = 9.8 * np.stack([np.sin(0.4 * time), np.cos(0.4 * time), 0.1 * np.sin(0.9 * time)], axis=1)
+    clipped = np.column_stack([np.minimum(rate[:, 0], 0.8), rate[:, 1:]])
+    rows = np.flatnonzero(clipped[:, 0] == 0.8)
+    said = f"w1: {len(rows)} rows are saturated, at 0.8 rad/s, the first at {time[rows[0]]:g} s"
+    for name, gyros, warned in (("whole.csv", rate, ()), ("clipped.csv", clipped, (said,))):
+        write_record(StrapdownRecord(time, gyros, None, force), tmp_path / name, decimals=7)
+        checked = th.check(tmp_path / name)
+        assert checked.good
+        assert checked.warnings == warned
 
 
 def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):

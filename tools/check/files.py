@@ -43,8 +43,9 @@ from ..orchestrator.stimuli import check_single_sources, read_table, resolve_sti
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.plan import Plan, Plans
-from ..records.columns import ANGLES, FORCE, RAW, Columns, extra_warning, warnings
-from ..records.kinds import RawRecord
+from ..records.columns import ANGLES, FORCE, POSITION, Columns, extra_warning, warnings
+from ..records.kinds import RawRecord, StrapdownRecord
+from ..records.limits import limits_of
 from ..records.read import MAGIC, all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import Location, field_problems, not_for_files
@@ -164,7 +165,8 @@ def _check_ssp(found: Findings) -> None:
 def _check_table(found: Findings, data: bytes) -> None:
     """A table of measured or commanded numbers, CSV or Parquet.
 
-    Of a record every field that is wrong, by row; of a raw record without such fields also whether it has rests.
+    Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
+    whether a raw record has rests.
     """
     names = [] if data.startswith(MAGIC) else _header(data)
     if names and not set(names) & set(FORCE) and set(names) & {*ANGLES, "time_s"}:
@@ -187,9 +189,12 @@ def _check_table(found: Findings, data: bytes) -> None:
         return
     found.warnings += warnings(columns)
     found.summary = (f"{len(columns.row)} rows, columns {', '.join(columns.layout.present)}",)
-    if columns.layout.kind is RAW:
-        record = read_record(found.path)
-        assert isinstance(record, RawRecord)
+    if columns.layout.kind is POSITION:
+        return
+    record = read_record(found.path)
+    assert isinstance(record, RawRecord | StrapdownRecord)
+    found.warnings += tuple(limits_of(record).lines)
+    if isinstance(record, RawRecord):
         with found.of():
             averaged = position_record_of(record)
             found.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)

@@ -99,8 +99,8 @@ def carried_evidence(
 def warnings_of(found: Inspection) -> tuple[str, ...]:
     """What a person should know of a record and its sampling."""
     said = [
-        f"{name}: {rows} rows are saturated" + ("; moves with them are not used" if name.startswith("w") else "")
-        for name, rows in found.sampling.saturated.items()
+        line + ("; moves with them are not used" if line.startswith("w") else "")
+        for line in found.sampling.limits.lines
     ]
     said += rest_warnings(found.rests, found.gravity)
     if found.sampling.gaps:

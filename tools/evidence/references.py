@@ -19,7 +19,7 @@ from ...models.turntable import EARTH_RATE
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
-from ..motion.rests import GAP, Rests, rates_of, saturated_mask
+from ..motion.rests import GAP, Rests, rates_of
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, allan_deviation
 from .evidence import Part, Pieces
@@ -256,11 +256,9 @@ def usable_in(found: Inspection) -> Usable:
     record, sampling = found.record, found.sampling
     bad = np.zeros(len(record), dtype=bool)
     bad[1:] = np.diff(record.time_s) > GAP * sampling.period
-    for axis, rate in enumerate(rates_of(record).T, start=1):
-        if f"w{axis}" in sampling.saturated:
-            clipped = saturated_mask(rate)
-            bad |= clipped
-            bad[1:] |= clipped[:-1]
+    clipped = sampling.limits.of("w")
+    bad |= clipped
+    bad[1:] |= clipped[:-1]
     broken = np.cumsum(bad)
     return lambda first, last: broken[last] == broken[first]
 

@@ -13,17 +13,12 @@ from pydantic import Field
 from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
+from ..records.limits import Limits, limits_of, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..result import ABSENT, Array, Result
 
 GAP = 1.5
 """A time between rows is a gap from so many periods on."""
-CLIPPED_ROWS = 3
-"""So many rows in a row at the extreme of a channel are saturated."""
-STUCK_ROWS, SELDOM = 5, 0.02
-"""So many rows in a row at one value, of a channel of which so few rows repeat the one before, are stuck."""
-DISTINCT = 20
-"""A channel with fewer different values shows steps, not a limit."""
 FEWEST_ROWS = 16
 """Fewer rows tell nothing."""
 RATE_MEANINGS = ("instantaneous", "averaged")
@@ -49,9 +44,7 @@ FEWEST_POSES = 10
 REWEIGHTED = 30
 """Rounds of reweighted least squares."""
 LEAST_SHARE = 0.02
-"""A channel without a limit is at its extreme in fewer rows of a rest."""
-MORE_THAN_USUAL = 3.0
-"""A channel that shows steps repeats its values in every rest; at a limit it does so many times as much."""
+"""A rest in which an accelerometer is at its limit in more rows is left out."""
 FEW_VALUES = 3
 """Where the readings of a rest take at most so many values, noise is no wider than a step, and the mean is off by up
 to half of one."""
@@ -85,7 +78,9 @@ class Sampling(Result):
     missing : int
         rows that the gaps leave out
     saturated : dict
-        channel ("w1", "f3") to the rows at its extreme, where these are saturated
+        channel ("w1", "f3") to the rows at a limit of it
+    saturated_from : dict
+        such a channel to the time of the first of them [s]
     dead : tuple of str
         channels that never change
     """
@@ -96,7 +91,9 @@ class Sampling(Result):
     gaps: tuple[Gap, ...]
     missing: int = Field(alias="missing_rows")
     saturated: dict[str, int] = Field(alias="saturated_rows")
+    saturated_from: dict[str, float] = Field(default_factory=dict, alias="saturated_from_s")
     dead: tuple[str, ...] = Field(alias="dead_channels")
+    limits: Limits = Field(default=ABSENT, exclude=True)
 
 
 def rates_of(record: StrapdownRecord) -> NDArray[np.float64]:
@@ -146,48 +143,18 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     off = between[~is_gap] - period
     channels = {f"w{i + 1}": v for i, v in enumerate(rates_of(record).T)}
     channels |= {f"f{i + 1}": v for i, v in enumerate(record.specific_force.T)}
-    saturated = {name: int(np.count_nonzero(saturated_mask(values))) for name, values in channels.items()}
+    limits = limits_of(record)
     return Sampling(
         period_s=period,
         jitter_rms_s=float(np.sqrt(np.mean(off**2))),
         jitter_max_s=float(np.abs(off).max()),
         gaps=tuple(Gap(time_s=record.time_s[k], length_s=between[k]) for k in np.flatnonzero(is_gap)),
         missing_rows=int(np.sum(np.round(between[is_gap] / period) - 1.0)),
-        saturated_rows={name: rows for name, rows in saturated.items() if rows},
+        saturated_rows={name: int(mask.sum()) for name, mask in limits.rows.items()},
+        saturated_from_s={name: float(record.time_s[np.argmax(mask)]) for name, mask in limits.rows.items()},
+        limits=limits,
         dead_channels=tuple(name for name, values in channels.items() if np.ptp(values) == 0.0),
     )
-
-
-def saturated_mask(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Rows of a channel (N,) at its largest or its least value, if that is a limit, and where it stays at another one.
-
-    A limit is held for three rows and more and is far from what the channel reads most of the time: the steps of a
-    quiet channel repeat too. A channel that hardly ever repeats a value and then stays at one, far out, is clipped too.
-    """
-    found = np.zeros(len(values), dtype=bool)
-    if len(np.unique(values)) < DISTINCT:
-        return found
-    middle = float(np.median(values))
-    spread = float(np.median(np.abs(values - middle)))
-    for extreme in (float(values.max()), float(values.min())):
-        at = values == extreme
-        begins, ends = runs_of(at)
-        if abs(extreme - middle) > 3.0 * spread and (ends - begins).max(initial=0) >= CLIPPED_ROWS:
-            found |= at
-    repeated = np.concatenate([[False], np.diff(values) == 0.0])
-    far = np.abs(values - middle) > 3.0 * spread
-    begins, ends = runs_of(repeated & far)
-    held = ends - begins >= STUCK_ROWS - 1
-    stuck = np.zeros(len(values), dtype=bool)
-    for begin, end in zip(begins[held], ends[held], strict=True):
-        stuck[begin - 1 : end] = True
-    return found | stuck if np.mean(repeated & ~stuck) < SELDOM else found
-
-
-def runs_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-    """Beginnings and ends of the runs of a mask (N,)."""
-    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 class Rests(Result):
@@ -274,7 +241,7 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     turns = _steady_turns(rate, record.specific_force, kept, noise[:3])
     turning += int(turns.sum())
     kept = [rows for rows, out in zip(kept, turns, strict=True) if not out]
-    clipped = clipped_rests(record.specific_force, kept)
+    clipped = clipped_rests(sampling.limits, kept)
     rows = tuple(rows for rows, out in zip(kept, clipped, strict=True) if not out)
     seen = np.where(np.isfinite(noise), noise, 0.0)
     return _averaged(record, sampling, rows, seen, turning=turning, clipped=int(clipped.sum()))
@@ -380,22 +347,10 @@ def _averaged(
     )
 
 
-def clipped_rests(force: NDArray[np.float64], rests: list[slice]) -> NDArray[np.bool_]:
-    """Rests (K,) in which an accelerometer often reads its largest or least value of the record, and elsewhere not."""
-    found = np.zeros(len(rests), dtype=bool)
-    for values in force.T:
-        extremes = (values.max(initial=-np.inf), values.min(initial=np.inf))
-        at_limit = np.array([max(np.mean(values[rows] == extreme) for extreme in extremes) for rows in rests])
-        suspects = at_limit > LEAST_SHARE
-        others = [_commonest(values[rows]) for rows, suspect in zip(rests, suspects, strict=True) if not suspect]
-        if others and suspects.any():
-            found |= suspects & (at_limit > MORE_THAN_USUAL * np.median(others))
-    return found
-
-
-def _commonest(values: NDArray[np.float64]) -> float:
-    """Part of the values (n,) that are the commonest one."""
-    return float(np.unique(values, return_counts=True)[1].max() / len(values))
+def clipped_rests(limits: Limits, rests: list[slice]) -> NDArray[np.bool_]:
+    """Rests (K,) in which an accelerometer is at its limit now and then, or always."""
+    at_limit = limits.of("f")
+    return np.array([bool(np.mean(at_limit[rows]) > LEAST_SHARE) for rows in rests], dtype=bool)
 
 
 def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:

@@ -47,7 +47,7 @@ def sampling_lines(found: Inspection) -> list[str]:
         f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
     ]
     lines += [f"gap of {nearest(gap.length_s, 4)} s after {nearest(gap.time_s, 6)} s" for gap in sampling.gaps[:5]]
-    lines += [f"{name}: {rows} rows are saturated" for name, rows in sampling.saturated.items()]
+    lines += sampling.limits.lines
     lines += [f"{name}: dead, it never changes" for name in sampling.dead]
     lines.append("temperature: " + ("in the record" if record.temperature is not None else "not in the record"))
     return lines + [f"units and axes: {said}" for said in found.turning.said]

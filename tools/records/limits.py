@@ -1,0 +1,210 @@
+"""Limits: readings that stay at a channel's largest or least value because the instrument does not go on.
+
+Equal extremes alone prove nothing: readings in steps, rests and a table at a constant rate have them too. They are a
+limit where noise would not repeat a value as often, or where a curve runs into its extreme with a corner, as motion
+that ends in a rest or in a constant rate does not.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kinds import RawRecord, StrapdownRecord
+
+FEWEST = 3
+"""So many rows in a row at an extreme may be a limit."""
+DISTINCT = 20
+"""A channel with fewer different values shows steps, not a limit."""
+SHORT = 2
+"""Noise repeats a value up to so many times by chance; where values repeat longer, steps are wider than the noise."""
+BEYOND_CHANCE = 2
+"""By so many rows a run is longer than those that chance makes elsewhere."""
+LONGER = 2.0
+"""A run so many times as long as any elsewhere is no matter of steps."""
+ROUGH, RESOLVED = 0.2, 2.5
+"""Noise: second differences of so many resolutions and more change their sign from row to row in so many cases. Those
+of a smooth motion do not, those of its rounding are smaller."""
+VISITS, NEIGHBOURS, OFTENER = 6, 20, 4
+"""So many rows at an extreme are a limit where they are so many times those at any of so many values next to it."""
+STEEP = 16.0
+"""A corner is seen where readings change by so many resolutions."""
+CORNER = 0.7
+"""Of the slope farther out, what is left of it at a corner: at a smooth extreme it is 0.6 and less."""
+BENT, STRAIGHT = 6.0, 1e-6
+"""A curve is bent where its slopes differ by more than so many resolutions, and by more than this part of them."""
+MOST_RUNS = 100
+"""So many of the longest runs are looked at."""
+STUCK, SELDOM, FAR = 5, 0.02, 3.0
+"""So many rows in a row at one value, so many median deviations out, are stuck where so few rows repeat the one
+before."""
+PIECES, STILL = 6, 4.0
+"""A channel stands still where the means of so many pieces differ by less than so many resolutions, or times its
+noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """The limits of a record's channels.
+
+    `channels`: channel ("w1", "f3") -> its readings (N,) as they were measured, in [m/s²] and, of gyros, in `unit`;
+    `rows`: channel -> mask (N,) of the rows at a limit of it, channels without one are left out; `time_s` (N,) [s].
+    """
+
+    channels: Mapping[str, NDArray[np.float64]]
+    rows: Mapping[str, NDArray[np.bool_]]
+    time_s: NDArray[np.float64]
+    unit: str
+
+    def of(self, letter: str) -> NDArray[np.bool_]:
+        """Rows (N,) at which any gyro, "w", or accelerometer, "f", is at a limit."""
+        found = np.zeros(len(self.time_s), dtype=bool)
+        for name, mask in self.rows.items():
+            if name.startswith(letter):
+                found |= mask
+        return found
+
+    @property
+    def lines(self) -> list[str]:
+        """What a person should know, a line for each channel."""
+        said = []
+        for name, mask in self.rows.items():
+            levels = np.unique(self.channels[name][mask])
+            at = " and ".join(f"{level:.6g}" for level in levels) if len(levels) <= 2 else "several values"
+            first = self.time_s[np.argmax(mask)]
+            unit = self.unit if name.startswith("w") else "m/s²"
+            said.append(f"{name}: {int(mask.sum())} rows are saturated, at {at} {unit}, the first at {first:.6g} s")
+        return said
+
+
+def limits_of(record: StrapdownRecord | RawRecord) -> Limits:
+    """The limits that a record's channels show; increments are not divided by logged times, which jitter."""
+    channels, unit = {}, "rad/s"
+    if isinstance(record, StrapdownRecord):
+        turning = record.rate if record.rate is not None else record.increment
+        assert turning is not None
+        channels = {f"w{axis}": values for axis, values in enumerate(turning.T, start=1)}
+        unit = unit if record.rate is not None else "rad"
+    channels |= {f"f{axis}": values for axis, values in enumerate(record.specific_force.T, start=1)}
+    found = {}
+    for name, values in channels.items():
+        mask = rows_at_limit(values, [other for beside, other in channels.items() if beside != name])
+        if mask.any():
+            found[name] = mask
+    return Limits(channels, found, record.time_s, unit)
+
+
+def rows_at_limit(values: NDArray[np.float64], others: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.bool_]:
+    """Rows (N,) of a channel at its largest or least value, where that is a limit, and where it is stuck.
+
+    Where the `others`, channels (N,), stand still for a while, a rest explains equal readings.
+    """
+    found = np.zeros(len(values), dtype=bool)
+    distinct, counts = np.unique(values, return_counts=True)
+    if len(distinct) < DISTINCT:
+        return found
+    resolution = resolution_of(distinct)
+    repeated = np.concatenate([[False], np.diff(values) == 0.0])
+    held = int(np.median(np.diff(np.flatnonzero(np.append(~repeated, True)))))
+    noisy = is_noisy(values[::held], resolution)
+    begins, ends = runs_of(repeated & (values > distinct[0]) & (values < distinct[-1]))
+    usual = 1 + int((ends - begins).max(initial=0))
+    for sign, often in ((1.0, counts[::-1]), (-1.0, counts)):
+        upright = sign * values
+        at = upright == upright.max()
+        begins, ends = runs_of(at)
+        longest = np.argsort(begins - ends, kind="stable")[:MOST_RUNS]
+        runs = [(int(begins[k]), int(ends[k])) for k in longest if ends[k] - begins[k] >= FEWEST * held]
+        if noisy:
+            is_limit = often[0] >= max(VISITS, OFTENER * often[1 : 1 + NEIGHBOURS].max())
+            is_limit |= bool(runs) and is_longer(runs[0][1] - runs[0][0], usual)
+        else:
+            is_limit = False
+        corners = (run for run in runs if has_corner(upright, run, resolution, held))
+        if is_limit or any(not is_rest(others, run) for run in corners):
+            found |= at
+    return found | stuck_rows(values, repeated) if noisy else found
+
+
+def resolution_of(distinct: NDArray[np.float64]) -> float:
+    """The least step between the different values (n,) of a channel, in order; rounding of doubles is none."""
+    steps = np.diff(distinct)
+    return float(steps[steps > 1e-12 * np.abs(distinct).max()].min(initial=np.ptp(distinct)))
+
+
+def is_noisy(values: NDArray[np.float64], resolution: float) -> bool:
+    """Whether readings (n,) scatter from row to row, beyond what their resolution makes them."""
+    second = np.diff(values, 2)
+    told = np.abs(second) > RESOLVED * resolution
+    pairs = told[1:] & told[:-1]
+    turning = pairs & (second[1:] * second[:-1] < 0.0)
+    return bool(pairs.sum() >= DISTINCT and turning.sum() > ROUGH * pairs.sum() and pairs.mean() > SELDOM)
+
+
+def is_longer(rows: int, usual: int) -> bool:
+    """Whether a run is longer than chance, or steps, make runs elsewhere, of which the longest has `usual` rows."""
+    return rows >= max(FEWEST, usual + BEYOND_CHANCE) if usual <= SHORT else rows > LONGER * usual
+
+
+def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: float, held: int = 1) -> bool:
+    """Whether a curve, smooth outside, runs into its largest value or out of it with a corner, bent as motion is.
+
+    A smooth extreme has no corner; the straight ramps of a table are not bent towards their end. Every reading is
+    repeated `held` times.
+    """
+    begin, end = run
+    reach = 3 * (end - begin) + 1
+    for outside in (values[max(begin - reach, 0) : begin][::-1], values[end : end + reach]):
+        below = values[begin] - outside[held // 2 :]
+        apart = held
+        while 3 * apart < len(below):
+            near, far, next_ = np.diff(below[[0, apart, 2 * apart, 3 * apart]])
+            bend = far - near
+            # The least distance at which it is seen whether the curve is bent tells how.
+            if near > STEEP * resolution and abs(bend) > BENT * resolution + STRAIGHT * abs(far):
+                if near > CORNER * far and bend > 0.0 and abs(next_ - far - bend) < bend:
+                    return True
+                break
+            apart *= 2
+    return False
+
+
+def is_rest(others: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bool:
+    """Whether other channels stand still over a run of rows, and not around it."""
+    begin, end = run
+    length = end - begin
+    around = (slice(max(begin - length, 0), begin), slice(end, end + length))
+    moved = False
+    for values in others:
+        if not stands_still(values[begin:end]):
+            return False
+        moved |= not all(stands_still(values[rows]) for rows in around)
+    return moved
+
+
+def stands_still(values: NDArray[np.float64]) -> bool:
+    """Whether readings (n,) change by no more than their steps and noise."""
+    if len(values) < 2 or np.ptp(values) == 0.0:
+        return True
+    means = np.array([piece.mean() for piece in np.array_split(values, min(PIECES, len(values)))])
+    steps = np.abs(np.diff(values))
+    return bool(np.ptp(means) <= STILL * max(float(np.median(steps)), float(steps[steps > 0.0].min())))
+
+
+def stuck_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows (N,) where a channel that hardly ever repeats a value stays at one, far from what it usually reads."""
+    middle = float(np.median(values))
+    far = np.abs(values - middle) > FAR * float(np.median(np.abs(values - middle)))
+    begins, ends = runs_of(repeated & far)
+    stuck = np.zeros(len(values), dtype=bool)
+    for begin, end in zip(begins, ends, strict=True):
+        if end - begin >= STUCK - 1:
+            stuck[begin - 1 : end] = True
+    return stuck if np.mean(repeated & ~stuck) < SELDOM else np.zeros(len(values), dtype=bool)
+
+
+def runs_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Beginnings and ends of the runs of a mask (N,)."""
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
