@@ -52,6 +52,8 @@ SYMMETRIC_SLOTS = ((3, 6, 9), (4, 7, 10), (5, 8, 11))
 
 _OFF_DIAGONAL = {name: (int(name[6]) - 1, int(name[7]) - 1) for name in ELEMENTARY if name.startswith("gamma_")}
 _PLUS, _MINUS = slice(3, 9, 2), slice(4, 9, 2)
+_OF_DIRECTION = [0, 1, 2, 12, 13, 14]
+"""The targets that turn the vertical: κ, Δα + α*, ε and the three of the mounting."""
 _TERMS = 22
 _SINE = tuple((-1.0) ** k / factorial(2 * k + 1) for k in range(_TERMS))
 _COSINE = tuple((-1.0) ** k / factorial(2 * k + 2) for k in range(_TERMS))
@@ -67,9 +69,12 @@ def small_turn(vector: ArrayLike) -> NDArray:
     """
     vector = np.asarray(vector)
     square = np.sum(vector * vector, axis=-1)[..., None, None]
-    sine = np.zeros_like(square) + _SINE[-1]
-    cosine = np.zeros_like(square) + _COSINE[-1]
-    for s, c in zip(_SINE[-2::-1], _COSINE[-2::-1], strict=True):
+    # Terms that are below rounding for the largest of these turns are left away.
+    largest = float(np.abs(square).max(initial=0.0))
+    last = next((k for k in range(1, _TERMS) if largest**k * abs(_SINE[k]) < 1e-19), _TERMS - 1)
+    sine = np.zeros_like(square) + _SINE[last]
+    cosine = np.zeros_like(square) + _COSINE[last]
+    for s, c in zip(reversed(_SINE[:last]), reversed(_COSINE[:last]), strict=True):
         sine = sine * square + s
         cosine = cosine * square + c
     generator = np.zeros((*vector.shape, 3), vector.dtype)
@@ -273,13 +278,40 @@ def target_reading(
 def target_jacobian(
     targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, sign: ArrayLike | None = None
 ) -> NDArray:
-    """Derivatives (N, 3, 18) of `target_reading` by the targets, exact to rounding (complex step)."""
-    return _complex_step(target_reading, targets, alpha, beta, mounting, sign)
+    """Derivatives (N, 3, 18) of `target_reading` by the targets, exact to rounding.
+
+    The reading is linear in scale factors, shears and biases; the rest comes through the direction.
+    """
+    x = np.asarray(targets)
+    m, direction = input_direction(x, alpha, beta, mounting), input_jacobian(x, alpha, beta, mounting)
+    positive = m >= 0.0 if sign is None else np.asarray(sign) >= 0
+    jacobian = direction * (1.0 + np.where(positive, x[..., _PLUS], x[..., _MINUS]))[..., None]
+    jacobian[..., 1, :] += x[..., 9, None] * direction[..., 0, :]
+    jacobian[..., 2, :] += x[..., 10, None] * direction[..., 0, :] + x[..., 11, None] * direction[..., 1, :]
+    for p in range(3):
+        jacobian[..., p, 3 + 2 * p] = np.where(positive[..., p], m[..., p], 0.0)
+        jacobian[..., p, 4 + 2 * p] = np.where(positive[..., p], 0.0, m[..., p])
+        jacobian[..., p, 15 + p] = 1.0
+    jacobian[..., 1, 9] = jacobian[..., 2, 10] = m[..., 0]
+    jacobian[..., 2, 11] = m[..., 1]
+    return jacobian
 
 
 def input_jacobian(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
     """Derivatives (N, 3, 18) of `input_direction` by the targets, exact to rounding (complex step)."""
-    return _complex_step(input_direction, targets, alpha, beta, mounting)
+    x, step = np.asarray(targets), 1e-30
+    # What moves the vertical and what turns the block, three targets at once.
+    moved = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION, None]
+    tilted, turned = moved[:3], moved[3:]
+    vertical = up(np.asarray(alpha) - tilted[..., 1], np.asarray(beta), tilted[..., 0], tilted[..., 2]).imag / step
+    turns = small_turn(turned[..., 14:11:-1]).imag / step @ np.asarray(mounting)
+    straight = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
+    here = up(np.asarray(alpha) - x[..., 1], np.asarray(beta), x[..., 0], x[..., 2])
+    jacobian = np.zeros((*here.shape, len(TARGETS)))
+    for k, one, other in zip(range(3), vertical, turns, strict=True):
+        jacobian[..., _OF_DIRECTION[k]] = np.squeeze(straight @ one[..., None], -1)
+        jacobian[..., _OF_DIRECTION[3 + k]] = np.squeeze(other @ here[..., None], -1)
+    return jacobian
 
 
 def stand_regressors(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
@@ -380,14 +412,3 @@ def admissible(
 ) -> NDArray:
     """Where the sign of each input is certain before anything is known, (1.9); (N, 3) of bool; as `sign_margin`."""
     return np.abs(nominal_input(alpha, beta, mounting)) > sign_margin(alpha, beta, mounting, bounds=bounds, rule=rule)
-
-
-def _complex_step(function, targets: ArrayLike, alpha: ArrayLike, *arguments) -> NDArray:
-    x = np.asarray(targets, dtype=complex)
-    step = 1e-30
-    columns = []
-    for k in range(len(TARGETS)):
-        moved = x.copy()
-        moved[..., k] += 1j * step
-        columns.append(function(moved, alpha, *arguments).imag / step)
-    return np.stack(columns, axis=-1)

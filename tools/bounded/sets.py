@@ -12,6 +12,7 @@ out; -1 stands for none. Deleting reading a of weight w_a, residual r and levera
 sum of squares, and the others' weights then sum to 1 - w_a; two readings have a formula of order two.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,6 +36,30 @@ MOST_COLUMNS = 32
 REFUSED, ACCEPTED, UNDECIDED = 0, 1, 2
 ROUNDS = 30
 """Rounds before a set is handed to a linear programme."""
+
+
+class CutOff(Exception):
+    """A search has done as much work as it may."""
+
+
+class Work:
+    """What a search has done and may do, in units of about a microsecond of one processor.
+
+    It is counted by the sizes of what is solved, not by a clock: the same search ends at the same set everywhere.
+    """
+
+    def __init__(self, limit: float = np.inf) -> None:
+        self.limit, self.done = limit, 0.0
+
+    def add(self, amount: float) -> None:
+        """Count so much more; CutOff where it is too much."""
+        self.done += amount
+        if self.done > self.limit:
+            raise CutOff
+
+    def programme(self, rows: int, columns: int) -> None:
+        """Count a linear programme, its model included."""
+        self.add(1000.0 + 1.2 * rows * columns)
 
 
 @dataclass(frozen=True)
@@ -62,6 +87,12 @@ class Problem:
         """First columns (n,) of the candidates, and their numbers of columns (n,)."""
         ends = np.array([(block.start, block.stop) for block in self.blocks], dtype=np.int64).reshape(-1, 2)
         return ends[:, 0].copy(), ends[:, 1] - ends[:, 0]
+
+    @property
+    def size_of_projection(self) -> float:
+        """The work of one projection."""
+        rows, columns = self.columns.shape
+        return 200.0 + 2e-2 * rows * columns
 
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
@@ -130,7 +161,9 @@ class EffectSet:
     outliers: tuple[int, ...] = ()
 
 
-def sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int = MOST_OUTLIERS) -> Iterator[EffectSet]:
+def sets_of_size(
+    problem: Problem, size: int, slack: float, most_outliers: int = MOST_OUTLIERS, work: Work | None = None
+) -> Iterator[EffectSet]:
     """All sets of a size that keep every residual of the linear model within its bound, to the slack.
 
     A set is refused when some weights prove that its radius is above one and the slack; the weights that refuse one set
@@ -139,21 +172,26 @@ def sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int =
 
     The problem is linear at the nominal model's fit; its `size`, 0 to 3, counts effects and outliers together; `slack`
     is what the linearisation may be wrong by, in units of the bounds; of outliers, 0 to 2, enough explain anything.
+    What it costs is added to the work.
     """
-    limit = (1.0 + slack) ** 2
+    limit, work = (1.0 + slack) ** 2, work or Work()
     weights = np.full(len(problem.residual), 1.0 / len(problem.residual))
     projections = []
     for rounds in ROUNDS_AT_FIRST:
         weights = sharp_weights(problem, weights, rounds)
         projections.append(project(problem, weights))
+        work.add(problem.size_of_projection)
     for outliers in range(min(size, most_outliers) + 1):
         if size - outliers > len(problem.blocks):
             continue
+        rows, count = len(problem.residual), math.comb(len(problem.blocks), size - outliers)
+        work.add(count * (1.0, 0.1 * rows, 0.1 * rows + 0.002 * rows**2)[outliers])
         sets = surviving_sets(size - outliers, outliers, limit, parts(problem, projections[0]))
         open_sets = OpenSets(sets, np.zeros(len(sets)), np.zeros(len(sets), dtype=int))
         for number, projection in enumerate(projections):
+            work.add(0.3 * len(open_sets))
             open_sets = open_sets.tried(problem, projection, number, limit)
-        yield from settled(problem, projections, open_sets, slack)
+        yield from settled(problem, projections, open_sets, slack, work)
 
 
 @dataclass(frozen=True)
@@ -179,7 +217,9 @@ class OpenSets:
         return OpenSets(self.sets[kept], bound[kept], source[kept])
 
 
-def settled(problem: Problem, projections: Sequence[Projection], left: OpenSets, slack: float) -> Iterator[EffectSet]:
+def settled(
+    problem: Problem, projections: Sequence[Projection], left: OpenSets, slack: float, work: Work
+) -> Iterator[EffectSet]:
     """Decide the sets that no projection has refused."""
     limit = (1.0 + slack) ** 2
     weights = [projection.weights for projection in projections]
@@ -187,18 +227,22 @@ def settled(problem: Problem, projections: Sequence[Projection], left: OpenSets,
     while len(left):
         pick = int(np.argmin(left.bound))
         chosen = left.sets[pick]
+        work.add(50.0 + 2.0 * len(problem.residual) + 0.001 * len(left))
         verdict, sharp = settle(problem.system, chosen, weights[left.source[pick]], limit)
         left = left.without(pick)
         if verdict != REFUSED:
             candidate = EffectSet(
                 tuple(int(i) for i in chosen[:3] if i >= 0), tuple(int(i) for i in chosen[3:] if i >= 0)
             )
+            if verdict == UNDECIDED:
+                work.programme(2 * len(problem.residual), problem.nominal.shape[1] + 3)
             if verdict == ACCEPTED or linear_radius(problem, candidate) <= 1.0 + slack:
                 yield candidate
         elif wait > 0:
             wait -= 1
         elif len(left) > FEW:
             before = len(left)
+            work.add(problem.size_of_projection + 0.3 * before)
             weights.append(sharp)
             left = left.tried(problem, project(problem, sharp), len(weights) - 1, limit)
             # Weights that refuse few others cost more than they save: leave more sets to themselves.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Possible, SolverError, cosine, largest_length, same_space, spaces_beyond
-from ..bounded.sets import MAX_SET
+from ..bounded.sets import MAX_SET, CutOff, Work
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.carried_record import carried_evidence
@@ -38,8 +38,8 @@ MOST_ROWS = 400
 """Of a longer record rows spread over it are taken."""
 MOST_FOUND = 60
 """So many sets of one size are enough to say that the record cannot decide."""
-MOST_JUDGED = 1500
-"""So many sets of one size are fitted exactly before the search gives up."""
+MOST_WORK = 8e6
+"""The work of a search, after which it is cut off: some eight seconds of one processor."""
 MOST_COMPARED = 10
 MOST_STEPS, MOST_TRIED = 4, 12
 HELPS = 0.02
@@ -65,8 +65,13 @@ def diagnose(
         raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
 
 
-def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False) -> Diagnosis:
-    """The diagnosis of evidence, whatever the record; a SolverError where errors are too large to solve."""
+def diagnosed(
+    evidence: Evidence, *, rerun: bool = True, progress: bool = False, most_work: float = MOST_WORK
+) -> Diagnosis:
+    """The diagnosis of evidence, whatever the record; a SolverError where errors are too large to solve.
+
+    `most_work` is that of the search, others as for `diagnose`.
+    """
     told: dict[str, Any] = {"evidence": evidence, "causes": (), "extended": None, "gain": None, **evidence.head()}
     if missing := evidence.missing():
         return _result("insufficient", told, missing)
@@ -75,8 +80,8 @@ def diagnosed(evidence: Evidence, *, rerun: bool = True, progress: bool = False)
         excluded = excluded_sizes(evidence, evidence.baseline)
         model = evidence.of_model(centred(evidence, evidence.baseline), excluded)
         return _result("insufficient" if "missing" in model else "consistent", told, model, excluded=excluded)
-    found = search(evidence, progress=progress)
-    told |= {"tried": single_radii(evidence), **evidence.of_misfit()}
+    found = search(evidence, progress=progress, most_work=most_work)
+    told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
     if not found.fits or evidence.objections():
         return _unexplained(evidence, told, evidence.objections())
     groups = equivalence_groups(evidence, found.fits)
@@ -253,33 +258,49 @@ def predicted_share(coordinates: NDArray, residual: NDArray) -> float:
 class Found:
     """The smallest sets that explain a record, the least radius first; the model without effects where it stands.
 
-    `complete`: whether they are all; else the search was cut off.
+    `complete`: whether they are all; else the search was cut off among sets of `size` effects, all smaller ones being
+    tried.
     """
 
     fits: tuple[Fit, ...]
     complete: bool = True
+    size: int = 0
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        """Keys of the result where the search was cut off."""
+        return {} if self.complete else {"complete": False, "cut_off_at": self.size}
 
 
-def search(evidence: Evidence, among: Sequence[EffectPlace] | None = None, *, progress: bool = False) -> Found:
+def search(
+    evidence: Evidence,
+    among: Sequence[EffectPlace] | None = None,
+    *,
+    progress: bool = False,
+    most_work: float = MOST_WORK,
+) -> Found:
     """All sets of effects of the smallest size, up to three, with which the model stands; the least radius first.
 
-    Among so many effects, by default those that can be told apart.
+    Among so many effects, by default those that can be told apart; with so much work that it ends in any case.
     A set that does not mend the record is tried with other members of its effects' classes, too: these differ in the
     second order of their sizes, for which noise at its bound leaves no room.
     """
+    work = Work(most_work)
     for size in range(1, MAX_SET + 1):
         found: list[Fit] = []
         complete = True
-        candidates = tracked(evidence.candidates(size, among), f"sets of {size}", show=progress)
-        for judged, candidate in enumerate(candidates, start=1):
-            members = product(*(evidence.classes.whole_class(place) for place in candidate))
-            fit = next((fit for places in members if (fit := evidence.mended(places)) is not None), None)
-            found += [] if fit is None else [fit]
-            if len(found) >= MOST_FOUND or judged >= MOST_JUDGED:
-                complete = False
-                break
+        try:
+            for candidate in tracked(evidence.candidates(size, work, among), f"sets of {size}", show=progress):
+                members = product(*(evidence.classes.whole_class(place) for place in candidate))
+                fit = next((fit for places in members if (fit := evidence.mended(places, work)) is not None), None)
+                found += [] if fit is None else [fit]
+                if len(found) >= MOST_FOUND:
+                    complete = False
+                    break
+        except CutOff:
+            complete = False
         if found or not complete:
-            return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), fit.title))), complete)
+            return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), fit.title))), complete, size)
     return Found(())
 
 

@@ -389,7 +389,9 @@ class Diagnosis(Told):
     causes, alternatives : tuple of Cause, tuple of such
         what is named, or the best of several sets, and the other sets that remain
     complete : bool
-        whether these are all sets of that size that explain the record
+        whether these are all sets of that size that explain the record; false where the search was cut off
+    cut_off_at : int
+        where the search was cut off: the number of effects of the sets that were not all tried, no smaller one will do
     equivalent_sets : tuple of tuple of NamedEffect
         other sets that no measurement of this kind could tell from the first
     not_named : tuple of str
@@ -422,6 +424,7 @@ class Diagnosis(Told):
     next_positions: tuple[NextPosition, ...] | None = None
     alternatives: tuple[tuple[Cause, ...], ...] | None = None
     complete: bool | None = None
+    cut_off_at: int | None = None
     next: tuple[str, ...] | None = None
     equivalent_sets: tuple[tuple[NamedEffect, ...], ...] | None = None
     judgement: Witness | tuple[EffectWitness, ...] | None = None

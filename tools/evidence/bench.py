@@ -13,7 +13,7 @@ from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import Interval, chebyshev_radius, column_space
-from ..bounded.sets import Problem, project, sets_of_size
+from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.calibration import (
     Asked,
     Calibration,
@@ -27,6 +27,7 @@ from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
 from ..result import finite_or_none
 from .bench_model import (
+    ROUNDS,
     Cast,
     Circumstances,
     Readings,
@@ -36,6 +37,7 @@ from .bench_model import (
     circumstances_of,
     fitted,
     is_linear,
+    model_work,
     predicted_errors,
     readings_at,
     signature_columns,
@@ -162,7 +164,9 @@ class Bench(Evidence):
     def _anchors(self) -> dict[tuple[EffectPlace, ...], list[Fit]]:
         return {}
 
-    def candidates(self, size: int, among: Sequence[EffectPlace] | None = None) -> Iterator[tuple[EffectPlace, ...]]:
+    def candidates(
+        self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
+    ) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         if np.abs(self.centre.point).max() > LARGEST_OF_BENCH:
             return
@@ -170,25 +174,26 @@ class Bench(Evidence):
         for count in range(min(size, len(self.relaxed)) + 1):
             for chosen in combinations(self.relaxed.values(), count):
                 seen = set()
-                for linear in self._linear_sets(self.centre, free, chosen, size - count):
+                for linear in self._linear_sets(self.centre, free, chosen, size - count, work):
                     if linear not in seen:
                         seen.add(linear)
                         yield (*sorted(linear, key=lambda place: place.title), *(mine.place for mine in chosen))
 
     def _linear_sets(
-        self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int
+        self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
     ) -> Iterator[frozenset[EffectPlace]]:
         """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses."""
         free = [place for place in places if place not in centre.places]
         if size > 0 and self.slack(centre) > TOO_MUCH:
             if centre.places not in self._anchors:
+                work.add(MOST_ANCHORS * ROUNDS * model_work(self.readings))
                 self._anchors[centre.places] = self.anchors(centre, free)
             more = self._anchors[centre.places]
             for one in more:
-                yield from self._linear_sets(one, places, chosen, size - 1)
+                yield from self._linear_sets(one, places, chosen, size - 1, work)
             free = [place for place in free if place not in {one.places[-1] for one in more}]
         part, kept = self._without(self.problem(centre, free), chosen)
-        for candidate in sets_of_size(part, size, self.slack(centre)):
+        for candidate in sets_of_size(part, size, self.slack(centre), work=work):
             outliers = (divmod(int(kept[row]), 3) for row in candidate.outliers)
             yield frozenset(
                 (
@@ -235,34 +240,39 @@ class Bench(Evidence):
             raise ValueError("the fit runs away")
         return fit
 
-    def mended(self, places: Sequence[EffectPlace]) -> Fit | None:
+    def mended(self, places: Sequence[EffectPlace], work: Work) -> Fit | None:
         """Effects fitted in the best of the ways in which they can act; None where they do not mend the record."""
         bent = {place: ways for place in places if place in self.relaxed and (ways := self.relaxed[place].ways)}
         best = None
         for ways in product(*(range(count) for count in bent.values())):
             chosen = dict(zip(bent, ways, strict=True))
-            fit = self._standing(places, chosen, {})
+            fit = self._standing(Cast(tuple(places), chosen), work)
             if fit is not None and (largest := self._largest_untold(fit)):
-                fit = self._standing(places, chosen, largest)
+                fit = self._standing(Cast(tuple(places), chosen, largest), work)
             if fit is not None and (best is None or fit.radius < best.radius):
                 best = fit
         return best
 
-    def _standing(
-        self, places: Sequence[EffectPlace], ways: Mapping[EffectPlace, int], largest: Mapping[EffectPlace, float]
-    ) -> Fit | None:
+    def _standing(self, cast: Cast, work: Work) -> Fit | None:
         """A fit with possible sizes, where it mends the record within what the record tells of its effects."""
-        fit = fitted(self.readings, Cast(tuple(places), ways, largest), self.centre.point)
-        if fit is None:
+
+        def limit(fit: Fit) -> float:
+            return self.limit + self._left_open(fit) / float(fit.bound.min())
+
+        fit = fitted(self.readings, cast, self.centre.point, limit, work)
+        if fit is None or fit.radius > limit(fit):
             return None
-        limit = self.limit + self._left_open(fit) / float(fit.bound.min())
-        return with_possible_sizes(fit, limit, LARGEST_OF_BENCH) if fit.radius <= limit else None
+        work.programme(*fit.jacobian.shape)
+        return with_possible_sizes(fit, limit(fit), LARGEST_OF_BENCH)
 
     def _largest_untold(self, fit: Fit) -> dict[EffectPlace, float]:
         """The largest coefficients that a record allows of effects whose circumstances it does not tell everywhere."""
-        untold = [k for k, place in enumerate(fit.places) if place.definition.untold is not None]
-        intervals = fit.intervals() if untold else ()
-        return {fit.places[k]: max(abs(intervals[k][0][0]), abs(intervals[k][0][1])) for k in untold}
+        untold = [(place, block) for place, block, _ in fit.ways if place.definition.untold is not None]
+        if not untold:
+            return {}
+        possible, count = fit.possible(), len(fit.point)
+        ends = {place: np.add(possible.ends(count + b.start), fit.central[count + b.start]) for place, b in untold}
+        return {place: float(np.abs(both).max()) for place, both in ends.items()}
 
     def alone(self, place: EffectPlace) -> float:
         """Radius that one effect leaves, by the model linearised at the nominal fit."""

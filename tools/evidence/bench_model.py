@@ -1,6 +1,6 @@
 """The bench with effects, each acting in one way: where the table stands, readings, derivatives, exact fits."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -12,6 +12,7 @@ from ...models.effects import EffectPlace, Rows
 from ...models.effects.rows import Variant
 from ...models.restricted import CONTEXT_SIZE, INPUT
 from ..bounded.programmes import chebyshev_radius, least_squares
+from ..bounded.sets import Work
 from ..calibration.model import (
     Linearisation,
     Parametrisation,
@@ -36,6 +37,10 @@ ATTAINED = 1e-10
 """Relative difference between the radius of the programme and the largest misfit where it is attained."""
 ASTRAY = 10.0
 """No bench has a parameter as large [1], [rad], [g]: a fit that comes there runs away."""
+NEAR = 1e-4
+"""A step [1], [rad], [g] so small leads near enough to the fit to refuse what is far from standing."""
+SECOND_ORDER = 10.0
+"""A model differs from the linear one by at most so many times the square of a step's length, the sum of its parts."""
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
 USUAL = 0.9
@@ -128,15 +133,13 @@ class Visits:
         return replace(self, at=at, circumstances=self.circumstances.selected(rows))
 
     def rows(self, point: NDArray, at: Positions | None = None) -> Rows:
-        """What signatures see at a point (P,), or where the table really stands; derivatives by a complex step."""
+        """What signatures see at a point (P,), or where the table really stands; derivatives exact to rounding."""
         p, at, circumstances = self.parametrisation, self.at if at is None else at, self.circumstances
         n = predicted_input(p, point, at)
 
-        def slope(parameter: str | None, alpha: float = 0.0, beta: float = 0.0) -> NDArray:
-            moved = point + 1j * COMPLEX_STEP * np.array([symbol == parameter for symbol in p.symbols])
-            there = replace(at, alpha=at.alpha + 1j * COMPLEX_STEP * alpha, beta=at.beta + 1j * COMPLEX_STEP * beta)
-            return np.imag(predicted_reading(p, moved, there)) / COMPLEX_STEP
-
+        turned = replace(at, beta=at.beta + 1j * COMPLEX_STEP)
+        slopes = reading_jacobian(p, point, at)
+        kappa, outer, epsilon = (slopes[..., p.symbols.index(symbol)] for symbol in ("X1", "X2", "X3"))
         input_sense, sense_told = self._input_senses(point, at, n)
         targets = (p.selection @ point)[at.mounting]
         plus, minus = (targets[:, [TARGETS.index(pair[k]) for pair in SYMMETRIC_PAIRS]] for k in (0, 1))
@@ -146,10 +149,10 @@ class Visits:
             alpha=at.alpha - vertical,
             beta=at.beta,
             n=n,
-            by_alpha=slope(None, alpha=1.0),
-            by_beta=slope(None, beta=1.0),
-            by_kappa=slope("X1"),
-            by_epsilon=slope("X3"),
+            by_alpha=-outer,
+            by_beta=np.imag(predicted_reading(p, point, turned)) / COMPLEX_STEP,
+            by_kappa=kappa,
+            by_epsilon=epsilon,
             temperature=circumstances.temperature,
             sense_alpha=circumstances.sense_alpha,
             sense_beta=circumstances.sense_beta,
@@ -430,12 +433,20 @@ def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Va
     return left
 
 
-def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
+def fitted(
+    readings: Readings,
+    cast: Cast,
+    start: NDArray,
+    limit: Callable[[Fit], float] = lambda fit: np.inf,
+    work: Work | None = None,
+) -> Fit | None:
     """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
 
-    It begins at parameters (P,) of the bench; None where it leaves the way in which an effect acts, or runs away.
+    It begins at parameters (P,) of the bench; None where it leaves the way in which an effect acts, or runs away, or
+    where its radius is surely above the limit: then what the last steps would change is not worth their work, which is
+    counted.
     """
-    reading, count = readings.reading.ravel(), len(start)
+    reading, count, work = readings.reading.ravel(), len(start), work or Work()
     begun = cast.variants(readings, readings.rows(start))
     if begun is None:
         return None
@@ -446,10 +457,18 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
             x[count:][block] = 0.5 * (variant.low + variant.high)
 
     def model_at(x: NDArray) -> Model | None:
+        work.add(model_work(readings))
         astray = not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all())
         return None if astray else cast.model(readings, x[:count], x[count:], blocks)
 
-    model = model_at(x)
+    def centred(x: NDArray, model: Model, estimate: NDArray) -> Fit:
+        residual = reading - model.reading
+        work.programme(*model.jacobian.shape)
+        radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
+        at = (x, step, residual, model.bound, model.jacobian)
+        return Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants)
+
+    model, near = model_at(x), False
     for iteration in range(MAX_ITERATIONS + 1):
         if model is None:
             return None
@@ -458,24 +477,34 @@ def fitted(readings: Readings, cast: Cast, start: NDArray) -> Fit | None:
             break
         x = x + step
         model = model_at(x)
+        if model is not None and not near and np.abs(step).max(initial=0.0) < NEAR:
+            near, tried = True, centred(x, model, x)
+            # By how much the programmes to come may end lower: the second order of the steps that remain.
+            more = SECOND_ORDER * float(np.abs(tried.step).sum() ** 2 / model.bound.min())
+            if tried.radius > limit(tried) + more:
+                return None
     assert model is not None
-    estimate, residual = x, reading - model.reading
-    radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
+    estimate, fit = x, centred(x, model, x)
     for _ in range(MAX_MOVES):
         # Noise may be at its very bound: then the second order of the step to the centre must not count either.
-        x = x + step
+        x = x + fit.step
         model = model_at(x)
         if model is None:
             return None
-        residual = reading - model.reading
-        attained = float(np.abs(residual / model.bound).max(initial=0.0))
-        if attained <= radius + ATTAINED * max(1.0, radius):
+        attained = float(np.abs((reading - model.reading) / model.bound).max(initial=0.0))
+        if attained <= fit.radius + ATTAINED * max(1.0, fit.radius):
             break
-        radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
+        fit = centred(x, model, estimate)
+    residual = reading - model.reading
     radius = float(np.abs(residual / model.bound).max(initial=0.0))
     at = (x, np.zeros(len(x)), residual, model.bound, model.jacobian)
     fit = Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants)
     return fit if _stands(fit, model.rows) else None
+
+
+def model_work(readings: Visits) -> float:
+    """The work of one model of these readings."""
+    return 2000.0 + 20.0 * len(readings)
 
 
 def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray, before: Fit | None = None) -> Fit:

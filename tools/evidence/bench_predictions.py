@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from ...fmus.parameters import component_parameters
 from ...models.bench import TARGETS, admissible
-from ...models.effects import EffectPlace
+from ...models.effects import EffectPlace, Rows
 from ..bounded.programmes import Possible, column_space, cosine, least_largest, spaces_beyond
 from ..calibration.model import (
     PRESETS,
@@ -232,45 +232,68 @@ def _possible_visits(
 # Mountings
 
 
-def dense_spaces(p: Parametrisation, places: Sequence[EffectPlace]) -> list[NDArray]:
-    """What each effect's signature adds to the nominal model over a dense set of positions, as orthonormal columns.
+@dataclass(frozen=True)
+class DenseVisits:
+    """A dense set of positions: what signatures see there, and what the bench's parameters can do (M, P).
 
     The positions cover the sphere with every mounting, no input near zero; times, temperatures and senses come in an
     order that no angle follows. To first order: the model is linearised at a faultless bench.
     """
-    angles = np.radians(np.arange(0.5 * DENSE_STEP_DEG, 360.0, DENSE_STEP_DEG))
-    at, point = every_position(p, angles), np.zeros(len(p.symbols))
-    bench = reading_jacobian(p, point, at).reshape(3 * len(at.alpha), -1)
-    index = np.arange(len(at.alpha))
-    # Fractional parts of multiples of irrational numbers fill the unit interval evenly and are unrelated.
-    time, temperature, first, second = (index * step % 1.0 for step in (0.618034, 0.414214, 0.732051, 0.236068))
-    senses = np.where(first < 0.5, -1.0, 1.0), np.where(second < 0.5, -1.0, 1.0)
-    rows = Visits(p, at, Circumstances(time, 20.0 + 10.0 * temperature, *senses, True)).rows(point)
-    return spaces_beyond(bench, [signature_columns([place], rows) for place in places])
+
+    rows: Rows
+    bench: NDArray
+
+    @staticmethod
+    def of(p: Parametrisation) -> "DenseVisits":
+        """Those with the mountings of a parametrisation."""
+        angles = np.radians(np.arange(0.5 * DENSE_STEP_DEG, 360.0, DENSE_STEP_DEG))
+        at, point = every_position(p, angles), np.zeros(len(p.symbols))
+        bench = reading_jacobian(p, point, at).reshape(3 * len(at.alpha), -1)
+        index = np.arange(len(at.alpha))
+        # Fractional parts of multiples of irrational numbers fill the unit interval evenly and are unrelated.
+        time, temperature, first, second = (index * step % 1.0 for step in (0.618034, 0.414214, 0.732051, 0.236068))
+        senses = np.where(first < 0.5, -1.0, 1.0), np.where(second < 0.5, -1.0, 1.0)
+        visits = Visits(p, at, Circumstances(time, 20.0 + 10.0 * temperature, *senses, True))
+        return DenseVisits(visits.rows(point), column_space(bench))
+
+    def spaces(self, places: Sequence[EffectPlace]) -> list[NDArray]:
+        """What each effect's signature adds to the nominal model, as orthonormal columns."""
+        return spaces_beyond(self.bench, [signature_columns([place], self.rows) for place in places])
+
+
+def dense_spaces(p: Parametrisation, places: Sequence[EffectPlace]) -> list[NDArray]:
+    """What each effect's signature adds to the nominal model over a dense set of positions, as orthonormal columns."""
+    return DenseVisits.of(p).spaces(places)
 
 
 def second_mounting(
-    p: Parametrisation, first: Sequence[EffectPlace], second: Sequence[EffectPlace], titles: Sequence[str]
+    p: Parametrisation,
+    first: Sequence[EffectPlace],
+    second: Sequence[EffectPlace],
+    titles: Sequence[str],
+    known: dict[str, DenseVisits] | None = None,
 ) -> dict[str, Any] | None:
     """The preset that tells two sets of linear effects apart best; None where none does it better than the record's.
 
     Sets with their titles in words. ``correlation_before`` and ``correlation_after``: the largest correlation of what
-    the sets add to the model, over all positions, now and with both mountings.
+    the sets add to the model, over all positions, now and with both mountings. `known` keeps the positions with each
+    mounting for the next pair of sets.
     """
     if not first or not second:
         return None
+    visits = {} if known is None else known
 
-    def correlation(more: Mapping[str, NDArray]) -> float:
-        mountings = dict(zip(p.mountings, p.matrices, strict=True)) | dict(more)
-        spaces = dense_spaces(parametrise(mountings, symmetric=p.symmetric), [*first, *second])
+    def correlation(name: str = "") -> float:
+        if name not in visits:
+            mountings = dict(zip(p.mountings, p.matrices, strict=True)) | ({name: PRESETS[name]} if name else {})
+            visits[name] = DenseVisits.of(parametrise(mountings, symmetric=p.symmetric))
+        spaces = visits[name].spaces([*first, *second])
         a, b = (column_space(np.hstack(part)) for part in (spaces[: len(first)], spaces[len(first) :]))
         return cosine(a, b) if a.shape[1] and b.shape[1] else 1.0
 
     own = [np.round(matrix, 9).tolist() for matrix in p.matrices]
-    before = correlation({})
-    after = {
-        name: correlation({name: matrix}) for name, matrix in PRESETS.items() if np.round(matrix, 9).tolist() not in own
-    }
+    before = correlation()
+    after = {name: correlation(name) for name, matrix in PRESETS.items() if np.round(matrix, 9).tolist() not in own}
     if not after:
         return None
     # Of presets that do about as well, the first: it is the easiest to mount.
@@ -285,12 +308,13 @@ def helpful_mounting(
     p: Parametrisation, fits: Sequence[Fit], positions: Sequence[Mapping[str, Any]], sure: float
 ) -> dict[str, Any] | None:
     """A mounting that tells apart two candidates that no further position with the record's mountings surely does."""
+    known: dict[str, DenseVisits] = {}
     settled = [set(entry["separates"]) for entry in positions if entry["apart_g"] > sure]
     for first, second in combinations(fits[:MOST_CANDIDATES], 2):
         titles = first.title, second.title
         if any(names >= set(titles) for names in settled) or not (first.linear and second.linear):
             continue
-        found = second_mounting(p, lasting_part(first)[0], lasting_part(second)[0], titles)
+        found = second_mounting(p, lasting_part(first)[0], lasting_part(second)[0], titles, known)
         if found is not None:
             return found
     return None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius, column_space, spaces_beyond
-from ..bounded.sets import Problem, sets_of_size
+from ..bounded.sets import Problem, Work, sets_of_size
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits
 
 FOLDS = 8
@@ -290,15 +290,21 @@ class Evidence:
                 found.append(place)
         return tuple(found)
 
-    def candidates(self, size: int, among: Sequence[EffectPlace] | None = None) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects, by default one of each class, that no bound refuses; the most promising first."""
+    def candidates(
+        self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
+    ) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of so many effects, by default one of each class, that no bound refuses; the most promising first.
+
+        What that costs is added to the work, as it is in `mended`.
+        """
         places = self.classes.places if among is None else among
         problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
-        for chosen in sets_of_size(problem, size, self.limit - 1.0, most_outliers=0):
+        for chosen in sets_of_size(problem, size, self.limit - 1.0, 0, work):
             yield tuple(places[i] for i in chosen.effects)
 
-    def mended(self, places: Sequence[EffectPlace]) -> Fit | None:
+    def mended(self, places: Sequence[EffectPlace], work: Work) -> Fit | None:
         """The fit of a set of effects with possible sizes; None where the model does not stand with them."""
+        work.programme(len(self.residual), self.nominal.shape[1] + len(self.numbers_of(places)))
         fit = self.refit(places)
         return fit if fit.radius <= self.limit else None
 

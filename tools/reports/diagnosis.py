@@ -55,6 +55,8 @@ def sentences_of(finding: Finding, result: Diagnosis) -> str:
 def lines(result: Diagnosis) -> list[str]:
     """Verdict, evidence, causes and gain."""
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
+    if result.verdict == "unexplained" and result.cut_off_at is not None:
+        said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position)}")
@@ -93,8 +95,8 @@ def _bench_lines(result: Diagnosis) -> list[str]:
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
             f"correlation {nearest(other.correlation_before)} -> {nearest(other.correlation_after)}"
         )
-    if result.complete is False:
-        said.append("warning: the search was cut off: more sets of effects would make the model consistent")
+    if result.cut_off_at is not None:
+        said.append(f"warning: {cut_off(result.cut_off_at)}")
     return said + _structure_lines(result, "residual of accelerometer", 5)
 
 
@@ -293,6 +295,13 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
     return given | versions()
 
 
+def cut_off(size: int) -> str:
+    """That the search was cut off among sets of a size, and after what."""
+    smaller = {1: "", 2: "no single effect will do; ", 3: "no set of one or two effects will do; "}[size]
+    sets = {1: "single effects", 2: "sets of two", 3: "sets of three"}[size]
+    return f"the search was cut off: {smaller}{sets} were not all tried"
+
+
 def verdict_sentence(result: Diagnosis) -> str:
     """The verdict, with the cause when one is named."""
     lacks = "The simulation lacks something"
@@ -302,6 +311,9 @@ def verdict_sentence(result: Diagnosis) -> str:
         return f"{lacks}, and the record does not say what: {rivals(result)}"
     if of_bench(result):
         nominal = result.evidence.calibration
+        if result.verdict == "unexplained" and result.cut_off_at is not None:
+            said = sentence(cut_off(result.cut_off_at))
+            return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
         if result.verdict == "unexplained":
             return (
                 f"{lacks} that is not in the catalogue: no parameters leave less than {residual(nominal.radius)} σ, "
@@ -313,6 +325,8 @@ def verdict_sentence(result: Diagnosis) -> str:
         return sentence(bench.VERDICTS[result.verdict])
     if result.verdict == "unexplained":
         why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
+        if result.cut_off_at is not None and not result.not_named:
+            why = cut_off(result.cut_off_at)
         return f"{lacks}: its largest error is {residual(result.baseline.radius or 0.0)} times its bound, and {why}."
     if result.verdict == "insufficient" and result.missing:
         return f"Too little was measured to judge the simulation. To add: {'; '.join(map(str, result.missing))}."
@@ -329,7 +343,8 @@ def rivals(result: Diagnosis) -> str:
     sets = sets_of(result)
     said = f"{' or '.join(finding.title for finding in sets)} would explain it."
     if result.complete is False or len(sets) > FEW_RIVALS:
-        said = f"{len(sets)}{' or more' if result.complete is False else ''} sets of effects would explain it."
+        count = f"{len(sets)} set{'s' * (len(sets) != 1)}"
+        said = f"{count}{' or more' if result.complete is False else ''} of effects would explain it."
     proposed = len(result.next_positions or ())
     if not proposed:
         return said
@@ -395,8 +410,8 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
             f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
             f"their correlation falls from {nearest(other.correlation_before)} to {nearest(other.correlation_after)}."
         )
-    if result.complete is False:
-        said.append("The search was cut off: more sets of effects would make the model consistent.")
+    if result.cut_off_at is not None:
+        said.append(sentence(cut_off(result.cut_off_at)))
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
     return Section(
         "The cause" if named else "Causes that remain",

@@ -12,10 +12,14 @@ from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.procedure import diagnosed as diagnosed_evidence
+from trihedron.tools.diagnosis.procedure import search
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
 from trihedron.tools.evidence.bench_model import with_possible_sizes
+from trihedron.tools.records import PositionRecord
+from trihedron.tools.reports.diagnosis import lines as told_lines
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.draw import Case
 from trihedron.tools.trials.outcome import diagnosed
@@ -188,3 +192,45 @@ def test_impossible_sizes_are_no_cause():
     fit = bent.refit([CUBIC_1])
     assert not fit.is_possible
     assert with_possible_sizes(fit, 1.0, LARGEST_OF_BENCH) is None
+
+
+def walking(seed: int, positions: int = 24, step: float = 1e-5) -> PositionRecord:
+    """The record of a bench whose first accelerometer's bias walks: no effect of the catalogue."""
+    rng = np.random.default_rng(seed)
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, positions))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (positions, 3))
+    noise[:, 0] += np.cumsum(rng.normal(0.0, step, positions))
+    return simulated(random_bench(rng), alpha, beta, noise)
+
+
+def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets():
+    evidence = bench_evidence(walking(1), noise_bound=NOISE_BOUND)
+    work = [search(evidence, most_work=limit) for limit in (3e5, 3e5, 1e3)]
+    assert [(found.complete, found.size) for found in work] == [(False, 3), (False, 3), (False, 1)]
+    assert [fit.title for fit in work[0].fits] == [fit.title for fit in work[1].fits]
+    result = diagnosed_evidence(evidence, most_work=1e3)
+    assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 1)
+    assert result.to_json()["cut_off_at"] == 1
+    said = told_lines(result)
+    assert "nothing that was tried mends it" in said[0]
+    assert "warning: the search was cut off: single effects were not all tried" in said
+
+
+def test_what_was_found_before_the_search_was_cut_off_stands():
+    rng = np.random.default_rng(3)
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, 16))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (16, 3))
+    noise[:, 1] += 4e-5 * np.arange(16) / 15.0
+    evidence = bench_evidence(simulated(random_bench(rng), alpha, beta, noise), noise_bound=NOISE_BOUND)
+    every = {fit.title for fit in search(evidence).fits}
+    for limit in np.geomspace(3e4, 1e6, 8):
+        found = search(evidence, most_work=limit)
+        if found.fits and not found.complete:
+            break
+    assert 0 < len(found.fits) < len(every)
+    assert {fit.title for fit in found.fits} < every
+    result = diagnosed_evidence(evidence, most_work=limit)
+    assert (result.verdict, result.complete, result.cut_off_at) == ("ambiguous", False, 1)
+    assert "or more of effects" in "\n".join(told_lines(result)) or "were not all tried" in "\n".join(
+        told_lines(result)
+    )
