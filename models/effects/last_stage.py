@@ -192,15 +192,23 @@ def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vec
 
 
 def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
-    """The largest step of which the readings are multiples; they lie within half a step of what they would be."""
-    p = place.index
+    """The largest steps of which the readings, within half a step of the inputs, are multiples, exactly and to σ.
+
+    Noise after the rounding, when it is at its very bound or comes in steps of its own, makes readings that are exact
+    multiples of a fine step and to σ of a coarse one: both are tried.
+    """
+    p, found = place.index, []
     tolerance = max(FINEST, rows.resolution)
     step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, COARSE * tolerance))
-    limits = None if step is None else (step - tolerance, step + tolerance)
-    if limits is None:
-        limits = noisy_step(reading[:, p], sigma + tolerance)
-    if limits is None:
-        return []
+    if step is not None:
+        found.append((step - tolerance, step + tolerance))
+    noisy = noisy_step(reading[:, p], sigma + tolerance)
+    if noisy is not None and (step is None or noisy[0] > 1.5 * step):
+        found.append(noisy)
+    return [_quantisation_variant(p, rows, limits) for limits in found]
+
+
+def _quantisation_variant(p: int, rows: Rows, limits: tuple[float, float]) -> Variant:
     step = 0.5 * (limits[0] + limits[1])
     rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
 
@@ -210,7 +218,7 @@ def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.fl
         # The bench was fitted to readings that rounding had moved, by some part of a step.
         return at_readings(others.n.shape, np.flatnonzero(from_edge < 2.0 * sigma + 0.25 * step), p)
 
-    return [variant(rows.n.shape, (limits,), widening=np.where(rounded, 0.5 * step, 0.0), undecided=undecided)]
+    return variant(rows.n.shape, (limits,), widening=np.where(rounded, 0.5 * step, 0.0), undecided=undecided)
 
 
 def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
