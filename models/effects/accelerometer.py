@@ -195,6 +195,11 @@ SCALE_DRIFT = accelerometer_effect(
 )
 
 
+def open_temperature(place: EffectPlace, values: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
+    """What half a last digit of the temperature makes of values (N,) per kelvin, in the readings (N, 3)."""
+    return accelerometer_column(place, values * rows.temperature_resolution)[..., 0]
+
+
 def temperature_bias(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:
     """Add c (T - 20) to the reading of accelerometer p."""
     added[p] = added[p] + coefficient * (context[TEMPERATURE] - NOMINAL_TEMPERATURE)
@@ -206,7 +211,7 @@ TEMPERATURE_BIAS = accelerometer_effect(
     lambda place, rows: above_nominal(rows),
     "the bias of accelerometer {p} changes by {coefficient:+.2e} g per kelvin",
     needs=("temperature",),
-    open_argument=lambda place, rows: rows.temperature_resolution,
+    open_argument=lambda place, rows: open_temperature(place, np.ones(len(rows.hours)), rows),
     formula="Δf_{p}/g = {coefficient} (T − 20 °C)",
 )
 
@@ -222,7 +227,7 @@ TEMPERATURE_SCALE = accelerometer_effect(
     lambda place, rows: above_nominal(rows) * own_input(place, rows),
     "the scale factor of accelerometer {p} changes by {coefficient:+.2e} per kelvin",
     needs=("temperature",),
-    open_argument=lambda place, rows: rows.temperature_resolution,
+    open_argument=lambda place, rows: open_temperature(place, np.abs(own_input(place, rows)), rows),
     degree=1,
     formula="Δf_{p}/g = {coefficient} (T − 20 °C) n_{p}",
 )

@@ -169,14 +169,14 @@ class Effect:
         in the inputs: readings tell the inputs only up to the factor 1 − Δg/g, and a coefficient of this degree up to
         a power of it
     untold : callable or None
-        of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): its
-        largest size per unit of the coefficient where it is not told. The signature vanishes there
+        of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): by how
+        much a reading [g] may differ per unit of the coefficient where it is not told. The signature vanishes there
     formula : str
         what it adds, for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
         {order} stand in braces (`trihedron.tools.document.notation`); empty where the sentence says it all
     open_argument : callable or None
-        place, rows -> by how much a reading [g] may differ per unit of the size of the coefficients, within what is
-        told of the quantity that the effect depends on; None where that is exact
+        place, rows -> (N, 3): by how much a reading [g] may differ per unit of the size of the coefficients, within
+        what is told of the quantity that the effect depends on; None where that is exact
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places
     in_motion : bool
@@ -199,7 +199,7 @@ class Effect:
     degree: int = 0
     untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     formula: str = ""
-    open_argument: Callable[[EffectPlace, Rows], float] | None = None
+    open_argument: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
 

@@ -185,9 +185,9 @@ def sag_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     return small
 
 
-def open_sine(place: EffectPlace, rows: Rows) -> float:
+def open_sine(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     """Whether the sine of the outer angle counts from the encoder's zero or from the vertical is of second order."""
-    return abs(rows.from_vertical) if place.index == 1 else 0.0
+    return np.abs(rows.by_beta) * (abs(rows.from_vertical) if place.index == 1 else 0.0)
 
 
 SAG = table_effect(

@@ -15,7 +15,7 @@ from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, R
 from trihedron.models.effects.definition import turned
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration.model import Positions, linearise, parametrise
-from trihedron.tools.evidence.bench_model import Circumstances, Visits, added_bound, signature_columns
+from trihedron.tools.evidence.bench_model import Circumstances, Visits, left_open, signature_columns, untold_readings
 from trihedron.tools.evidence.fit import linear_intervals
 
 CONTRACT = {
@@ -73,7 +73,7 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
     rows = true_bench()[1]
     columns = signature_columns([place], rows)
     assert columns.shape[1] == len(effect.parameters)
-    told = added_bound([place], rows) == 0.0
+    told = ~untold_readings([place], rows)
     for k in range(columns.shape[1]):
         slopes = []
         for size in (1e-3, 5e-4):
@@ -82,9 +82,8 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
             slopes.append((up - down) / (2.0 * size))
         derivative = (4.0 * slopes[1] - slopes[0]) / 3.0
         assert np.abs(derivative.ravel() - columns[:, k])[told].max() < 2e-9
-        # Where the record does not tell, the effect is within what the bound grows by for its largest size.
-        reached = np.abs(derivative.ravel()[~told]) * effect.parameters[0].largest
-        assert np.all(reached <= added_bound([place], rows)[~told] * (1.0 + 2e-9))
+        # Where the record does not tell, the effect is within what the bound grows by for its size.
+        assert np.all(np.abs(derivative.ravel()[~told]) <= left_open(place, rows)[~told] * (1.0 + 2e-9))
         assert np.abs(columns[:, k]).max() > 0.0
 
 

@@ -7,6 +7,7 @@ that their solution violates, until it violates none.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import highspy
 import numpy as np
@@ -46,6 +47,38 @@ OTHER_STRATEGIES = ((DUAL_SIMPLEX, "off"), (PRIMAL_SIMPLEX, "off"), (DUAL_SIMPLE
 
 class SolverError(ArithmeticError):
     """A programme that must have a solution was not solved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """By how much bounds grow with the solution: `now` + `rows` x, for a step x between `low` and `high`.
+
+    `now` (M,), `rows` (M, n); `low`, `high` (n,) are finite where the column has a part in it. The growth is nowhere
+    negative between them: what grows with the size of a coefficient of either sign is one such branch for each sign.
+    """
+
+    now: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    def at(self, step: NDArray) -> NDArray[np.float64]:
+        """Growth (M,) at a step (n,)."""
+        return self.now + self.rows @ step
+
+    def moved(self, step: NDArray) -> "Growth":
+        """The same about another point, a step (n,) away."""
+        return Growth(self.at(step), self.rows, self.low - step, self.high - step)
+
+    def of(self, rows: NDArray) -> "Growth":
+        """The same for some of the rows (indices)."""
+        return Growth(self.now[rows], self.rows[rows], self.low, self.high)
+
+    def beside(self, more: int) -> "Growth":
+        """The same with so many columns more, which have no part in it."""
+        free = np.full(more, np.inf)
+        rows = np.hstack((self.rows, np.zeros((len(self.rows), more))))
+        return Growth(self.now, rows, np.append(self.low, -free), np.append(self.high, free))
 
 
 class Polytope:
@@ -125,23 +158,30 @@ def chebyshev_radius(
     *,
     low: NDArray | None = None,
     high: NDArray | None = None,
+    growth: Growth | None = None,
 ) -> tuple[float, NDArray, NDArray]:
     """The least possible max |residual − jacobian x| / bound, with the proof that nothing less is possible.
 
     The jacobian (M, n) may have any rank; the units of its columns do not matter. Bounds (M,) are positive; `low` and
-    `high` (n,) are ends of x: the duals prove the radius only without them.
+    `high` (n,) are ends of x: the duals prove the radius only without them. With a `growth`, which has ends of its own,
+    it is the least ρ with |residual − jacobian x| ≤ ρ bound + growth(x): what is granted is paid for by its size.
 
     Radius: above 1 no x keeps every residual within its bound; x: a centre; duals (M,): jacobian'duals = 0, sum of
     bound·|duals| = 1, residual'duals = radius: the measurements with a dual other than zero, at most rank + 1, prove
     the radius by themselves.
     """
+    free = np.full(jacobian.shape[1], highspy.kHighsInf)
+    low, high = -free if low is None else low, free if high is None else high
+    if growth is not None:
+        low, high = np.maximum(low, growth.low), np.minimum(high, growth.high)
     taken = first_rows(jacobian / bound[:, None])
     while True:
-        every = np.zeros(len(bound))
-        radius, x, every[taken] = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high))
+        every, own = np.zeros(len(bound)), None if growth is None else growth.of(taken)
+        radius, x, every[taken] = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high), own)
         if len(taken) == len(bound):
             return radius, x, every
-        excess = np.abs(residual - jacobian @ x) / bound - radius
+        grown = 0.0 if growth is None else growth.at(x)
+        excess = (np.abs(residual - jacobian @ x) - grown) / bound - radius
         more = _most_violated(excess, taken, TOLERANCE * max(1.0, radius))
         if not len(more):
             return radius, x, every
@@ -149,28 +189,27 @@ def chebyshev_radius(
 
 
 def _chebyshev(
-    jacobian: NDArray, residual: NDArray, bound: NDArray, ends: tuple[NDArray | None, NDArray | None]
+    jacobian: NDArray, residual: NDArray, bound: NDArray, ends: tuple[NDArray, NDArray], growth: Growth | None
 ) -> tuple[float, NDArray, NDArray]:
     """`chebyshev_radius` with all rows at once."""
     rows, columns = jacobian.shape
     target = residual / bound
-    size = np.abs(jacobian / bound[:, None]).max(axis=0, initial=0.0) if rows else np.zeros(columns)
+    by, now = (np.zeros_like(jacobian), 0.0) if growth is None else (growth.rows, growth.now / bound)
+    largest = np.maximum(np.abs(jacobian), np.abs(by)) / bound[:, None]
+    size = largest.max(axis=0, initial=0.0) if rows else np.zeros(columns)
     size[size == 0.0] = 1.0
-    matrix = jacobian / bound[:, None] / size
+    matrix, grown = jacobian / bound[:, None] / size, by / bound[:, None] / size
     stretch = max(1.0, float(np.abs(target).max(initial=0.0)))
-    both = np.block([[matrix, np.ones((rows, 1))], [matrix, -np.ones((rows, 1))]])
+    both = np.block([[matrix + grown, np.ones((rows, 1))], [matrix - grown, -np.ones((rows, 1))]])
     infinite = np.full(rows, highspy.kHighsInf)
-    free = np.full(columns, highspy.kHighsInf)
-    low, high = (
-        free * sign if end is None else end * size / stretch for end, sign in zip(ends, (-1.0, 1.0), strict=True)
-    )
+    low, high = (end * size / stretch for end in ends)
     highs = _model(
         np.append(np.zeros(columns), 1.0),
         np.append(low, 0.0),
         np.append(high, highspy.kHighsInf),
         both,
-        np.concatenate([target, -infinite]) / np.append(np.full(rows, stretch), np.ones(rows)),
-        np.concatenate([infinite, target / stretch]),
+        np.append((target - now) / stretch, -infinite),
+        np.append(infinite, (target + now) / stretch),
     )
     solution = solved(highs)
     values = np.array(solution.col_value) * stretch
@@ -282,25 +321,42 @@ class Possible:
 
     The jacobian (M, n) may have any rank; the units of its columns do not matter. `left` (M,) are the errors at the
     fit; where one is beyond its bound, that much is allowed. Of more rows than `most_rows` so many are taken, spread
-    over all: fewer rows leave more possible, so what they bound is bounded.
+    over all: fewer rows leave more possible, so what they bound is bounded. With `growths` of the bounds about the fit
+    the set is the union of their branches; the fit lies in the first.
 
-    `matrix`, `lower`, `upper`: the same set as lower ≤ matrix y ≤ upper; `span` (n, rank): orthonormal basis of what
-    the rows determine of the columns times their `scale` (n,): x = span y / scale.
+    `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper; `span` (n, rank):
+    orthonormal basis of what the rows determine of the columns times their `scale` (n,): x = span y / scale.
     """
 
-    def __init__(self, jacobian: NDArray, left: NDArray, bound: NDArray, most_rows: int | None = None) -> None:
+    def __init__(
+        self,
+        jacobian: NDArray,
+        left: NDArray,
+        bound: NDArray,
+        most_rows: int | None = None,
+        growths: Sequence[Growth] = (),
+    ) -> None:
         if most_rows is not None and len(left) > most_rows:
             rows = np.linspace(0, len(left) - 1, most_rows).round().astype(int)
             jacobian, left, bound = jacobian[rows], left[rows], bound[rows]
-        bound = np.maximum(bound, np.abs(left)) * (1.0 + ROOM)
+            growths = [growth.of(rows) for growth in growths]
+        now = growths[0].now if growths else 0.0
+        bound = np.maximum(bound, np.abs(left) - now) * (1.0 + ROOM)
         self.scale = np.abs(jacobian).max(axis=0, initial=0.0)
         self.scale[self.scale == 0.0] = 1.0
-        scaled = jacobian / self.scale
-        _, values, directions = np.linalg.svd(scaled, full_matrices=False)
+        first = [(jacobian, bound, left - bound, left + bound)]
+        # The fit's own branch has it in; any other may be empty.
+        some = [g for k, g in enumerate(growths) if k == 0 or _is_some(jacobian, left, bound, g)]
+        branches = [grown_rows(jacobian, left, bound, growth) for growth in some] or first
+        _, values, directions = np.linalg.svd(branches[0][0] / self.scale, full_matrices=False)
         self.span = directions[values > LEAST_VALUE * values.max(initial=0.0)].T
-        self.matrix, self.lower, self.upper = scaled @ self.span, left - bound, left + bound
-        self._polytope = Polytope(self.matrix, bound)
-        self._polytope.confine(self.lower, self.upper)
+        self._polytopes: list[Polytope] = []
+        for rows, size, lower, upper in branches:
+            polytope = Polytope(rows / self.scale @ self.span, size)
+            polytope.confine(lower, upper)
+            self._polytopes.append(polytope)
+        rows, _, self.lower, self.upper = branches[0]
+        self.matrix = rows / self.scale @ self.span
 
     def reach(self, weights: NDArray) -> float:
         """How far weights'x (n,) can go; infinite where nothing bounds it."""
@@ -309,7 +365,7 @@ class Possible:
         if np.linalg.norm(weights - self.span @ inside) > DETERMINED * np.linalg.norm(weights):
             return math.inf
         try:
-            return self._polytope.maximise(inside)[0]
+            return max(polytope.maximise(inside)[0] for polytope in self._polytopes)
         except SolverError:
             return math.inf
 
@@ -327,6 +383,31 @@ class Possible:
             return self.reach(weights)
 
         return reach
+
+
+def _is_some(jacobian: NDArray, left: NDArray, bound: NDArray, growth: Growth) -> bool:
+    """Whether any step keeps every error within its bound and its growth."""
+    return chebyshev_radius(jacobian, left, bound, growth=growth)[0] <= 1.0
+
+
+def grown_rows(
+    jacobian: NDArray, left: NDArray, bound: NDArray, growth: Growth
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """{x: |left − jacobian x| ≤ bound + growth(x)} as rows with their sizes, and lower and upper ends.
+
+    A row that grows is two, one for each of its ends: on the other side they reach as far as the growth can.
+    """
+    paid, split = np.flatnonzero(growth.rows.any(axis=0)), growth.rows.any(axis=1)
+    own, low, high = growth.rows[:, paid], growth.low[paid], growth.high[paid]
+    allowed, most = bound + growth.now, 2.0 * np.maximum(own * low, own * high).sum(axis=1)
+    # An end of a coefficient is a row like the others: of the size that it has in them.
+    scale = np.maximum(np.abs(jacobian), np.abs(growth.rows)).max(axis=0)
+    ends = np.diag(scale)[paid]
+    rows = np.vstack((jacobian + growth.rows, (jacobian - growth.rows)[split], ends))
+    size = np.concatenate((bound, bound[split], np.full(len(paid), bound.min())))
+    lower = np.concatenate((left - allowed, (left - allowed - most)[split], low * scale[paid]))
+    upper = np.concatenate((left + allowed + most, (left + allowed)[split], high * scale[paid]))
+    return rows, size, lower, upper
 
 
 def largest_length(reach: Reach) -> float:

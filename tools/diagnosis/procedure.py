@@ -85,10 +85,14 @@ def diagnosed(
     if not found.fits or evidence.objections():
         return _unexplained(evidence, told, evidence.objections())
     groups = equivalence_groups(evidence, found.fits)
-    stated = [centred(evidence, group[0]) for group in groups[: evidence.most_sets]]
-    findings = [Finding(causes_of(evidence, fit), fit) for fit in stated]
-    best = findings[0]
-    told |= {"findings": findings, "judgement": _judgement(evidence, best.fit)}
+    tried = [_finding(evidence, group) for group in groups[: evidence.most_sets]]
+    findings = [finding for finding in tried if finding.acts]
+    idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
+    if not findings:
+        return _unexplained(evidence, told, idle)
+    best, judgement = findings[0], _judgement(evidence, findings[0].fit)
+    told |= {"findings": findings, "judgement": judgement}
+    objections = tuple(text for witness in _heard(judgement) for text in witness.objections)
     if len(groups) > 1 or not found.complete:
         return _result(
             "ambiguous",
@@ -96,16 +100,20 @@ def diagnosed(
             evidence.probe([finding.fit for finding in findings]),
             alternatives=tuple(finding.causes for finding in findings[1:]),
             complete=found.complete,
+            not_named=idle,
+            objections=objections,
         )
-    if evidence.decisive:
-        # What is needed most comes first; what has no witness is not named.
-        heard = sorted(told["judgement"], key=lambda witness: -witness.rms_without)
+    if not isinstance(judgement, Witness):
+        # What is needed most comes first.
+        heard = sorted(judgement, key=lambda witness: -witness.rms_without)
         best = best.in_order([witness.place for witness in heard])
-        told |= {"findings": [best], "judgement": heard}
-        alone = only_at_one_length(evidence, best.fit, told["lengths"])
-        objections = (*(witness.objection for witness in heard if witness.objection is not None), *alone)
-        if objections:
-            return _unexplained(evidence, told, objections)
+        objections = tuple(text for witness in heard for text in witness.objections)
+        objections += only_at_one_length(evidence, best.fit, told["lengths"])
+        told |= {"judgement": heard}
+    told |= {"findings": [best]}
+    # What has a witness against it is not named.
+    if objections:
+        return _unexplained(evidence, told, objections)
     excluded = excluded_sizes(evidence, best.fit)
     return _result(
         "explained",
@@ -117,11 +125,23 @@ def diagnosed(
     )
 
 
+def _finding(evidence: Evidence, group: Sequence[Fit]) -> Finding:
+    """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
+    findings = (Finding(causes_of(evidence, fit), fit) for fit in (centred(evidence, fit) for fit in group))
+    first = next(findings)
+    return first if first.acts else next((finding for finding in findings if finding.acts), first)
+
+
 def _judgement(evidence: Evidence, fit: Fit) -> Witness | list[EffectWitness]:
-    """What was left out says of the effects of a fit: of each where that is decisive, else of all together."""
-    if evidence.decisive:
-        return [EffectWitness.of(trial) for trial in evidence.trials(fit)]
-    return next(Witness.of(trial) for trial in evidence.trials(fit))
+    """What was left out says of the effects of a fit: of all together, or of each."""
+    trials = list(evidence.trials(fit))
+    if trials and trials[0].jointly:
+        return Witness.of(trials[0])
+    return [EffectWitness.of(trial) for trial in trials]
+
+
+def _heard(judgement: Witness | list[EffectWitness]) -> Sequence[Witness | EffectWitness]:
+    return [judgement] if isinstance(judgement, Witness) else judgement
 
 
 def _named(finding: Finding) -> dict[str, Any]:

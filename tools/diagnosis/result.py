@@ -110,6 +110,13 @@ class Cause(NamedEffect):
         )
 
     @property
+    def acts(self) -> bool:
+        """Whether the effect cannot be nothing: some parameter, phases aside, is not zero, and cannot be."""
+        sizes = [parameter for parameter in self.parameters if not parameter.name.endswith("phase")]
+        ends = [ends for p, ends in zip(self.parameters, self.intervals, strict=True) if p in sizes]
+        return any(not low <= 0.0 <= high for low, high in ends)
+
+    @property
     def sentence(self) -> str:
         """What an engineer is told."""
         effect = self.place.definition
@@ -127,6 +134,11 @@ class Finding:
     def title(self) -> str:
         """The effects in words."""
         return " and ".join(cause.place.title for cause in self.causes)
+
+    @property
+    def acts(self) -> bool:
+        """Whether none of the effects may be nothing."""
+        return all(cause.acts for cause in self.causes)
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
@@ -178,38 +190,69 @@ class Shuffles(Result):
         return self.as_good > CHANCE * self.tried
 
 
-class Witness(Result):
-    """What was left out says of effects of a set. None of it is evidence for them.
+class LargestError(Result):
+    """The error of a reading that was left out that noise explains least, over its bound, and what noise can make."""
 
-    Almost any effect improves some readings that were left out; but one that improves none, or no more than its own
-    signature does where it does not belong, deserves a warning.
+    position: int
+    accelerometer: int
+    error: Number
+    allowed: Number
+
+    @property
+    def objects(self) -> bool:
+        """Whether that speaks against the effects."""
+        return self.error > self.allowed
+
+
+class Witness(Result):
+    """What was left out says of the effects of a set, together.
+
+    None of it is evidence for them: almost any effect improves some readings that were left out. But effects that
+    improve none, or no more than their own signatures do where they do not belong, are not named; nor are those with
+    which a reading that was left out misses by more than noise within the bounds can make of it.
     """
 
     folds: Score | None
     blocks: Score | None
     shuffles: Shuffles | None
-    warnings: tuple[str, ...]
+    largest: LargestError | None
+    place_titles: tuple[str, ...] = Field(default=(), exclude=True)
 
     @staticmethod
     def of(trial: Trial) -> "Witness":
-        """The witness of a trial on a bench."""
+        """The witness of a trial of a whole set."""
         folds, blocks = (None if errors is None else Score.of(*errors) for errors in (trial.folds, trial.blocks))
         tried = None if folds is None else Shuffles.of(trial, folds.rms_after)
         shuffles = tried if tried is not None and tried.tried else None
-        said = []
-        if folds is None:
+        largest = None if trial.worst is None else LargestError(**vars(trial.worst))
+        titles = tuple(place.title for place in trial.places)
+        return Witness(folds=folds, blocks=blocks, shuffles=shuffles, largest=largest, place_titles=titles)
+
+    @property
+    def objections(self) -> tuple[str, ...]:
+        """Why the effects may not be named; none where they may."""
+        title, said = " and ".join(self.place_titles), []
+        if self.folds is not None and not self.folds.improves:
+            said.append(f"{title} would do, but does not improve positions that were left out")
+        if self.shuffles is not None and self.shuffles.objects:
             said.append(
-                "whether the effects improve positions that were left out could not be judged: too few positions"
+                f"{title} would do, but {self.shuffles.as_good} of {self.shuffles.tried} shuffles over the record "
+                "predict what was left out as well"
             )
-        elif not folds.improves:
-            said.append("the effects do not improve positions that were left out")
-        if blocks is not None and not blocks.improves:
-            said.append("the effects do not improve parts of the record, in time, that were left out")
-        if shuffles is not None and shuffles.objects:
+        if self.largest is not None and self.largest.objects:
+            where = f"{self.largest.position}/{self.largest.accelerometer}"
             said.append(
-                f"{shuffles.as_good} of {shuffles.tried} shuffles of the effects predict what was left out as well"
+                f"{title} would do, but the reading at position/accelerometer {where}, left out, misses by "
+                f"{self.largest.error:.1f} times its bound; noise makes {self.largest.allowed:.1f} at most"
             )
-        return Witness(folds=folds, blocks=blocks, shuffles=shuffles, warnings=tuple(said))
+        return tuple(said)
+
+    @property
+    def not_judged(self) -> str | None:
+        """What could not be asked, which is no objection."""
+        if self.folds is not None:
+            return None
+        return "whether the effects improve positions that were left out could not be judged: too few positions"
 
 
 class EffectWitness(Result):
@@ -237,17 +280,15 @@ class EffectWitness(Result):
         return f"{self.effect} {self.where}" if self.place is None else self.place.title
 
     @property
-    def objection(self) -> str | None:
-        """Why the effect may not be named; None where it may."""
+    def objections(self) -> tuple[str, ...]:
+        """Why the effect may not be named; none where it may."""
         title = self.title
         if not self.rms_with < self.rms_without:
-            return f"{title} does not improve the parts of the record that were left out"
+            return (f"{title} does not improve the parts of the record that were left out",)
         if not self.shuffles.objects:
-            return None
-        return (
-            f"{self.shuffles.as_good} of {self.shuffles.tried} shuffles of {title} over the record predict what was "
-            "left out as well"
-        )
+            return ()
+        shuffles = f"{self.shuffles.as_good} of {self.shuffles.tried} shuffles of {title} over the record"
+        return (f"{shuffles} predict what was left out as well",)
 
 
 def _rms(values: NDArray) -> float:
@@ -396,6 +437,8 @@ class Diagnosis(Told):
         other sets that no measurement of this kind could tell from the first
     not_named : tuple of str
         why a set that would do is not named
+    objections : tuple of str
+        what was left out says against the first of several sets
     evidence : Evidence
         of the record
     findings : tuple of Finding
@@ -429,6 +472,7 @@ class Diagnosis(Told):
     equivalent_sets: tuple[tuple[NamedEffect, ...], ...] | None = None
     judgement: Witness | tuple[EffectWitness, ...] | None = None
     not_named: tuple[str, ...] | None = None
+    objections: tuple[str, ...] | None = None
     second_mounting: SecondMounting | None = None
     targets: tuple[Target, ...] | None = None
     excluded: tuple[Excluded, ...] | None = None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ..bounded.programmes import Interval, chebyshev_radius, column_space
+from ..bounded.programmes import Interval, column_space
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.calibration import (
     Asked,
@@ -27,25 +27,29 @@ from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
 from ..result import finite_or_none
 from .bench_model import (
+    MAX_LEVERAGE,
     ROUNDS,
     Cast,
     Circumstances,
     Readings,
     Relaxation,
-    added_bound,
     centre_of,
     circumstances_of,
     fitted,
+    growths_of,
     is_linear,
+    least_radius,
+    left_open,
     model_work,
     predicted_errors,
     readings_at,
     signature_columns,
+    untold_readings,
     usual_misfit,
     with_possible_sizes,
 )
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
-from .evidence import Channel, Errors, Evidence, Trial
+from .evidence import Channel, Errors, Evidence, Trial, Worst
 from .fit import Classes, Fit, Gain
 
 FIT_TOLERANCE = 1e-8
@@ -56,6 +60,10 @@ are no bench with an effect."""
 FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
 """Every fifth position is left out in turn, and every quarter of the time."""
 FEWEST_SCORED = 6
+SURE_NOISE = 4.0
+"""So many standard deviations of a prediction no noise within the bounds makes, in all readings of a record."""
+UNIFORM = 3.0**-0.5
+"""Standard deviation of noise that is uniform within its bound, over it; noise at its very bound has one."""
 LEAST_SLACK = 0.05
 SECOND_ORDER = 5.0
 """The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
@@ -86,7 +94,6 @@ class Bench(Evidence):
     numbers: NDArray[np.int_]
     bounds: tuple[float, float]
 
-    decisive = False
     most_sets = None
     most_rows = None
 
@@ -156,7 +163,7 @@ class Bench(Evidence):
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
         """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
         rows = self.readings.rows(self.centre.point)
-        untold = [place for place in self.classes.places if added_bound([place], rows).any()]
+        untold = [place for place in self.classes.places if untold_readings([place], rows).any()]
         bent = [place for place in self.places if not is_linear(place)]
         return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
 
@@ -192,14 +199,17 @@ class Bench(Evidence):
             for one in more:
                 yield from self._linear_sets(one, places, chosen, size - 1, work)
             free = [place for place in free if place not in {one.places[-1] for one in more}]
-        part, kept = self._without(self.problem(centre, free), chosen)
+        problem = self.problem(centre, free)
+        part, kept = self._without(problem, chosen)
         for candidate in sets_of_size(part, size, self.slack(centre), work=work):
-            outliers = (divmod(int(kept[row]), 3) for row in candidate.outliers)
+            outliers = [int(kept[row]) for row in candidate.outliers]
+            if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + self.slack(centre):
+                continue
             yield frozenset(
                 (
                     *centre.places,
                     *(free[i] for i in candidate.effects),
-                    *(place_of(row + 1, accelerometer + 1) for row, accelerometer in outliers),
+                    *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
                 )
             )
 
@@ -233,6 +243,36 @@ class Bench(Evidence):
         columns = problem.columns[kept] * shrunk[:, None]
         return Problem(problem.residual[kept] * shrunk, nominal[kept] * shrunk[:, None], columns, problem.blocks), kept
 
+    def _paid_radius(
+        self,
+        problem: Problem,
+        chosen: Sequence[Relaxation],
+        effects: Sequence[int],
+        outliers: Sequence[int],
+        work: Work,
+    ) -> float:
+        """A lower bound of the radius of a set, in which what is not told of effects is paid for by their sizes.
+
+        The set has effects of the problem, outliers at some readings, and those that are `chosen`; 0 where each of
+        these is told, or bounded as well by `_without`.
+        """
+        untold = [mine for mine in chosen if not mine.ways]
+        if not untold:
+            return 0.0
+        bent = [mine for mine in chosen if mine.ways]
+        kept = ~np.any([np.zeros(len(self.bound), dtype=bool), *(mine.touched for mine in bent)], axis=0)
+        kept[outliers] = False
+        own = [problem.columns[:, problem.blocks[effect]] for effect in effects]
+        jacobian = np.hstack([problem.nominal, *own, *(mine.columns / self.bound[:, None] for mine in untold)])
+        columns = {mine.place: jacobian.shape[1] - len(untold) + k for k, mine in enumerate(untold)}
+        rate = np.zeros(jacobian.shape)
+        for mine in untold:
+            rate[:, columns[mine.place]] = mine.rate / self.bound
+        bound = 1.0 + sum(mine.widening for mine in bent) / self.bound
+        growths = growths_of(columns, rate[kept], np.zeros(jacobian.shape[1]))
+        work.programme(*jacobian.shape)
+        return least_radius(jacobian[kept], problem.residual[kept], bound[kept], growths)[0]
+
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The exact model with linear effects, relinearised."""
         fit = fitted(self.readings, Cast(tuple(places)), self.here.point)
@@ -245,60 +285,33 @@ class Bench(Evidence):
         bent = {place: ways for place in places if place in self.relaxed and (ways := self.relaxed[place].ways)}
         best = None
         for ways in product(*(range(count) for count in bent.values())):
-            chosen = dict(zip(bent, ways, strict=True))
-            fit = self._standing(Cast(tuple(places), chosen), work)
-            if fit is not None and (largest := self._largest_untold(fit)):
-                fit = self._standing(Cast(tuple(places), chosen, largest), work)
+            fit = self._standing(Cast(tuple(places), dict(zip(bent, ways, strict=True))), work)
             if fit is not None and (best is None or fit.radius < best.radius):
                 best = fit
         return best
 
     def _standing(self, cast: Cast, work: Work) -> Fit | None:
-        """A fit with possible sizes, where it mends the record within what the record tells of its effects."""
-
-        def limit(fit: Fit) -> float:
-            return self.limit + self._left_open(fit) / float(fit.bound.min())
-
-        fit = fitted(self.readings, cast, self.centre.point, limit, work)
-        if fit is None or fit.radius > limit(fit):
+        """A fit with possible sizes, where it mends the record."""
+        fit = fitted(self.readings, cast, self.centre.point, self.limit, work)
+        if fit is None or fit.radius > self.limit:
             return None
         work.programme(*fit.jacobian.shape)
-        return with_possible_sizes(fit, limit(fit), LARGEST_OF_BENCH)
-
-    def _largest_untold(self, fit: Fit) -> dict[EffectPlace, float]:
-        """The largest coefficients that a record allows of effects whose circumstances it does not tell everywhere."""
-        untold = [(place, block) for place, block, _ in fit.ways if place.definition.untold is not None]
-        if not untold:
-            return {}
-        possible, count = fit.possible(), len(fit.point)
-        ends = {place: np.add(possible.ends(count + b.start), fit.central[count + b.start]) for place, b in untold}
-        return {place: float(np.abs(both).max()) for place, both in ends.items()}
+        return with_possible_sizes(fit, self.limit, LARGEST_OF_BENCH)
 
     def alone(self, place: EffectPlace) -> float:
         """Radius that one effect leaves, by the model linearised at the nominal fit."""
-        jacobian, added = np.hstack((self.nominal, self.columns_of([place]))), added_bound([place], self.rows)
-        radius, step, _ = chebyshev_radius(jacobian, self.residual, self.bound + added)
-        if added.any():
-            # Where the record does not tell, the effect is no larger than it is elsewhere.
-            added = added_bound([place], self.rows, {place: abs(float(step[-1]))})
-            radius = chebyshev_radius(jacobian, self.residual, self.bound + added)[0]
-        return radius
+        columns, count = self.columns_of([place]), self.nominal.shape[1]
+        jacobian, rate = np.hstack((self.nominal, columns)), np.zeros((len(columns), count + columns.shape[1]))
+        if columns.shape[1] == 1:
+            rate[:, count] = left_open(place, self.rows)
+        growths = growths_of({place: count}, rate, np.zeros(jacobian.shape[1]))
+        return least_radius(jacobian, self.residual, self.bound, growths)[0]
 
     # What the readings do not tell
 
-    def _left_open(self, fit: Fit) -> float:
-        """By how much a reading may differ, fractions of g, within what the record tells of the effects' arguments."""
-        found = 0.0
-        for place, block, _ in fit.ways:
-            slack = place.definition.open_argument
-            if slack is not None:
-                rows = self.readings.rows(fit.point)
-                found += float(np.linalg.norm(fit.central[len(fit.point) :][block])) * slack(place, rows)
-        return found
-
     def room(self, fit: Fit) -> float:
-        """What the readings' rounding, and what they do not tell of the effects' arguments, add to the bounds."""
-        return self.rounding + self._left_open(fit)
+        """What the readings' rounding adds to the bounds."""
+        return self.rounding
 
     def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
         """Intervals of an effect's parameters, widened by what the readings do not tell of Δβ and Δg/g.
@@ -325,7 +338,7 @@ class Bench(Evidence):
         """Linear effects that a fit has not and whose circumstances are told, with their columns (M, k) there."""
         rows = self.readings.rows_with(fit)
         for place in self.classes.places if fit.places else self.linear_places:
-            if place not in fit.places and not added_bound([place], rows).any():
+            if place not in fit.places and not untold_readings([place], rows).any():
                 yield place, signature_columns([place], rows)
 
     # Keys of the result
@@ -403,7 +416,7 @@ class Bench(Evidence):
 
         Every model is the one linearised at the fit to the whole record.
         """
-        count, bench = len(self.here.reading), len(fit.point)
+        count, bench, named = len(self.here.reading), len(fit.point), tuple(map(self.named, fit.places))
         turns = [np.arange(first, count, FOLDS) for first in range(FOLDS)]
         blocks = [part for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
         # Readings that no outlier of the set moves, and columns that are no outlier's.
@@ -412,7 +425,7 @@ class Bench(Evidence):
             lasting[bench:][block] = place.effect != "outlier"
         used = np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
         if lasting.sum() == bench:
-            yield Trial(fit.places, None, None)
+            yield Trial(named, None, None, jointly=True)
             return
         jacobian = fit.jacobian[:, lasting]
         own = jacobian[:, bench:]
@@ -426,13 +439,15 @@ class Bench(Evidence):
             for _ in range(SHUFFLES):
                 order = rng.permutation(count)
                 moved = own.reshape(count, 3, -1)[order].reshape(3 * count, -1)
-                tried = self._left_out(np.hstack((jacobian[:, :bench], moved)), whole, turned)
+                tried = self._left_out(np.hstack((jacobian[:, :bench], moved)), whole, fit.allowed, turned)
                 if tried is not None:
-                    yield tried[1]
+                    yield tried.with_effects
 
-        folds = self._left_out(jacobian, fit.residual, turned)
+        folds, parts = (self._left_out(jacobian, fit.residual, fit.allowed, split) for split in (turned, in_time))
         tried = shuffles() if folds is not None and fit.linear else ()
-        yield Trial(fit.places, folds, self._left_out(jacobian, fit.residual, in_time), tried)
+        left = [part.worst(fit, self.numbers) for part in (folds, parts) if part is not None]
+        worst = max(left, key=lambda one: one.error / one.allowed, default=None)
+        yield Trial(named, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst)
 
     def _split(self, parts: Sequence[NDArray], used: NDArray) -> list[Split]:
         """Readings of each part (rows) that are left out, those that are kept, and what the nominal model predicts."""
@@ -443,20 +458,52 @@ class Bench(Evidence):
             split.append((held, kept, predicted_errors(self.nominal, self.residual, self.bound, kept, held)))
         return split
 
-    def _left_out(self, jacobian: NDArray, residual: NDArray, split: Sequence[Split]) -> Errors | None:
+    def _left_out(
+        self, jacobian: NDArray, residual: NDArray, bound: NDArray, split: Sequence[Split]
+    ) -> "LeftOut | None":
         """Errors of each part left out in turn, by the nominal model and with effects.
 
         None where the others would not do, or tell too few of them.
         """
-        errors: list[tuple[NDArray, NDArray]] = []
+        found: list[tuple[NDArray, ...]] = []
         for held, kept, without in split:
-            with_effects = predicted_errors(jacobian, residual, self.bound, kept, held) if without else None
+            with_effects = predicted_errors(jacobian, residual, bound, kept, held) if without else None
             if without is None or with_effects is None:
                 return None
-            wanted = without[1] & with_effects[1]
-            errors.append((without[0][wanted], with_effects[0][wanted]))
-        before, after = (np.concatenate([pair[k] for pair in errors]) for k in (0, 1))
-        return (before, after) if len(before) >= FEWEST_SCORED else None
+            wanted = (without[1] <= MAX_LEVERAGE) & (with_effects[1] <= MAX_LEVERAGE)
+            found.append(tuple(part[wanted] for part in (held, without[0], *with_effects)))
+        told = LeftOut(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        return told if len(told.readings) >= FEWEST_SCORED else None
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Readings (R,) that were left out, their errors (R,) without and with effects, and the leverages (R,) of these."""
+
+    readings: NDArray[np.int_]
+    without: NDArray[np.float64]
+    with_effects: NDArray[np.float64]
+    leverage: NDArray[np.float64]
+
+    @property
+    def errors(self) -> Errors:
+        """Errors (R,) without and with the effects."""
+        return self.without, self.with_effects
+
+    def worst(self, fit: Fit, numbers: NDArray) -> Worst:
+        """The error with the effects that is farthest beyond what noise within the bounds makes of it.
+
+        `numbers` (N,) are the record's own of its rows.
+        A reading is off by its bound at most; its prediction by as many standard deviations of the others' noise as no
+        sum of independent errors has. How large these are, what the fit leaves says: as uniform noise, up to the bound.
+        """
+        free = max(1, len(fit.left) - len(fit.at))
+        usual = float(np.sqrt(np.sum((fit.left / fit.allowed) ** 2) / free))
+        error = np.abs(self.with_effects) / fit.allowed[self.readings]
+        allowed = 1.0 + SURE_NOISE * min(1.0, max(UNIFORM, usual)) * self.leverage
+        worst = int(np.argmax(error / allowed))
+        row, accelerometer = divmod(int(self.readings[worst]), 3)
+        return Worst(int(numbers[row]), accelerometer + 1, float(error[worst]), float(allowed[worst]))
 
 
 def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[EffectPlace]:

@@ -1,7 +1,8 @@
 """The bench with effects, each acting in one way: where the table stands, readings, derivatives, exact fits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Self
 
 import numpy as np
@@ -11,7 +12,7 @@ from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.rows import Variant
 from ...models.restricted import CONTEXT_SIZE, INPUT
-from ..bounded.programmes import chebyshev_radius, least_squares
+from ..bounded.programmes import Growth, chebyshev_radius, least_squares
 from ..bounded.sets import Work
 from ..calibration.model import (
     Linearisation,
@@ -47,6 +48,8 @@ USUAL = 0.9
 """The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""
 ROUNDS = 12
 """Steps to a centre that few readings cannot draw."""
+DETERMINED = 1e-8
+"""Directions of so small a part of the largest singular value are not determined by readings that are kept."""
 MAX_LEVERAGE = 1.0
 """A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
 
@@ -248,20 +251,54 @@ def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
     return np.hstack(columns) if columns else np.zeros((3 * len(rows.hours), 0))
 
 
-def added_bound(
-    places: Sequence[EffectPlace], rows: Rows, largest: Mapping[EffectPlace, float] | None = None
-) -> NDArray:
-    """By how much (3 N,) the bounds grow where the circumstances of linear effects are not told.
-
-    `largest` has the largest coefficient of such effects; by default the largest that the catalogue calls possible.
-    """
-    added = np.zeros(rows.n.shape)
+def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.bool_]:
+    """Readings (3 N,) of which the record does not tell what some linear effect does to them."""
+    untold = np.zeros(rows.n.shape, dtype=bool)
     for place in places:
-        effect = place.definition
-        if effect.untold is not None:
-            coefficient = (largest or {}).get(place, effect.parameters[0].largest)
-            added += coefficient * effect.untold(place, rows)
-    return added.ravel()
+        if place.definition.untold is not None:
+            untold |= place.definition.untold(place, rows) > 0.0
+    return untold.ravel()
+
+
+def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """By how much readings (3 N,) may differ per unit of an effect's size, as far as the record tells [g]."""
+    effect, found = place.definition, np.zeros(rows.n.shape)
+    for function in (effect.untold, effect.open_argument):
+        if function is not None:
+            found = found + function(place, rows)
+    return found.ravel()
+
+
+def growths_of(
+    places: Mapping[EffectPlace, int], rate: NDArray[np.float64], x: NDArray[np.float64]
+) -> tuple[Growth, ...]:
+    """The bounds' growth about a solution x (n,), in every branch of signs that the coefficients may have.
+
+    `places` are effects of one coefficient with its column; by `rate` (M, n) the bounds grow per unit of its size. None
+    where nothing grows.
+    """
+    paid = [(place, column) for place, column in places.items() if rate[:, column].any()]
+    if not paid:
+        return ()
+    found = []
+    ends = {column: [float(end[0]) for end in coefficient_limits(place)] for place, column in paid}
+    for signs in product(*([sign for sign in (1.0, -1.0) if sign * ends[c][sign > 0.0] > 0.0] for _, c in paid)):
+        own, low, high = np.zeros(len(x)), np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        for sign, (_, column) in zip(signs, paid, strict=True):
+            own[column] = sign
+            least, most = sorted((0.0, ends[column][sign > 0.0]))
+            low[column], high[column] = least - x[column], most - x[column]
+        found.append(Growth(rate @ (own * x), rate * own, low, high))
+    return tuple(found)
+
+
+def least_radius(
+    jacobian: NDArray, residual: NDArray, bound: NDArray, growths: Sequence[Growth]
+) -> tuple[float, NDArray, int]:
+    """The least radius of all branches of the bounds' growth, the step (n,) to it, and which branch it is."""
+    tried = [chebyshev_radius(jacobian, residual, bound, growth=growth)[:2] for growth in growths or (None,)]
+    branch = int(np.argmin([radius for radius, _ in tried]))
+    return (*tried[branch], branch)
 
 
 def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, reading: NDArray) -> NDArray:
@@ -283,7 +320,8 @@ class Relaxation:
 
     `ways` is the number of variants; 0 of an effect that is linear, but not told everywhere. `touched` (M,) are the
     readings that some variant changes: they say nothing about the bench; by `widening` (M,) the bounds of the others
-    grow, fractions of g; `columns` (M, K) are what the effect adds linearly.
+    grow, fractions of g; `columns` (M, K) are what the effect adds linearly, and by `rate` (M,) the bounds grow per
+    unit of its size.
     """
 
     place: EffectPlace
@@ -291,6 +329,7 @@ class Relaxation:
     touched: NDArray
     widening: NDArray
     columns: NDArray
+    rate: NDArray
 
 
 @dataclass(frozen=True)
@@ -298,13 +337,14 @@ class Model:
     """Prediction and derivatives of a bench with effects at one point.
 
     `reading`, `bound` (3 N,): predicted readings and bounds of their errors, fractions of g; `jacobian` (3 N, P + K):
-    by parameters of the bench and coefficients of the effects; `variants`: the way in which each effect acts that is
-    not linear; `rows`: with this prediction.
+    by parameters of the bench and coefficients of the effects; by `rate` (3 N, P + K) the bounds grow per unit of a
+    coefficient's size; `variants`: the way in which each effect acts that is not linear; `rows`: with this prediction.
     """
 
     reading: NDArray
     jacobian: NDArray
     bound: NDArray
+    rate: NDArray
     variants: tuple[Variant | None, ...]
     rows: Rows
 
@@ -342,8 +382,8 @@ class Readings(Visits):
         found = []
         for place in places:
             if is_linear(place):
-                columns = signature_columns([place], rows)
-                found.append(Relaxation(place, 0, added_bound([place], rows) > 0.0, np.zeros(len(columns)), columns))
+                own = np.zeros(rows.n.size), signature_columns([place], rows), left_open(place, rows)
+                found.append(Relaxation(place, 0, untold_readings([place], rows), *own))
                 continue
             variants = self.variants(place, rows)
             if not variants:
@@ -352,8 +392,8 @@ class Readings(Visits):
                 [v.lost | v.fixed | (v.offset != 0.0) | np.any(v.columns != 0.0, axis=2) for v in variants], axis=0
             )
             widening = np.max([variant.widening for variant in variants], axis=0)
-            nothing = np.zeros((touched.size, 0))
-            found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), nothing))
+            nothing = np.zeros((touched.size, 0)), np.zeros(touched.size)
+            found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), *nothing))
         return found
 
 
@@ -361,13 +401,11 @@ class Readings(Visits):
 class Cast:
     """A set of effects, each in the way in which it is to act.
 
-    `ways`: of each effect that is not linear, which of its variants; `largest`: largest coefficients of effects whose
-    circumstances the record does not tell everywhere, by default the largest possible.
+    `ways`: of each effect that is not linear, which of its variants.
     """
 
     places: tuple[EffectPlace, ...]
     ways: Mapping[EffectPlace, int] = field(default_factory=dict)
-    largest: Mapping[EffectPlace, float] = field(default_factory=dict)
 
     def variants(self, readings: Readings, rows: Rows) -> tuple[Variant | None, ...] | None:
         """The variant of each effect; None where one of the ways is none here."""
@@ -395,7 +433,13 @@ class Cast:
                 reading = reading + columns[place] @ part
         slopes = reading_jacobian(p, point, at, readings.sign)
         rows = replace(rows, prediction=reading.reshape(-1, 3))
-        bound = readings.bound + added_bound([place for place, _ in linear], rows, self.largest)
+        bound, rate = readings.bound, np.zeros((len(reading), len(point) + len(coefficients)))
+        for place, part in linear:
+            if len(part) == 1:
+                rate[:, len(point) + own[place].start] = left_open(place, rows)
+            else:
+                # What is open of an amplitude and a phase is of second order: that of their size here.
+                bound = bound + float(np.linalg.norm(part)) * left_open(place, rows)
         variants = self.variants(readings, rows)
         if variants is None:
             return None
@@ -408,13 +452,14 @@ class Cast:
                 columns[place] = variant.columns.reshape(len(reading), -1)
                 fixed |= variant.fixed
         slopes[fixed] = 0.0
+        rate[fixed.ravel()] = 0.0
         for place, block in own.items():
             if place in self.ways:
                 reading = reading + columns[place] @ coefficients[block]
             else:
                 columns[place][fixed.ravel()] = 0.0
         jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in self.places)])
-        return Model(reading, jacobian, bound, variants, rows)
+        return Model(reading, jacobian, bound, rate, variants, rows)
 
 
 def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Variant, slopes: NDArray) -> NDArray:
@@ -437,7 +482,7 @@ def fitted(
     readings: Readings,
     cast: Cast,
     start: NDArray,
-    limit: Callable[[Fit], float] = lambda fit: np.inf,
+    limit: float = np.inf,
     work: Work | None = None,
 ) -> Fit | None:
     """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
@@ -461,44 +506,56 @@ def fitted(
         astray = not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all())
         return None if astray else cast.model(readings, x[:count], x[count:], blocks)
 
-    def centred(x: NDArray, model: Model, estimate: NDArray) -> Fit:
-        residual = reading - model.reading
-        work.programme(*model.jacobian.shape)
-        radius, step, _ = chebyshev_radius(model.jacobian, residual, model.bound)
+    single = {place: count + block.start for place, block in zip(cast.places, blocks, strict=True)}
+    single = {place: column for place, column in single.items() if is_linear(place)}
+
+    def fit_at(x: NDArray, model: Model, estimate: NDArray, *, there: bool = False) -> Fit:
+        """The fit linear at x: at the centre that a step leads to, or as it is `there`."""
+        residual, growths = reading - model.reading, growths_of(single, model.rate, x)
+        if there:
+            # Of all branches the bounds are widest in that in which x lies.
+            growths = tuple(sorted(growths, key=lambda growth: -growth.now.sum()))
+            grown = growths[0].now if growths else 0.0
+            step, radius = np.zeros(len(x)), float(((np.abs(residual) - grown) / model.bound).max(initial=0.0))
+        else:
+            work.programme(*model.jacobian.shape)
+            radius, step, branch = least_radius(model.jacobian, residual, model.bound, growths)
+            growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
         at = (x, step, residual, model.bound, model.jacobian)
-        return Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants)
+        return Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants, growths)
 
     model, near = model_at(x), False
+    # Readings of which the record tells least have no weight at first.
+    size = np.append(np.zeros(count), np.ones(len(x) - count))
     for iteration in range(MAX_ITERATIONS + 1):
         if model is None:
             return None
-        step = least_squares(model.jacobian / model.bound[:, None], (reading - model.reading) / model.bound)
+        loose = model.bound + model.rate @ size
+        step = least_squares(model.jacobian / loose[:, None], (reading - model.reading) / loose)
         if iteration == MAX_ITERATIONS or np.abs(step).max(initial=0.0) < CONVERGED:
             break
         x = x + step
+        size = np.abs(x)
         model = model_at(x)
         if model is not None and not near and np.abs(step).max(initial=0.0) < NEAR:
-            near, tried = True, centred(x, model, x)
+            near, tried = True, fit_at(x, model, x)
             # By how much the programmes to come may end lower: the second order of the steps that remain.
             more = SECOND_ORDER * float(np.abs(tried.step).sum() ** 2 / model.bound.min())
-            if tried.radius > limit(tried) + more:
+            if tried.radius > limit + more:
                 return None
     assert model is not None
-    estimate, fit = x, centred(x, model, x)
+    estimate, fit = x, fit_at(x, model, x)
     for _ in range(MAX_MOVES):
         # Noise may be at its very bound: then the second order of the step to the centre must not count either.
         x = x + fit.step
         model = model_at(x)
         if model is None:
             return None
-        attained = float(np.abs((reading - model.reading) / model.bound).max(initial=0.0))
-        if attained <= fit.radius + ATTAINED * max(1.0, fit.radius):
+        least, fit = fit.radius, fit_at(x, model, estimate, there=True)
+        if fit.radius <= least + ATTAINED * max(1.0, least):
             break
-        fit = centred(x, model, estimate)
-    residual = reading - model.reading
-    radius = float(np.abs(residual / model.bound).max(initial=0.0))
-    at = (x, np.zeros(len(x)), residual, model.bound, model.jacobian)
-    fit = Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants)
+        fit = fit_at(x, model, estimate)
+    fit = fit_at(x, model, estimate, there=True)
     return fit if _stands(fit, model.rows) else None
 
 
@@ -557,30 +614,47 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
         return fit
     own, free = fit.coefficients, np.full(len(fit.point), np.inf)
     low, high = (np.append(sign * free, end - own) for sign, end in zip((-1.0, 1.0), fit.limits, strict=True))
-    radius, step, _ = chebyshev_radius(fit.jacobian, fit.residual, fit.bound, low=low, high=high)
+    growth = fit.growths[0] if fit.growths else None
+    radius, step, _ = chebyshev_radius(fit.jacobian, fit.residual, fit.bound, low=low, high=high, growth=growth)
     moved = replace(fit, radius=radius, step=step, stated=own + step[len(fit.point) :])
     return moved if radius <= limit and moved.is_possible else None
 
 
-# Of a bench
+# Readings that are left out
 
 
 def leverages(jacobian: NDArray, kept: NDArray, held: NDArray) -> NDArray | None:
     """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
-    scale = np.abs(jacobian).max(axis=0, initial=0.0)
-    unit = jacobian / np.where(scale > 0.0, scale, 1.0)
-    rank = np.linalg.matrix_rank(unit, rtol=1e-8)
-    if len(kept) <= rank or np.linalg.matrix_rank(unit[kept], rtol=1e-8) < rank:
-        return None
-    return np.linalg.norm(unit[held] @ np.linalg.pinv(unit[kept], rcond=1e-8), axis=1)
+    inverse = _inverse(jacobian, kept)
+    return None if inverse is None else np.linalg.norm(jacobian[held] @ inverse, axis=1)
 
 
 def predicted_errors(
     jacobian: NDArray, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
 ) -> tuple[NDArray, NDArray] | None:
-    """Errors (H,) of readings that were left out, and whether their leverage is bounded; None where rank is lost."""
-    leverage = leverages(jacobian, kept, held)
-    if leverage is None:
+    """Errors (H,) of readings that were left out, and their leverages (H,); None where rank is lost.
+
+    They are predicted by least squares over those that are kept, each in units of its bound; a leverage is by how many
+    bounds the prediction is uncertain where each error is one bound (rms).
+    """
+    unit = jacobian / bound[:, None]
+    inverse = _inverse(unit, kept)
+    if inverse is None:
         return None
-    step = least_squares(jacobian[kept] / bound[kept, None], residual[kept] / bound[kept])
-    return residual[held] - jacobian[held] @ step, leverage <= MAX_LEVERAGE
+    weights = unit[held] @ inverse
+    errors = residual[held] - bound[held] * (weights @ (residual[kept] / bound[kept]))
+    return errors, np.linalg.norm(weights, axis=1)
+
+
+def _inverse(matrix: NDArray, kept: NDArray) -> NDArray | None:
+    """The pseudoinverse (n, K) of the rows that are kept; None where they lose the rank of all, or are too few."""
+    scale = np.abs(matrix).max(axis=0, initial=0.0)
+    unit = matrix / np.where(scale > 0.0, scale, 1.0)
+    values = np.linalg.svd(unit, compute_uv=False)
+    rank = int((values > DETERMINED * values.max(initial=0.0)).sum())
+    u, own, directions = np.linalg.svd(unit[kept], full_matrices=False)
+    held = own > DETERMINED * own.max(initial=0.0)
+    if len(kept) <= rank or held.sum() < rank:
+        return None
+    inverse = (directions[held].T / own[held]) @ u[:, held].T
+    return inverse / np.where(scale > 0.0, scale, 1.0)[:, None]

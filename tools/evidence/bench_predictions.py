@@ -36,12 +36,12 @@ from .bench_model import (
     Readings,
     Visits,
     acted_on,
-    added_bound,
     fitted,
     is_linear,
     leverages,
     readings_at,
     signature_columns,
+    untold_readings,
 )
 from .fit import Fit, Gain, composed, gain_of
 
@@ -132,7 +132,7 @@ def separating_positions(
     lasting = sorted({p for fit in chosen for p in lasting_part(fit)[0]}, key=lambda place: place.title)
     visits, sided = _possible_visits(readings, point, chosen, lasting)
     at, p = visits.at, visits.parametrisation
-    told = added_bound(lasting, visits.rows(point)).reshape(-1, 3) == 0.0
+    told = ~untold_readings(lasting, visits.rows(point)).reshape(-1, 3)
     usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & told
     rivals = [rival_of(fit, visits, room) for fit in chosen]
     sure = 2.0 * (float(readings.bound.min()) + room)
@@ -382,7 +382,7 @@ def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArra
 def undecided(readings: Readings, fit: Fit) -> NDArray:
     """Readings (N, 3) of bool of which a fit leaves open what its effects do to them: no simulation can tell."""
     rows = readings.rows_with(fit)
-    found = added_bound(fit.places, rows).reshape(-1, 3) > 0.0
+    found = untold_readings(fit.places, rows).reshape(-1, 3)
     for _, _, variant in fit.ways:
         if variant is not None:
             found |= variant.undecided(rows, float(readings.bound.min()))

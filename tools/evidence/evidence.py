@@ -103,6 +103,19 @@ class Channel:
     angles: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Worst:
+    """The error of a reading that was left out, over its bound, and how large noise can make it.
+
+    `position` is the record's own number, `accelerometer` counts from 1.
+    """
+
+    position: int
+    accelerometer: int
+    error: float
+    allowed: float
+
+
 Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -112,13 +125,16 @@ class Trial:
 
     `folds` and `blocks` are errors (R,) of what was left out, without and with the effects: parts of the evidence in
     turn, and blocks in time; None where that is not possible. `shuffled` are the errors of the folds with the effects'
-    signatures moved to where they do not belong.
+    signatures moved to where they do not belong. `jointly`: of the whole set, not of each of its effects; then `worst`
+    is the error that is farthest beyond what noise makes of it, of both.
     """
 
     places: tuple[EffectPlace, ...]
     folds: Errors | None
     blocks: Errors | None
     shuffled: Iterable[NDArray[np.float64]] = ()
+    jointly: bool = False
+    worst: "Worst | None" = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,8 +261,6 @@ class Evidence:
 
     limit: ClassVar[float] = 1.0 + 1e-7
     """Radius up to which a model stands: one, and what the programmes may be wrong by."""
-    decisive: ClassVar[bool] = True
-    """Whether an effect that what was left out objects to is not named; else the objection is a warning."""
     most_sets: ClassVar[int | None] = 12
     """So many of the sets that remain are shown; None: all."""
     most_rows: ClassVar[int | None] = 2500

@@ -17,11 +17,13 @@ from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.programmes import (
     ROOM,
+    Growth,
     Interval,
     Possible,
     Reach,
     SolverError,
     column_space,
+    grown_rows,
     polar_intervals,
     same_space,
 )
@@ -41,7 +43,8 @@ class Fit:
     `at` (P + K,) are the parameters of the model and the coefficients of the effects, of each a block, about which it
     is linear; `step` (P + K,) leads from there to where the radius is attained, a Chebyshev centre. `residual`, `bound`
     (M,) are the errors there and how large they may be, `jacobian` (M, P + K) the derivatives by parameters and
-    coefficients.
+    coefficients. `growths`: where the record leaves open what an effect does to a reading its bound grows with the
+    effect's size; one branch for each way of the coefficients' signs, the fit's own first.
 
     `radius` is the least possible largest error over its bound, with coefficients of possible size; `estimate` (P + K,)
     are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found, both
@@ -60,6 +63,7 @@ class Fit:
     estimate: NDArray[np.float64]
     stated: NDArray[np.float64]
     variants: tuple[Variant | None, ...] = ()
+    growths: tuple[Growth, ...] = ()
 
     @property
     def point(self) -> NDArray[np.float64]:
@@ -80,6 +84,11 @@ class Fit:
     def left(self) -> NDArray[np.float64]:
         """Errors (M,) where the radius is attained."""
         return self.residual - self.jacobian @ self.step
+
+    @property
+    def allowed(self) -> NDArray[np.float64]:
+        """How large the errors (M,) may be where the radius is attained, with what the sizes there leave open."""
+        return self.bound + self.growths[0].at(self.step) if self.growths else self.bound
 
     @property
     def ways(self) -> tuple[tuple[EffectPlace, slice, Variant | None], ...]:
@@ -120,7 +129,10 @@ class Fit:
         `further` are columns (M, C) of more effects, at zero in the fit; `most_rows` is as for `Possible`.
         """
         jacobian = self.jacobian if further is None else np.hstack((self.jacobian, further))
-        return Possible(jacobian, self.left, self.bound + room, most_rows)
+        growths = [growth.moved(self.step) for growth in self.growths]
+        if further is not None:
+            growths = [growth.beside(further.shape[1]) for growth in growths]
+        return Possible(jacobian, self.left, self.bound + room, most_rows, growths)
 
     def centred(self, room: float = 0.0, most_rows: int | None = None) -> "Fit":
         """The fit that states one possible point: the centre of what the bounds and `room` leave, sizes possible.
@@ -130,8 +142,13 @@ class Fit:
         """
         anything = np.full(len(self.point), np.inf)
         low, high = np.append(-anything, self.limits[0]), np.append(anything, self.limits[1])
-        bound = np.maximum(self.bound + room, np.abs(self.left)) * (1.0 + ROOM)
+        grown = self.allowed - self.bound
+        bound = np.maximum(self.bound + room, np.abs(self.left) - grown) * (1.0 + ROOM)
         free = Bounded(self.jacobian, self.left, bound)
+        if self.growths:
+            growth = self.growths[0].moved(self.step)
+            rows, _, *ends = grown_rows(self.jacobian, self.left, bound, growth)
+            free = Bounded(rows, 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]))
         # Where no possible sizes are possible together, those of the fit are stated.
         for bounded in (replace(free, low=low - self.central, high=high - self.central), free):
             step = analytic_centre(bounded)

@@ -157,7 +157,7 @@ def _witness_lines(told: Witness) -> list[str]:
     ]
     if told.shuffles:
         said.append(f"as good when shuffled: {told.shuffles.as_good} of {told.shuffles.tried}")
-    return said + [f"warning: {warning}" for warning in told.warnings]
+    return said + ([] if told.not_judged is None else [told.not_judged])
 
 
 def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:

@@ -16,6 +16,7 @@ from ..document.notation import (
     Cell,
     bars,
     half_width,
+    sentence,
     symbol_text,
     unit_text,
 )
@@ -50,7 +51,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
         said += f" With {first_words(result)}{which} it leaves {residual(fit.radius)} σ."
     before = (here.residual / here.bound).reshape(-1, 3)
-    after = None if fit is None else (fit.left / fit.bound).reshape(-1, 3)
+    after = None if fit is None else (fit.left / fit.allowed).reshape(-1, 3)
     proof = proved(nominal, result.evidence.numbers)
     return [
         Section(
@@ -301,7 +302,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
                 f"Shuffled, the effects predicted what was left out as well in {told.shuffles.as_good} of "
                 f"{told.shuffles.tried} trials."
             )
-        said += [f"Warning: {warning}." for warning in told.warnings]
+        said += [] if told.not_judged is None else [sentence(told.not_judged)]
     else:
         header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
         for w in told or ():

@@ -22,7 +22,7 @@ from ..bounded.programmes import chebyshev_radius, column_space, spread_directio
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
 from ..diagnosis.result import NamedEffect
-from ..evidence.bench_model import Circumstances, Visits, acted_on, added_bound, signature_columns
+from ..evidence.bench_model import Circumstances, Visits, acted_on, signature_columns, untold_readings
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
@@ -119,7 +119,7 @@ def sure_sizes(
 
 def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
     """One column (3 N, U) for each reading on which an effect acts in a way that the record does not tell."""
-    return np.eye(3 * len(rows.hours))[:, added_bound(places, rows) > 0.0]
+    return np.eye(3 * len(rows.hours))[:, untold_readings(places, rows)]
 
 
 def _freed_columns(place: EffectPlace, rows: Rows) -> NDArray:
