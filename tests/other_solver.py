@@ -12,3 +12,16 @@ def farthest(jacobian, left, bound, weights) -> float:
     b = np.concatenate((left + bound, bound - left)) / unit
     found = linprog(-weights / size, A_ub=a, b_ub=b, bounds=[(None, None)] * len(weights), method="highs-ds")
     return float(-found.fun * unit)
+
+
+def farthest_of_growing(jacobian, left, bound, rate, sign, size, weights) -> float:
+    """The greatest weights'x with |left - jacobian x| ≤ bound + rate |x_1|, x_1 of a sign and a size; -inf if none."""
+    scale, unit = np.abs(jacobian).max(axis=0), bound.min()
+    scaled, grown = jacobian / scale, np.zeros_like(jacobian)
+    grown[:, 0] = sign * rate / scale[0]
+    a = np.vstack((scaled - grown, -scaled - grown))
+    b = np.concatenate((left + bound, bound - left)) / unit
+    ends = tuple(float(end) for end in sorted((0.0, sign * size * scale[0] / unit)))
+    bounds = [ends] + [(None, None)] * (len(weights) - 1)
+    found = linprog(-weights / scale, A_ub=a, b_ub=b, bounds=bounds, method="highs-ds")
+    return float(-found.fun * unit) if found.success else -np.inf

@@ -24,7 +24,7 @@ from ..calibration.model import (
     reading_jacobian,
 )
 from ..records import PositionRecord
-from .fit import Fit, blocks_of
+from .fit import Fit, blocks_of, coefficient_limits
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
@@ -281,13 +281,20 @@ def growths_of(
     if not paid:
         return ()
     found = []
-    ends = {column: [float(end[0]) for end in coefficient_limits(place)] for place, column in paid}
-    for signs in product(*([sign for sign in (1.0, -1.0) if sign * ends[c][sign > 0.0] > 0.0] for _, c in paid)):
+    # Of each coefficient the ends, sign by sign, that are possible.
+    ends = [
+        [
+            (sign, float(end[0]))
+            for sign, end in zip((-1.0, 1.0), coefficient_limits(place), strict=True)
+            if sign * end > 0
+        ]
+        for place, _ in paid
+    ]
+    for branch in product(*ends):
         own, low, high = np.zeros(len(x)), np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        for sign, (_, column) in zip(signs, paid, strict=True):
+        for (sign, end), (_, column) in zip(branch, paid, strict=True):
             own[column] = sign
-            least, most = sorted((0.0, ends[column][sign > 0.0]))
-            low[column], high[column] = least - x[column], most - x[column]
+            low[column], high[column] = min(0.0, end) - x[column], max(0.0, end) - x[column]
         found.append(Growth(rate @ (own * x), rate * own, low, high))
     return tuple(found)
 

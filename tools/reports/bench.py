@@ -29,7 +29,7 @@ VERDICTS = {
     "insufficient": "insufficient: the record cannot determine everything that is asked",
     "explained": "explained: a smallest set of effects makes the model consistent, and no other does",
     "ambiguous": "ambiguous: several sets of effects would make the model consistent",
-    "unexplained": "unexplained: the model is falsified and nothing in the catalogue mends it",
+    "unexplained": "unexplained: the model is falsified and nothing that can be named mends it",
 }
 
 

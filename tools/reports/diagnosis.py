@@ -57,6 +57,8 @@ def lines(result: Diagnosis) -> list[str]:
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
     if result.verdict == "unexplained" and result.cut_off_at is not None:
         said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
+    said += [f"not named: {text}" for text in result.not_named or ()]
+    said += [f"against the first set: {text}" for text in result.objections or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position)}")
@@ -132,7 +134,6 @@ def _carried_lines(result: Diagnosis) -> list[str]:
         f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
         for w in witnesses_of(result)
     ]
-    said += [f"not named: {text}" for text in result.not_named or ()]
     return [*said, *_why_lines(result), *_structure_lines(result, "error about axis", 4)]
 
 
@@ -308,17 +309,18 @@ def verdict_sentence(result: Diagnosis) -> str:
     if result.verdict == "explained":
         return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
     if result.verdict == "ambiguous":
-        return f"{lacks}, and the record does not say what: {rivals(result)}"
+        against = f" But {result.objections[0]}." if result.objections else ""
+        return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
     if of_bench(result):
         nominal = result.evidence.calibration
         if result.verdict == "unexplained" and result.cut_off_at is not None:
             said = sentence(cut_off(result.cut_off_at))
             return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
         if result.verdict == "unexplained":
-            return (
-                f"{lacks} that is not in the catalogue: no parameters leave less than {residual(nominal.radius)} σ, "
-                "and no set of up to three effects mends it."
-            )
+            least = f"no parameters leave less than {residual(nominal.radius)} σ"
+            if result.not_named:
+                return f"{lacks}: {least}, and {result.not_named[0]}."
+            return f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
         if result.verdict == "insufficient":
             open_ones = bench.open_targets(nominal)
             return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."

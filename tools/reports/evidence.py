@@ -36,6 +36,8 @@ def nothing_tells(result: Diagnosis) -> str:
 
 def first_words(result: Diagnosis) -> str:
     """What figures with the effects are of: the effects that were named, or the first of the sets that remain."""
+    if result.verdict == "unexplained":
+        return "the set that is not named"
     if result.verdict != "explained":
         return "the first of the sets that remain"
     return "the effect" if len(result.causes) == 1 else "the effects"
@@ -310,6 +312,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
             rows.append([w.title, *errors, f"{w.shuffles.as_good} of {w.shuffles.tried}"])
         said.append("An effect that does not help, or whose shuffles do as well, is not named.")
     said += [f"Not named: {text}." for text in result.not_named or ()]
+    said += [f"Against the first set: {text}." for text in result.objections or ()]
     return Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)
 
 

@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from other_solver import farthest
+from other_solver import farthest, farthest_of_growing
 from trihedron.tools.bounded.programmes import (
     BOUNDING,
     ENCLOSING,
+    Growth,
     Possible,
+    chebyshev_radius,
     column_space,
     cosine,
     largest_length,
@@ -53,6 +55,48 @@ def test_an_error_beyond_its_bound_is_allowed_as_much_and_no_more():
     left[3] = 1.5 * bound[3]
     wider = np.where(np.arange(24) == 3, 1.5 * bound, bound)
     assert Possible(jacobian, left, bound).ends(0) == pytest.approx(Possible(jacobian, left, wider).ends(0), rel=1e-12)
+
+
+def grown(rate, sign, size, column=0):
+    """The growth by a coefficient's size, of one sign and up to a size, about a fit at which it is zero."""
+    rows, low, high = np.zeros((len(rate), 4)), np.full(4, -np.inf), np.full(4, np.inf)
+    rows[:, column] = sign * rate
+    low[column], high[column] = sorted((0.0, sign * size))
+    return Growth(np.zeros(len(rate)), rows, low, high)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("share", [0.3, 1.5], ids=["a little", "more than it moves"])
+def test_bounds_that_grow_with_a_size_leave_the_union_over_its_signs(seed, share):
+    jacobian, left, bound = problem(seed)
+    rng = np.random.default_rng(seed + 10)
+    rate = share * np.abs(jacobian[:, 0]) * rng.integers(0, 2, 24)
+    size = 30.0 * bound.max() / np.abs(jacobian[:, 0]).max()
+    branches = [grown(rate, sign, size) for sign in (1.0, -1.0)]
+    possible = Possible(jacobian, left, bound, growths=branches)
+    for weights in np.vstack((np.eye(4), [0.0, 0.3, -0.8, 0.0])):
+        for signed in (weights, -weights):
+            other = max(farthest_of_growing(jacobian, left, bound, rate, sign, size, signed) for sign in (1.0, -1.0))
+            assert possible.reach(signed) == pytest.approx(other, rel=1e-6)
+    # About another point of the first branch it is the same set.
+    step = np.array([0.2 * size, 0.0, 0.0, 0.0])
+    there = Possible(jacobian, left - jacobian @ step, bound, growths=[branch.moved(step) for branch in branches])
+    if np.all(np.abs(left - jacobian @ step) <= bound + branches[0].at(step)):
+        assert there.ends(0) == pytest.approx(np.subtract(possible.ends(0), step[0]), rel=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_radius_is_paid_for_by_the_size_that_it_takes(sign):
+    """One reading is off by ten bounds and would be absorbed for nothing; its growth takes a size that others show."""
+    jacobian, left, bound = np.array([[0.0], [1.0], [1.0]]), np.array([10.0, 0.0, sign * 2.0]), np.ones(3)
+    rate = np.array([1.0, 0.0, 0.0])
+    growth = Growth(np.zeros(3), sign * rate[:, None], *np.sort([[0.0], [sign * 100.0]], axis=0))
+    radius, step, _ = chebyshev_radius(jacobian, left, bound, growth=growth)
+    # 10 − c ≤ ρ and c ≤ ρ for a size c: half of it is paid by the reading at rest.
+    assert (radius, sign * step[0]) == pytest.approx((5.0, 5.0))
+    other = chebyshev_radius(jacobian, left, bound, growth=Growth(growth.now, -growth.rows, -growth.high, -growth.low))
+    assert other[0] > 5.5
+    assert chebyshev_radius(jacobian, left, bound)[0] == pytest.approx(10.0)
 
 
 def test_fewer_rows_leave_more_possible():

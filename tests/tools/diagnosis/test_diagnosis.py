@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench_cases import bench_case
+from open_records import drift, fifth_power, open_record, step
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.bounded.programmes import same_space
 from trihedron.tools.calibration import calibrate
@@ -146,6 +147,34 @@ def test_an_effect_outside_the_catalogue_is_not_given_a_name(added, acceleromete
     assert all(0.0 <= entry["explained"] <= 1.0 for entry in structure)
     if accelerometer is not None:
         assert (structure[0]["accelerometer"], structure[0]["on"]) == (accelerometer, on)
+
+
+@pytest.mark.parametrize("hidden", [step, fifth_power], ids=["a step of a bias", "fifth power of an input"])
+def test_no_cause_may_be_zero_where_senses_are_open(hidden):
+    """What widens the bounds of readings whose sense is open is paid for by its size: nothing is had for nothing."""
+    for seed in np.random.default_rng(16).integers(1 << 30, size=2 if hidden is fifth_power else 1):
+        record, _ = open_record(seed, hidden)
+        result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+        causes = [cause for finding in result.findings for cause in finding.causes]
+        assert result.verdict != "consistent"
+        assert all(any(low > 0.0 or high < 0.0 for low, high in sizes(cause)) for cause in causes)
+
+
+def sizes(cause) -> list[tuple[float, float]]:
+    """Intervals of a cause's parameters, phases aside; each holds what is stated."""
+    found = [(p.low, p.high, p.estimate) for p in cause.parameters if not p.name.endswith("phase")]
+    assert all((low is None or low <= value) and (high is None or value <= high) for low, high, value in found)
+    return [(-math.inf if low is None else low, math.inf if high is None else high) for low, high, _ in found]
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_drift_is_named_alone_where_an_open_sense_would_have_absorbed_it(seed):
+    record, fault = open_record(seed, drift)
+    result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+    assert result.verdict == "explained"
+    assert [cause.place for cause in result.causes] == [fault.place]
+    (low, high) = sizes(result.causes[0])[0]
+    assert low <= fault.value <= high
 
 
 def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():

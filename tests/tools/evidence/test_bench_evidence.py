@@ -40,22 +40,25 @@ def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not():
     assert witness.folds.rms_after < NOISE_BOUND < witness.folds.rms_before
     assert witness.shuffles is not None
     assert (witness.shuffles.tried, witness.shuffles.as_good) == (60, 0)
-    assert witness.warnings == ()
+    assert witness.objections == ()
 
 
-def test_an_effect_that_is_not_there_earns_a_warning_or_nothing_to_speak_of():
+def test_an_effect_that_is_not_there_is_objected_to():
     """On a clean record about half of the shuffles are as good as the effect in its own place."""
     witness = judged(510, EffectPlace("cubic", "accelerometer-1"))
     assert witness.folds is not None
     assert witness.shuffles is not None
     assert witness.folds.rms_after > 0.9 * witness.folds.rms_before
-    assert witness.shuffles.as_good > 0
+    assert witness.shuffles.objects
+    assert any("shuffles" in objection for objection in witness.objections)
 
 
 def test_too_few_positions_cannot_be_judged_and_that_is_said():
     witness = judged(520, EffectPlace("quadratic", "accelerometer-1"), rows=8)
     assert witness.folds is None
-    assert any("could not be judged" in warning for warning in witness.warnings)
+    assert witness.objections == ()
+    assert witness.not_judged is not None
+    assert "could not be judged" in witness.not_judged
 
 
 def test_leaving_one_out_agrees_with_the_closed_form():
@@ -68,6 +71,8 @@ def test_leaving_one_out_agrees_with_the_closed_form():
         errors = predicted_errors(jacobian, residual, bound, np.delete(np.arange(30), row), np.array([row]))
         assert errors is not None
         assert errors[0][0] == pytest.approx(whole[row] / (1.0 - hat[row, row]), rel=1e-12)
+        # Its prediction's variance is h / (1 − h) of a reading's.
+        assert errors[1][0] ** 2 == pytest.approx(hat[row, row] / (1.0 - hat[row, row]), rel=1e-12)
 
 
 def test_a_second_mounting_tells_an_encoder_harmonic_from_a_cubic_term():
