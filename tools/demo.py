@@ -29,6 +29,7 @@ from .reports.bench import run_section
 from .reports.calibration import calibration_section
 from .reports.diagnosis import sections_of
 from .reports.inspection import attitude_lines, attitude_section
+from .rounding import digits
 from .trials.bench import NOISE_BOUND, true_elementary
 from .trials.draw import draw_alone
 from .trials.outcome import judged
@@ -153,7 +154,7 @@ def words_of(hidden: dict[str, Any]) -> str:
     if hidden["effect"] is None:
         return "nothing"
     order = f" order {hidden['order']}" if "order" in hidden else ""
-    sizes = ", ".join(f"{name} {value:.3e}" for name, value in hidden["parameters"].items())
+    sizes = ", ".join(f"{name} {digits(value, 4)}" for name, value in hidden["parameters"].items())
     return f"{hidden['effect']} {hidden['where']}{order} ({sizes})"
 
 

@@ -18,6 +18,7 @@ from .orchestrator.load import usual_flavour
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import read_scenario
 from .result import Result
+from .rounding import digits
 from .templates import new
 
 if TYPE_CHECKING:
@@ -156,5 +157,5 @@ def _run() -> Finding:
     except Exception as error:
         # Whatever stops it is what the user asked for.
         return found(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
-    said = f"{done.height} steps in {seconds:.1f} s by {usual_flavour()} FMUs; calibrated: {verdict}"
+    said = f"{done.height} steps in {digits(seconds)} s by {usual_flavour()} FMUs; calibrated: {verdict}"
     return found(subject, said, verdict == "consistent")

@@ -28,30 +28,30 @@ class Number(str):
 NONE = Number("")
 
 
-def upwards(value: float | None, digits: int = 2) -> Number:
+def upwards(value: float | None, count: int = 2) -> Number:
     """A bound: never less than the value.
 
     Parameters
     ----------
     value : float or None
         in the unit that is shown: converted before, not after
-    digits : int
+    count : int
         significant digits; fewer where fewer say all
     """
-    return _significant(value, digits, ROUND_CEILING)
+    return _significant(value, count, ROUND_CEILING)
 
 
-def downwards(value: float | None, digits: int = 2, above: float | None = None) -> Number:
+def downwards(value: float | None, count: int = 2, above: float | None = None) -> Number:
     """What is at least so much: never more than the value; `above`: more digits, until that is seen to be exceeded."""
-    text = _significant(value, digits, ROUND_FLOOR)
+    text = _significant(value, count, ROUND_FLOOR)
     if value is None or above is None or not above < value < math.inf:
         return text
-    return text if Decimal(text) > decimal(above) else downwards(value, digits + 1, above)
+    return text if Decimal(text) > decimal(above) else downwards(value, count + 1, above)
 
 
-def nearest(value: float | None, digits: int = 3) -> Number:
+def digits(value: float | None, count: int = 3) -> Number:
     """A figure that promises nothing, as a root mean square; whatever its size it has its digits."""
-    return _significant(value, digits, ROUND_HALF_EVEN)
+    return _significant(value, count, ROUND_HALF_EVEN)
 
 
 def exactly(value: float | None) -> Number:
@@ -59,13 +59,13 @@ def exactly(value: float | None) -> Number:
     return _significant(value, MOST_DIGITS, ROUND_HALF_EVEN)
 
 
-def residual(radius: float | None, digits: int = 3) -> Number:
+def residual(radius: float | None, count: int = 3) -> Number:
     """A least largest residual over its bound.
 
     Up to 1 it says within what a model explains readings, and is rounded up; above 1 that nothing leaves less, and is
     rounded down, with the digits that show that it is above 1.
     """
-    return upwards(radius, digits) if radius is None or radius <= 1.0 else downwards(radius, digits, above=1.0)
+    return upwards(radius, count) if radius is None or radius <= 1.0 else downwards(radius, count, above=1.0)
 
 
 def interval(
@@ -112,7 +112,7 @@ def decimal(value: float) -> Decimal:
     return Decimal(repr(float(value)))
 
 
-def _significant(value: float | None, digits: int, how: str) -> Number:
+def _significant(value: float | None, count: int, how: str) -> Number:
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -124,7 +124,7 @@ def _significant(value: float | None, digits: int, how: str) -> Number:
     # Rounding may come to the next power of ten, which has one place less.
     for _ in range(2):
         size = rounded.adjusted()
-        place = size - digits + 1
+        place = size - count + 1
         rounded = _quantised(rounded, min(place, 0) if size in FIXED else place, how)
     if rounded == number:
         rounded = rounded.normalize(_EXACT)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from trihedron.tools.rounding import (
     Number,
+    digits,
     downwards,
     exactly,
     interval,
-    nearest,
     outwards,
     residual,
     to_bound,
@@ -21,7 +21,7 @@ from trihedron.tools.rounding import (
 
 doubles = st.floats(allow_nan=False, allow_infinity=False)
 sizes = st.floats(-18.0, 12.0).map(lambda power: 10.0**power)
-digits = st.integers(1, 12)
+counts = st.integers(1, 12)
 
 
 def stored(value: float) -> Decimal:
@@ -29,7 +29,7 @@ def stored(value: float) -> Decimal:
     return Decimal(repr(value))
 
 
-@given(doubles, digits)
+@given(doubles, counts)
 @example(3.541e-5, 2)
 @example(0.30000000000000004, 2)
 @example(-3.541e-5, 2)
@@ -50,16 +50,16 @@ def test_a_bound_is_never_less_and_what_is_at_least_never_more(value, count):
 @given(st.integers(1, 99), st.integers(-12, 12))
 def test_a_number_of_two_digits_stays_what_it_is(number, power):
     value = float(f"{number}e{power}")
-    for text in (upwards(value), downwards(value), nearest(value), exactly(value), downwards(-value)):
+    for text in (upwards(value), downwards(value), digits(value), exactly(value), downwards(-value)):
         assert abs(float(text)) == value
     assert len(upwards(value).partition("e")[0].replace(".", "").strip("0")) <= 2
 
 
-@given(doubles.filter(lambda value: abs(value) < 1e300), digits)
+@given(doubles.filter(lambda value: abs(value) < 1e300), counts)
 def test_nothing_that_is_not_zero_is_shown_as_zero(value, count):
-    texts = (nearest(value, count), exactly(value))
+    texts = (digits(value, count), exactly(value))
     assert all((float(text) == 0.0) == (value == 0.0) for text in texts)
-    assert float(nearest(value, count)) == pytest.approx(value, rel=0.51 * 10.0 ** (1 - count))
+    assert float(digits(value, count)) == pytest.approx(value, rel=0.51 * 10.0 ** (1 - count))
     assert float(exactly(value)) == value
 
 
@@ -119,8 +119,8 @@ def test_a_radius_is_shown_on_its_side_of_one(radius):
         (upwards(None), ""),
         (downwards(-math.inf), "-inf"),
         (downwards(None, above=1.0), ""),
-        (nearest(2.2e-5), "2.2e-5"),
-        (nearest(12.3456), "12.3"),
+        (digits(2.2e-5), "2.2e-5"),
+        (digits(12.3456), "12.3"),
         (exactly(0.07), "0.07"),
         (exactly(30.0), "30"),
         (residual(None), ""),

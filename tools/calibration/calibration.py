@@ -18,6 +18,7 @@ from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
 from ..result import Result, finite_or_none
+from ..rounding import digits, exactly, residual, upwards
 from .estimates import FeasibleSet, chebyshev_centre, estimated_values, exact_intervals, fit
 from .model import (
     Linearisation,
@@ -292,7 +293,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
             intervals = exact_intervals(feasible, weights)
         values = np.hstack((estimated_values(bounded, wanted), intervals[: len(wanted)]))
     except SolverError as error:
-        raise InputError(f"{record.path}: {error}; is --noise-bound {sigma:g} a fraction of g?") from error
+        raise InputError(f"{record.path}: {error}; is --noise-bound {exactly(sigma)} a fraction of g?") from error
     keys = ("estimate", "guaranteed_error", "low", "high")
     estimates = [
         Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(finite_or_none, row), strict=True)))
@@ -315,8 +316,9 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     warnings = [*record.warnings, *_remarks(here, falsified and bool(missing), unbounded)]
     if not contradicted and radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
-            f"the readings are written too coarsely for this noise bound: half a last digit is {resolution:.2g} g, and "
-            f"the verdict and the intervals allow for it, so that a radius of {radius:.3f} falsifies nothing"
+            "the readings are written too coarsely for this noise bound: half a last digit is "
+            f"{upwards(resolution)} g, and the verdict and the intervals allow for it, so that a radius of "
+            f"{residual(radius)} falsifies nothing"
         )
     if here.deficient and noise.complete:
         # what the readings leave open hides it from the radius
@@ -366,9 +368,10 @@ def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked(
     """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`."""
     gravity, bounds = asked.gravity, asked.bounds
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
-        raise InputError(f"--gravity {gravity:g}: must be from {GRAVITIES[0]:g} to {GRAVITIES[1]:g}, as 9.80665 [m/s²]")
+        least, most = map(exactly, GRAVITIES)
+        raise InputError(f"--gravity {exactly(gravity)}: must be from {least} to {most}, as 9.80665 [m/s²]")
     if len(bounds) != 2 or not all(isfinite(b) and 0.0 <= b < 0.5 for b in bounds):
-        raise InputError(f"--bounds {' '.join(f'{b:g}' for b in bounds)}: must be two numbers from 0 to 0.5")
+        raise InputError(f"--bounds {' '.join(map(exactly, bounds))}: must be two numbers from 0 to 0.5")
     if len(record.position) == 0:
         raise InputError(f"{record.path}: holds no positions")
     matrices = mountings_for(record, asked.mounting)
@@ -385,7 +388,10 @@ def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
     least, most = NOISE_BOUNDS
     if given is not None:
         if not least <= given <= most:
-            raise InputError(f"--noise-bound {given:g}: must be a fraction of g from {least:g} to {most:g}, as 1e-5")
+            raise InputError(
+                f"--noise-bound {exactly(given)}: must be a fraction of g from {exactly(least)} to {exactly(most)}, "
+                "as 1e-5"
+            )
         return NoiseBound(float(given), "given")
     found = noise_bound_from(record)
     if found is None:
@@ -395,8 +401,8 @@ def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
         )
     if not least <= found.value <= most:
         raise InputError(
-            f"{record.path}: the noise bound taken from the record is {found.value:g} g ({found.basis}), "
-            f"where {least:g} to {most:g} can be used; give --noise-bound, a fraction of g, as 1e-5"
+            f"{record.path}: the noise bound taken from the record is {upwards(found.value, 3)} g ({found.basis}), "
+            f"where {exactly(least)} to {exactly(most)} can be used; give --noise-bound, a fraction of g, as 1e-5"
         )
     return found
 
@@ -414,8 +420,8 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) 
         hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
         hint = hint if factor < least else "are --gravity and the unit right"
         raise InputError(
-            f"{record.path}: column f{axis}_mps2: reads {factor:.3f} times what the table "
-            f"gives, where {least:g} to {most:g} is possible; {hint}, or is --mounting another?"
+            f"{record.path}: column f{axis}_mps2: reads {digits(factor, 4)} times what the table "
+            f"gives, where {exactly(least)} to {exactly(most)} is possible; {hint}, or is --mounting another?"
         )
 
 
@@ -423,7 +429,7 @@ def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[st
     """Warnings: a fit far from any bench, measurements too few but contradictory already, a noise bound too small."""
     remarks = []
     values = zip(here.symbols, here.point, strict=True)
-    large = [f"{symbol} = {value:.2g}" for symbol, value in values if abs(value) > 0.2]
+    large = [f"{symbol} = {digits(value, 2)}" for symbol, value in values if abs(value) > 0.2]
     if large:
         remarks.append(f"values far from an aligned bench ({', '.join(large)}): are --mounting and --gravity right?")
     if contradicts:
@@ -455,8 +461,8 @@ def _contradiction(here: Linearisation, number: NDArray, limit: float) -> str | 
     values = here.reading[rows, axis]
     first, second = sorted((int(number[rows[values.argmin()]]), int(number[rows[values.argmax()]])))
     return (
-        f"positions {first} and {second} are the same, but accelerometer {axis + 1} reads {spread[group, axis]:.2g} g "
-        "differently there, more than two noise bounds: no model explains that"
+        f"positions {first} and {second} are the same, but accelerometer {axis + 1} reads "
+        f"{digits(spread[group, axis], 2)} g differently there, more than two noise bounds: no model explains that"
     )
 
 

@@ -19,6 +19,7 @@ from ..files import whole_file
 from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
+from ..rounding import exactly
 from .calibration import Calibration
 from .targets import corners
 
@@ -262,7 +263,7 @@ def apply_calibration(calibration: str | Path | Calibration, record: Path, *, no
     The noise bound is that of the averaged readings' own errors [g], for what remains after the correction.
     """
     if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
-        raise InputError(f"--noise-bound {noise_bound:g}: must be a fraction of g from 0 to 0.01, as 1e-5")
+        raise InputError(f"--noise-bound {exactly(noise_bound)}: must be a fraction of g from 0 to 0.01, as 1e-5")
     if isinstance(calibration, str | Path):
         correction = read_correction(Path(calibration))
     else:
@@ -309,10 +310,12 @@ def write_parameter_set(result: Calibration, path: Path) -> None:
         for number in value if isinstance(value, list) else [value]:
             least, most = variable.within
             if (least is not None and number < least) or (most is not None and number > most):
-                raise InputError(f"--ssv {path}: {variable.name} = {number:g} is beyond what the component takes")
+                raise InputError(
+                    f"--ssv {path}: {variable.name} = {exactly(number)} is beyond what the component takes"
+                )
     about = "an accelerometer block"
     if result.provenance is not None:
         about = f"{result.provenance.record} (SHA-256 {result.provenance.sha256 or 'none'})"
-    text = f"Calibration of {about}, noise bound {result.noise_bound:g} g, case (A1)"
+    text = f"Calibration of {about}, noise bound {exactly(result.noise_bound)} g, case (A1)"
     with whole_file(path) as beside:
         beside.write_bytes(parameter_set(component, block, text))

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..progress import progress_bar
+from ..rounding import digits
 from ..workers import Killed, LostCluster, Workers, by_itself, completed, started
 from .file import Campaign, Value
 from .kinds import RUNNERS, Runner
@@ -275,7 +276,7 @@ def run_campaign(
                     seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
                     rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
                     words = f", {failed} failed" if failed else ""
-                    shown(computed.runs, f"{done} of {campaign.runs} runs, {rate:.3g}/s{words}")
+                    shown(computed.runs, f"{done} of {campaign.runs} runs, {digits(rate)}/s{words}")
                 kills = workers.kills if workers else 0
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {_so_far(store, done)}") from None

@@ -23,6 +23,7 @@ from scipy import stats
 
 from ..errors import InputError
 from ..result import Result
+from ..rounding import digits
 from .file import Campaign, Computation
 from .store import RUNS, Store, open_result
 
@@ -85,9 +86,10 @@ class Cost:
     kills: int
 
     def __str__(self) -> str:
-        said = f"{self.runs} runs in {self.seconds:.1f} s"
+        said = f"{self.runs} runs in {digits(self.seconds)} s"
         if self.runs:
-            said += f"; the workers worked {self.worked_seconds:.1f} s, {self.cpu_seconds:.1f} s of processor time"
+            worked, computed = digits(self.worked_seconds), digits(self.cpu_seconds)
+            said += f"; the workers worked {worked} s, {computed} s of processor time"
         return said + (f"; {self.kills} of them ended early" if self.kills else "")
 
 

@@ -49,6 +49,7 @@ from ..records.limits import limits_of
 from ..records.read import MAGIC, all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import Location, field_problems, not_for_files
+from ..rounding import exactly, upwards
 from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, json_lines, toml_lines
 
@@ -158,7 +159,7 @@ def _check_ssp(found: Findings) -> None:
         found.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
         found.summary = (
             f"FMUs: {', '.join(scenario.fmus)}",
-            f"{len(scenario.connections)} connections, step {scenario.run.step_s:g} s",
+            f"{len(scenario.connections)} connections, step {exactly(scenario.run.step_s)} s",
         )
 
 
@@ -224,7 +225,7 @@ def _check_commands(found: Findings, names: list[str]) -> None:
         return
     for value, line in zip(table.columns.get("dwell_s", ()), table.lines, strict=False):
         if value <= 0.0:
-            found.add(f"column 'dwell_s': {value:g} must be positive", line=int(line))
+            found.add(f"column 'dwell_s': {exactly(value)} must be positive", line=int(line))
     found.summary = (f"{len(table.lines)} rows, columns {', '.join(names)}",)
 
 
@@ -294,12 +295,14 @@ def _check_calibration(content: dict[str, Any], found: Findings) -> None:
 
 def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "calibration":
-        return f"{content['verdict']}, {content['positions']} positions, σ = {content['noise_bound']:g} g"
+        return f"{content['verdict']}, {content['positions']} positions, σ = {upwards(content['noise_bound'], 3)} g"
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
         return f"{content['verdict']}{f': {causes}' if causes else ''}"
     if "positions" in content:
-        return f"{len(content['positions'])} positions for all targets, worst ratio {content['worst_ratio']:g}"
+        return f"{len(content['positions'])} positions for all targets, worst ratio " + upwards(
+            content["worst_ratio"], 6
+        )
     plans = content.get("plans", [content])
     return f"optimal plans of {', '.join(str(plan['target']) for plan in plans)}"
 
@@ -327,7 +330,7 @@ def check_scenario(data: dict[str, Any], found: Findings) -> None:
         found.summary = (
             scenario.title or "no title",
             f"FMUs: {fmus}",
-            f"{counts}, step {scenario.run.step_s:g} s",
+            f"{counts}, step {exactly(scenario.run.step_s)} s",
         )
 
 

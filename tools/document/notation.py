@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ...models.effects import EffectPlace
-from ..rounding import NONE, Number, nearest, outwards, upwards
+from ..rounding import NONE, Number, digits, outwards, upwards
 
 LONG = 24
 """A text of more letters in a table may be broken into lines."""
@@ -156,7 +156,7 @@ def _drawn(row: Bar, reach: float) -> Drawn:
         said.append(f"possible from {low} to {high}")
     if row.truth is not None:
         parts.append(f'<path class="truth" d="M{at(row.truth)} -6V6"/>')
-        said.append(f"truth {nearest(row.truth)}")
+        said.append(f"truth {digits(row.truth)}")
     parts.append('<circle class="middle" r="2.6"/>')
     label = ", ".join(said) + " in units of σ about the estimate"
     head = f'<svg class="bar" viewBox="-104 -8 208 16" role="img" aria-label="{label}">'

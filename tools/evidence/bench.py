@@ -26,6 +26,7 @@ from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
 from ..result import finite_or_none
+from ..rounding import exactly
 from .bench_model import (
     MAX_LEVERAGE,
     ROUNDS,
@@ -120,7 +121,7 @@ class Bench(Evidence):
     @property
     def too_large(self) -> str:
         """What to say where no linear programme of the record can be solved."""
-        return f"is --noise-bound {self.calibration.noise_bound:g} a fraction of g?"
+        return f"is --noise-bound {exactly(self.calibration.noise_bound)} a fraction of g?"
 
     @property
     def rounding(self) -> float:

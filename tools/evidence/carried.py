@@ -19,6 +19,7 @@ from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
 from ..result import finite_or_none
+from ..rounding import digits
 from .evidence import Channel, Evidence, Trial, estimated, rms_size
 from .fit import ARCMIN, Fit, Gain, coefficient_count, export_extended, gain_of
 from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
@@ -268,12 +269,12 @@ class Carried(CarriedRecord):
             return ()
         percent = 50.0 * (least + most)
         long = "long" if percent > 0 else "short"
-        return (f"time stamps that are {abs(percent):.2g} % too {long} would do the same",)
+        return (f"time stamps that are {digits(abs(percent), 2)} % too {long} would do the same",)
 
     def objections(self) -> tuple[str, ...]:
         """Parameters of the baseline that no instrument has: the record is not what it says."""
         return tuple(
-            f"{name} would be {value:+.2g}: check units, order and signs of the axes"
+            f"{name} would be {digits(value, 2)}: check units, order and signs of the axes"
             for (name, unit), value in zip(self.names, self.baseline.central, strict=True)
             if unit == "1" and abs(value) > LARGEST
         )

@@ -24,6 +24,7 @@ from ..orchestrator.scenario import FmuSetting
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
 from ..result import ABSENT, Array, Result
+from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
 from .rests import GAP, check_meaning, check_turns, mean_rates
 
@@ -152,17 +153,17 @@ def sampling_period(record: StrapdownRecord) -> float:
     if gaps.size:
         k = int(gaps[0])
         raise InputError(
-            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {between[k]:.6g} s before "
-            f"{time[k + 1]:.9g} s, where rows come every {usual:.6g} s; give a record without gaps"
+            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {digits(between[k], 6)} s before "
+            f"{digits(time[k + 1], 9)} s, where rows come every {digits(usual, 6)} s; give a record without gaps"
         )
     period = float(time[-1] - time[0]) / (len(time) - 1)
     off = (time - time[0]) / period - np.arange(len(time))
     worst = int(np.argmax(np.abs(off)))
     if not abs(off[worst]) <= JITTER:
         raise InputError(
-            f"{record.path}, row {int(record.row[worst])}, column 'time_s': {time[worst]:.9g} s is "
-            f"{100.0 * abs(off[worst]):.3g} % of the period ({period:.6g} s) off the uniform grid; "
-            f"at most {100.0 * JITTER:g} % is taken: give a uniformly sampled record with enough digits of time"
+            f"{record.path}, row {int(record.row[worst])}, column 'time_s': {digits(time[worst], 9)} s is "
+            f"{digits(100.0 * abs(off[worst]))} % of the period ({digits(period, 6)} s) off the uniform grid; "
+            f"at most {exactly(100.0 * JITTER)} % is taken: give a uniformly sampled record with enough digits of time"
         )
     return period
 
@@ -270,8 +271,9 @@ def attitude_of_record(
     if beyond.size:
         k = int(beyond[0])
         raise InputError(
-            f"{record.path}, row {int(record.row[first + (k + 1) * rate_divisor])}: a turn of {size[k]:.6g} rad in one "
-            f"sample; {chosen.name} is valid to {chosen.max_increment:.3g} rad: sample faster or take mean-rate"
+            f"{record.path}, row {int(record.row[first + (k + 1) * rate_divisor])}: a turn of "
+            f"{digits(size[k], 6)} rad in one sample; {chosen.name} is valid to "
+            f"{downwards(chosen.max_increment, 3)} rad: sample faster or take mean-rate"
         )
     parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": start}
     scenario = carrying(
@@ -425,7 +427,9 @@ def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = No
     if period is None:
         period = found_period(time, values)
     if not (np.isfinite(period) and 0.0 < 2.0 * period <= span):
-        raise InputError(f"a run of {span:g} s is shorter than two periods of {period:g} s: its drift cannot be told")
+        raise InputError(
+            f"a run of {exactly(span)} s is shorter than two periods of {exactly(period)} s: its drift cannot be told"
+        )
     total = CubicSpline(time, values).antiderivative()
     half = 0.5 * period
     inside = np.clip(time, time[0] + half, time[-1] - half)

@@ -13,6 +13,7 @@ from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
+from ..rounding import digits
 from .norm import NormCalibration, calibrate_by_norm, inputs_of
 from .rests import Rests, Sampling, find_rests, rates_of, sampling_of
 
@@ -360,7 +361,7 @@ def meaning(matrix: NDArray, error: NDArray) -> tuple[str, ...]:
     if 0.5 * DEGREE < size < 2.0 * DEGREE:
         said.append("the rates are probably in degrees per second: they turn the block 57 times too far")
     elif not 0.5 < size < 2.0:
-        said.append(f"the gyros turn the block {1.0 / size:.3g} times as far as gravity turns: check their unit")
+        said.append(f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit")
     for axis in range(3):
         row, sure = matrix[axis] / size, error[axis] / size
         gyro = int(np.argmax(np.abs(row)))

@@ -16,6 +16,7 @@ from ..records import StrapdownRecord
 from ..records.limits import Limits, limits_of, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..result import ABSENT, Array, Result
+from ..rounding import digits, downwards
 
 GAP = 1.5
 """A time between rows is a gap from so many periods on."""
@@ -127,8 +128,9 @@ def check_turns(record: StrapdownRecord, turns: NDArray[np.float64]) -> None:
     if long.size:
         k = int(long[0])
         raise InputError(
-            f"{record.path}, row {int(record.row[len(record) - len(turns) + k])}: a turn of {size[k]:.6g} rad since "
-            f"the row before; at most half a turn ({MAX_INCREMENT:.6g} rad) can be told: are the rates in rad/s?"
+            f"{record.path}, row {int(record.row[len(record) - len(turns) + k])}: a turn of "
+            f"{digits(size[k], 6)} rad since the row before; at most half a turn "
+            f"({downwards(MAX_INCREMENT, 6)} rad) can be told: are the rates in rad/s?"
         )
 
 
@@ -391,7 +393,6 @@ def rest_warnings(rests: Rests, gravity: float) -> list[str]:
     """What a person should know of the accelerometers at rest: limits and steps."""
     said = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"] if rests.clipped else []
     for p in np.flatnonzero(rests.step):
-        said.append(
-            f"f{p + 1} reads in steps of {rests.step[p] / gravity:.2g} g: half of one counts in its means' bounds"
-        )
+        step = digits(rests.step[p] / gravity, 2)
+        said.append(f"f{p + 1} reads in steps of {step} g: half of one counts in its means' bounds")
     return said

@@ -23,6 +23,7 @@ from ..planning.forms import clearance, sheets, value
 from ..planning.plan import plan_targets
 from ..progress import progress_bar
 from ..result import Result
+from ..rounding import digits, exactly, upwards
 from .attitude import (
     ANGLES,
     CAUSES,
@@ -343,12 +344,12 @@ def check_published_calibration() -> PublishedCalibration:
         defect, negated = float(np.abs(sums - a).max()), float(np.abs(sums + a).max())
         remarks = []
         if abs(printed - total) > PRINTED_ROUNDING:
-            remarks.append(f"the accuracy is printed as {printed:.2f}; its own weights give {total:.4f}")
+            remarks.append(f"the accuracy is printed as {exactly(printed)}; its own weights give {digits(total, 5)}")
         if defect > UNBIASED:
             remarks.append(
                 f"the weights estimate -{target}, as the paper's list of targets says, not {target}"
                 if negated <= UNBIASED
-                else f"the weights are biased by {defect:.1e}"
+                else f"the weights are biased by {upwards(defect)}"
             )
         if min(margins["tables"]) < 0.0:
             remarks.append("a position is not admissible")

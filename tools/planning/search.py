@@ -30,6 +30,7 @@ from scipy.sparse import block_array, block_diag, csc_array
 
 from ..bounded.programmes import linear_programme
 from ..progress import progress_bar
+from ..rounding import upwards
 from .certificate import NO_WEIGHT, Columns
 from .forms import basis, slopes
 from .positions import (
@@ -117,7 +118,11 @@ def search(
                     elite.append((value, found))
                     elite.sort(key=lambda pair: pair[0])
                     del elite[ELITE:]
-                state = f"{count} positions, ratio {elite[0][1].worst:.5f}" if elite[0][1].determined.all() else None
+                state = (
+                    f"{count} positions, ratio {upwards(elite[0][1].worst, 6)}"
+                    if elite[0][1].determined.all()
+                    else None
+                )
                 advance(1, state)
         except KeyboardInterrupt:
             if not elite:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
+from ..rounding import digits, upwards
 from .kinds import DwellNoise, PositionRecord, RawRecord
 
 SAME_ANGLE = math.radians(1 / 60)
@@ -106,8 +107,8 @@ def _from_repeats(record: PositionRecord) -> NoiseBound | None:
     widening = 1.0 / uniform_range_quantile(np.repeat(counts, 3), 1.0 - CONFIDENCE)
     visits = f"{sum(counts)} visits to {len(counts)} repeated position{'s' if len(counts) > 1 else ''}"
     basis = (
-        f"{visits}: half range {largest:.3g} g, widened by {widening:.3g} for their number "
-        f"({100 * CONFIDENCE:.0f} % confidence)"
+        f"{visits}: half range {upwards(largest, 3)} g, widened by {upwards(widening, 3)} for their number "
+        f"({digits(100 * CONFIDENCE)} % confidence)"
     )
     return NoiseBound(largest * widening, basis)
 
@@ -119,12 +120,12 @@ def _from_scatter(record: PositionRecord) -> NoiseBound | None:
     if record.dwell_noise is not None:
         pooled = max(record.dwell_noise.deviation) / STANDARD_GRAVITY
         basis = (
-            f"scatter within {len(record)} rests: {SCATTER_FACTOR:.0f} times the Allan deviation at their dwell of "
-            f"{record.dwell_noise.dwell_s:.3g} s, {pooled:.2g} g; {unseen}"
+            f"scatter within {len(record)} rests: {digits(SCATTER_FACTOR)} times the Allan deviation at their dwell of "
+            f"{digits(record.dwell_noise.dwell_s)} s, {upwards(pooled)} g; {unseen}"
         )
         return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
     pooled = float(np.sqrt(np.max(np.mean(record.scatter**2, axis=0)))) / STANDARD_GRAVITY
-    basis = f"scatter within {len(record)} rests: {SCATTER_FACTOR:.0f} standard errors of a mean; {unseen}"
+    basis = f"scatter within {len(record)} rests: {digits(SCATTER_FACTOR)} standard errors of a mean; {unseen}"
     return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
+from ..rounding import digits
 from .kinds import PositionRecord, RawRecord, Rest
 from .noise import (
     BLOCKS,
@@ -82,7 +83,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
         if lasts > SHORTEST * median:
             rests.append(_tested(raw, angles, tolerance, first, last))
         else:
-            why = f"lasts {lasts:.3g} s, no more than a quarter of the median rest of {median:.3g} s"
+            why = f"lasts {digits(lasts)} s, no more than a quarter of the median rest of {digits(median)} s"
             rests.append(Rest(first, last, first, last, refused=why))
     return _without_unusual_drifts(raw, rests)
 
@@ -159,7 +160,7 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
     drifting = trend_of(raw.time_s[rows], raw.specific_force[rows], reading_floor)
     said = [_turning(axis, turning) for axis in np.flatnonzero(turning.significant)]
     said += [
-        f"f{axis + 1} drifts by {drifting.change[axis] / STANDARD_GRAVITY:.2g} g"
+        f"f{axis + 1} drifts by {digits(drifting.change[axis] / STANDARD_GRAVITY, 2)} g"
         for axis in np.flatnonzero(drifting.significant)
     ]
     return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in said))
@@ -181,8 +182,8 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
         for axis in np.flatnonzero(trend.significant & (rate > UNUSUAL * usual)):
             change = trend.change[axis]
             if abs(change) > scatter_about_line(raw.time_s[rows], raw.specific_force[rows, axis]):
-                why = f"f{axis + 1} drifts linearly by {change / STANDARD_GRAVITY:.2g} g in {_lasts(raw, rows)}"
-                often = f", {rate[axis] / usual[axis]:.2g} times the median" if usual[axis] > 0.0 else ""
+                why = f"f{axis + 1} drifts linearly by {digits(change / STANDARD_GRAVITY, 2)} g in {_lasts(raw, rows)}"
+                often = f", {digits(rate[axis] / usual[axis], 2)} times the median" if usual[axis] > 0.0 else ""
                 rests[k] = replace(rests[k], refused=f"{why}{often}: a trend, which other rests do not have")
                 break
     return rests
@@ -213,11 +214,11 @@ def _reading_floor(raw: RawRecord) -> np.ndarray:
 
 
 def _turning(axis: int | np.integer, trend: Trend) -> str:
-    return f"{_AXES[axis]} axis turns by {trend.change[axis] / _ARCSEC:.2g} arcsec"
+    return f"{_AXES[axis]} axis turns by {digits(trend.change[axis] / _ARCSEC, 2)} arcsec"
 
 
 def _lasts(raw: RawRecord, rows: slice) -> str:
-    return f"{raw.time_s[rows.stop - 1] - raw.time_s[rows.start]:.3g} s"
+    return f"{digits(raw.time_s[rows.stop - 1] - raw.time_s[rows.start])} s"
 
 
 def _median_by_rows(duration: np.ndarray, rows: np.ndarray) -> float:

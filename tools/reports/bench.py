@@ -18,7 +18,7 @@ from ..diagnosis.result import Cause, Diagnosis
 from ..document.blocks import Download, Section, Table
 from ..document.notation import Cell, effect_formula, equation, minus, signed, typeset
 from ..records import PositionRecord
-from ..rounding import downwards, exactly, nearest, residual, to_bound, upwards
+from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
 from .makers import cited, matrix_text, versions
 from .pictures.records import bench_tour
 from .pictures.residuals import next_directions
@@ -41,7 +41,7 @@ def of_bench(result: Diagnosis) -> bool:
 def measured_section(record: PositionRecord, result: Calibration) -> Section:
     """The record in words, and where on the sphere it has measured."""
     seconds = float(np.ptp(record.time_s))
-    lasted = f"{nearest(seconds)} seconds" if seconds < 120.0 else f"{nearest(seconds / 60.0)} minutes"
+    lasted = f"{digits(seconds)} seconds" if seconds < 120.0 else f"{digits(seconds / 60.0)} minutes"
     said = [
         f"{len(record)} positions of the table within {lasted}, three accelerometers at each; "
         f"{result.measurements} readings are used."
@@ -55,9 +55,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     if record.temperature is not None:
         low, high = float(record.temperature.min()), float(record.temperature.max())
         known.append(
-            f"temperature {nearest(low)} to {nearest(high)} °C"
-            if high - low >= 0.05
-            else f"temperature {nearest(low)} °C"
+            f"temperature {digits(low)} to {digits(high)} °C" if high - low >= 0.05 else f"temperature {digits(low)} °C"
         )
     if record.approach_alpha is not None:
         known.append("the senses in which the positions were approached")
@@ -84,7 +82,7 @@ def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Secti
     return Section(
         "The bench, simulated",
         "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
-        f"{nearest(time[-1])} s, the block reads, the attitude computer follows the increments.",
+        f"{digits(time[-1])} s, the block reads, the attitude computer follows the increments.",
         bench_tour(time, (alpha, beta), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,
@@ -132,8 +130,8 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     left = centre_residual(result) / here.bound.reshape(-1, 3)
     rows: list[list[Cell]] = []
     for i, axis in np.argwhere(proved(result, numbers)):
-        angles = (nearest(np.degrees(angle[i]), 7) for angle in (here.positions.alpha, here.positions.beta))
-        figures = (*angles, nearest(here.input[i, axis]), nearest(left[i, axis]))
+        angles = (digits(np.degrees(angle[i]), 7) for angle in (here.positions.alpha, here.positions.beta))
+        figures = (*angles, digits(here.input[i, axis]), digits(left[i, axis]))
         rows.append([int(numbers[i]), int(axis) + 1, *figures])
     header = ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"]
     return Section(
@@ -374,7 +372,7 @@ def correction_terms(
     """
 
     def text(value: float) -> str:
-        return minus(nearest(value, 12) if bound is None else to_bound(value, bound))
+        return minus(digits(value, 12) if bound is None else to_bound(value, bound))
 
     found = []
     for p in range(3):

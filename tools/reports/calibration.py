@@ -23,7 +23,7 @@ from ..document.notation import (
 )
 from ..errors import InputError
 from ..records import PositionRecord
-from ..rounding import NONE, exactly, interval, nearest, residual, to_bound, upwards
+from ..rounding import NONE, digits, exactly, interval, residual, to_bound, upwards
 from . import bench
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
@@ -77,7 +77,7 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
     here = result.linearised
     left = bench.centre_residual(result)
     parts = here.residual_at(np.zeros(len(here.point))), left
-    figures = ((nearest(float(np.sqrt(np.mean(r**2))), 2), upwards(float(np.abs(r).max()))) for r in parts)
+    figures = ((digits(float(np.sqrt(np.mean(r**2))), 2), upwards(float(np.abs(r).max()))) for r in parts)
     ideal, best = (f"{rms} g (root mean square), at most {most} g" for rms, most in figures)
     return Section(
         "Residuals before and after",

@@ -15,7 +15,7 @@ from ..document.blocks import Page, Section, Table
 from ..document.notation import Cell, minus
 from ..document.page import write_page
 from ..files import write_text
-from ..rounding import exactly, interval, nearest, upwards
+from ..rounding import digits, exactly, interval, upwards
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Suite, cases_csv, confusion, named_suite
 from .makers import versions
@@ -45,7 +45,7 @@ def _computed_lines(item: Mapping[str, Any]) -> list[str]:
         if "against" not in item:
             return [f"{head}: {rate_text(result[0])}"]
         rows = [
-            f"  {nearest(r['low'], 4):>10} to {nearest(r['high'], 4):>10}  {rate_text(r)}" for r in result if r["cases"]
+            f"  {digits(r['low'], 4):>10} to {digits(r['high'], 4):>10}  {rate_text(r)}" for r in result if r["cases"]
         ]
         return _cut([f"{head}, by {item['against']}:", *rows])
     if "confusion" in item:
@@ -60,7 +60,7 @@ def _quantile_lines(result: Mapping[str, Any]) -> list[str]:
     lines = [f"{'':<24} {'mean':>11} " + " ".join(f"{exactly(q['at']):>10}q" for q in at)]
     for name, entry in result.items():
         values = (entry["mean"], *(q["value"] for q in entry["quantiles"])) if entry["runs"] else ()
-        lines.append(f"{name:<24} {' '.join(f'{nearest(value, 4):>11}' for value in values) or 'no values'}")
+        lines.append(f"{name:<24} {' '.join(f'{digits(value, 4):>11}' for value in values) or 'no values'}")
     return lines
 
 
@@ -80,7 +80,7 @@ def _sensitivity(name: str, found: Mapping[str, Any]) -> list[str]:
                 parts.append(f"{value:>7} [{low}, {high}]")
             told = "  ".join(parts)
         else:
-            told = f"{nearest(entry['correlation'])}  (p {nearest(entry['p'], 2)})"
+            told = f"{digits(entry['correlation'])}  (p {digits(entry['p'], 2)})"
         lines.append(f"  {parameter:<28} {told}")
     return _cut(lines)
 
@@ -110,9 +110,9 @@ def change_lines(comparison: Comparison) -> list[str]:
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
     lines = [f"{len(comparison.changes)} scalars compared ({how}): {counts}"]
     for change in sorted(told, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
-        before, after = ("no value" if value is None else nearest(value, 6) for value in (change.before, change.after))
+        before, after = ("no value" if value is None else digits(value, 6) for value in (change.before, change.after))
         lines.append(
-            f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {nearest(change.p, 2)})"
+            f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {digits(change.p, 2)})"
         )
     return lines
 
@@ -184,7 +184,7 @@ def _changes(comparison: Comparison) -> Section:
     order = {"worse": 0, "better": 1, "changed": 2, "same": 3}
     changes = sorted(comparison.changes, key=lambda c: (order[c.verdict], 1.0 if c.p is None else c.p))
     rows = [
-        [c.name, c.verdict, c.what, nearest(c.before, 6), nearest(c.after, 6), nearest(c.p, 2), c.runs]
+        [c.name, c.verdict, c.what, digits(c.before, 6), digits(c.after, 6), digits(c.p, 2), c.runs]
         for c in changes[:LISTED]
     ]
     pairs = "Runs of the same number are held against each other: " if comparison.paired else "Two samples of runs: "
@@ -267,7 +267,7 @@ def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> S
     for k, entry in enumerate(first):
         found = [ranges[k] for ranges in curves.values()]
         if any(of["cases"] for of in found):
-            ends = (nearest(entry[end], 6) for end in ("low", "high"))
+            ends = (digits(entry[end], 6) for end in ("low", "high"))
             rows.append([*ends, entry["cases"], *(str(of["count"]) for of in found)])
     return Section(
         f"Rates against {against}",
@@ -285,7 +285,7 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     rows: list[list[Cell]] = []
     for name, entry in there.items():
         figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])
-        rows.append([name, entry["runs"], *(nearest(figure, 4) for figure in figures)])
+        rows.append([name, entry["runs"], *(digits(figure, 4) for figure in figures)])
     columns = {name: np.asarray(results.numbers(name)) for name in there}
     marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
@@ -338,14 +338,14 @@ def suite_lines(suite: Suite) -> list[str]:
     if bench and suite.detection:
         lines += ["", "size / sure detection   cases  falsified  named"]
         lines += [
-            f"{nearest(b.low):>6} to {nearest(math.inf if b.high is None else b.high):>6}        {b.cases:>6}  "
-            f"{nearest(100.0 * b.detected / b.cases):>7} %  {nearest(100.0 * b.named / b.cases):>3} %"
+            f"{digits(b.low):>6} to {digits(math.inf if b.high is None else b.high):>6}        {b.cases:>6}  "
+            f"{digits(100.0 * b.detected / b.cases):>7} %  {digits(100.0 * b.named / b.cases):>3} %"
             for b in suite.detection
         ]
     errors = suite.size_errors
     if errors["estimates"]:
-        mean = f"mean error {nearest(100.0 * errors['mean'])} %, rms" if bench else "rms error"
-        rms, largest = nearest(100.0 * errors["rms"]), upwards(100.0 * errors["largest"], 3)
+        mean = f"mean error {digits(100.0 * errors['mean'])} %, rms" if bench else "rms error"
+        rms, largest = digits(100.0 * errors["rms"]), upwards(100.0 * errors["largest"], 3)
         lines += [
             "",
             f"estimated sizes: {mean} {rms} %, largest {largest} %; inside their intervals "

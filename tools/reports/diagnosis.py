@@ -10,7 +10,7 @@ from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOf
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
 from ..records import PositionRecord
-from ..rounding import exactly, interval, nearest, residual, upwards
+from ..rounding import digits, exactly, interval, residual, upwards
 from . import bench, calibration, evidence
 from .bench import of_bench
 from .inspection import carried_section, record_sections
@@ -40,7 +40,7 @@ def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
 def sentence_of(cause: Cause, result: Diagnosis) -> str:
     """What an engineer is told of a cause; latency also in samples."""
     if cause.place.effect == "latency":
-        return f"{cause.sentence}, {nearest(abs(cause.values[0]) / result.evidence.found.sampling.period)} samples"
+        return f"{cause.sentence}, {digits(abs(cause.values[0]) / result.evidence.found.sampling.period)} samples"
     return cause.sentence
 
 
@@ -84,7 +84,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
     if (g := result.gain) is not None:
         said.append(
             f"held-out positions, simulated again ({int(np.isfinite(g.before).sum())} readings): "
-            f"rms {nearest(g.held_out_rms_before)} -> {nearest(g.held_out_rms_after)} g, "
+            f"rms {digits(g.held_out_rms_before)} -> {digits(g.held_out_rms_after)} g, "
             f"max {upwards(g.held_out_max_before, 3)} -> {upwards(g.held_out_max_after, 3)} g"
         )
         said += [] if g.improves else ["warning: the extension does not improve the positions that were held out"]
@@ -95,7 +95,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
     if (other := result.second_mounting) is not None:
         said.append(
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
-            f"correlation {nearest(other.correlation_before)} -> {nearest(other.correlation_after)}"
+            f"correlation {digits(other.correlation_before)} -> {digits(other.correlation_after)}"
         )
     if result.cut_off_at is not None:
         said.append(f"warning: {cut_off(result.cut_off_at)}")
@@ -125,12 +125,12 @@ def _carried_lines(result: Diagnosis) -> list[str]:
     said += _length_lines(result)
     said += [
         f"not used, simulated by the exported FMUs over {gain.over} ({gain.pieces} pieces): rms "
-        f"{nearest(gain.held_out_rms_before)} -> {nearest(gain.held_out_rms_after)} arcmin, max "
+        f"{digits(gain.held_out_rms_before)} -> {digits(gain.held_out_rms_after)} arcmin, max "
         f"{upwards(gain.held_out_max_before, 3)} -> {upwards(gain.held_out_max_after, 3)}"
         for gain in ([] if result.gain is None else [result.gain, *(result.gain.others or ())])
     ]
     said += [
-        f"left out: rms {nearest(w.rms_without)} -> {nearest(w.rms_with)} of the bound by {w.title}; as good when "
+        f"left out: rms {digits(w.rms_without)} -> {digits(w.rms_with)} of the bound by {w.title}; as good when "
         f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
         for w in witnesses_of(result)
     ]
@@ -151,7 +151,7 @@ def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
 def _witness_lines(told: Witness) -> list[str]:
     """What readings that were left out say."""
     said = [
-        f"left-out {name} ({score.scored} readings): rms {nearest(score.rms_before)} -> {nearest(score.rms_after)} g, "
+        f"left-out {name} ({score.scored} readings): rms {digits(score.rms_before)} -> {digits(score.rms_after)} g, "
         f"max {upwards(score.max_before, 3)} -> {upwards(score.max_after, 3)} g"
         for name, score in (("positions", told.folds), ("parts in time", told.blocks))
         if score is not None
@@ -163,8 +163,8 @@ def _witness_lines(told: Witness) -> list[str]:
 
 def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:
     return [
-        f"{what} {entry.get('accelerometer', entry.get('axis'))}: {nearest(100 * entry['explained'])} % of it is "
-        f"predicted by {entry['on']}; {nearest(100 * entry['explainable'])} % is more than noise"
+        f"{what} {entry.get('accelerometer', entry.get('axis'))}: {digits(100 * entry['explained'])} % of it is "
+        f"predicted by {entry['on']}; {digits(100 * entry['explainable'])} % is more than noise"
         for entry in (result.residual_structure or ())[:most]
     ]
 
@@ -173,10 +173,10 @@ def bias_lines(result: Diagnosis) -> list[str]:
     """The gyros' mean at rest that was taken out."""
     if result.bias_at_rest is None:
         return []
-    shown = ", ".join(nearest(math.degrees(value), 4) for value in result.bias_at_rest.radps)
+    shown = ", ".join(digits(math.degrees(value), 4) for value in result.bias_at_rest.radps)
     text = f"gyro bias at rest, taken out: {shown} deg/s"
     if result.bias_at_rest.rms_if_left_in_arcmin is not None:
-        text += f"; left in it would make the errors {nearest(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
+        text += f"; left in it would make the errors {digits(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
     return [text]
 
 
@@ -189,14 +189,14 @@ def _length_lines(result: Diagnosis) -> list[str]:
     """What each length of windows or moves says, and the order in which effects help."""
 
     def order_text(order: OrderOfEffects) -> str:
-        steps = [f"{step.effect} {nearest(step.held_out_rms_arcmin)}" for step in order.steps]
+        steps = [f"{step.effect} {digits(step.held_out_rms_arcmin)}" for step in order.steps]
         helped = f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
-        return f"left out {nearest(order.held_out_rms_arcmin)}{helped}"
+        return f"left out {digits(order.held_out_rms_arcmin)}{helped}"
 
     said, lengths = [], result.lengths or ()
     for length in lengths:
         text = (
-            f"over {length.over} ({length.pieces} pieces): rms {nearest(length.rms_arcmin)} arcmin, largest "
+            f"over {length.over} ({length.pieces} pieces): rms {digits(length.rms_arcmin)} arcmin, largest "
             f"{upwards(length.max_arcmin, 3)}, bound {upwards(length.noise_bound_arcmin, 3)}, "
             f"radius {residual(length.radius)}"
         )
@@ -410,7 +410,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     if (other := result.second_mounting) is not None:
         said.append(
             f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
-            f"their correlation falls from {nearest(other.correlation_before)} to {nearest(other.correlation_after)}."
+            f"their correlation falls from {digits(other.correlation_before)} to {digits(other.correlation_after)}."
         )
     if result.cut_off_at is not None:
         said.append(sentence(cut_off(result.cut_off_at)))
@@ -434,11 +434,11 @@ def gain_section(result: Diagnosis) -> Section | None:
         rms = (one.held_out_rms_before, one.held_out_rms_after)
         most = (one.held_out_max_before, one.held_out_max_after)
         what = [one.over or "positions", one.pieces or len(one.rows)]
-        rows.append([*what, *map(nearest, rms), *(upwards(figure, 3) for figure in most)])
+        rows.append([*what, *map(digits, rms), *(upwards(figure, 3) for figure in most)])
     said = (
         "The extended components were exported as FMUs, with parameters from the other parts of the record, and run by "
         f"the orchestrator. Over {rows[0][1]} {'positions' if of_bench(result) else f'pieces of {gain.over}'} the root "
-        f"mean square error falls from {nearest(gain.held_out_rms_before)} to {nearest(gain.held_out_rms_after)} "
+        f"mean square error falls from {digits(gain.held_out_rms_before)} to {digits(gain.held_out_rms_after)} "
         f"{unit}."
     )
     if not gain.improves:

@@ -20,7 +20,7 @@ from ..document.notation import (
     symbol_text,
     unit_text,
 )
-from ..rounding import downwards, interval, nearest, residual, to_bound, upwards
+from ..rounding import digits, downwards, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
@@ -250,7 +250,7 @@ def length_section(result: Diagnosis) -> Section | None:
     for length in result.lengths:
         figures = (
             upwards(length.noise_bound_arcmin, 3),
-            nearest(length.rms_arcmin),
+            digits(length.rms_arcmin),
             upwards(length.max_arcmin, 3),
             residual(length.radius),
         )
@@ -298,7 +298,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
         for name, score in (("every fifth position", told.folds), ("every quarter of the time", told.blocks)):
             if score is not None:
                 figures = (score.rms_before, score.rms_after, score.max_before, score.max_after)
-                rows.append([name, score.scored, *(nearest(figure, 2) for figure in figures)])
+                rows.append([name, score.scored, *(digits(figure, 2) for figure in figures)])
         if told.shuffles:
             said.append(
                 f"Shuffled, the effects predicted what was left out as well in {told.shuffles.as_good} of "
@@ -308,7 +308,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
     else:
         header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
         for w in told or ():
-            errors = (nearest(value) for value in (w.rms_without, w.rms_with))
+            errors = (digits(value) for value in (w.rms_without, w.rms_with))
             rows.append([w.title, *errors, f"{w.shuffles.as_good} of {w.shuffles.tried}"])
         said.append("An effect that does not help, or whose shuffles do as well, is not named.")
     said += [f"Not named: {text}." for text in result.not_named or ()]

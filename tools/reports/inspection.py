@@ -17,7 +17,7 @@ from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import COLUMNS, ROWS, NormCalibration
 from ..motion.rests import rest_warnings
-from ..rounding import Number, interval, nearest, outwards, residual, upwards
+from ..rounding import Number, digits, interval, outwards, residual, upwards
 from .bench import Value, number, section_of_model
 from .pictures.records import allan_picture, attitude_picture
 
@@ -38,15 +38,15 @@ def sampling_lines(found: Inspection) -> list[str]:
     record, sampling = found.record, found.sampling
     kind = "rates" if record.rate is not None else "increments"
     length = float(record.time_s[-1] - record.time_s[0])
-    jitter = f"jitter {nearest(sampling.jitter_rms, 2)} s rms, {upwards(sampling.jitter_max)} s at most"
+    jitter = f"jitter {digits(sampling.jitter_rms, 2)} s rms, {upwards(sampling.jitter_max)} s at most"
     if sampling.jitter_max < DIGITS_OF_STAMPS * sampling.period:
         jitter = "no jitter"
     lines = [
-        f"{record.path.name}: {len(record)} rows of {kind} over {nearest(length, 6)} s, "
-        f"one every {nearest(sampling.period, 6)} s",
+        f"{record.path.name}: {len(record)} rows of {kind} over {digits(length, 6)} s, "
+        f"one every {digits(sampling.period, 6)} s",
         f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
     ]
-    lines += [f"gap of {nearest(gap.length_s, 4)} s after {nearest(gap.time_s, 6)} s" for gap in sampling.gaps[:5]]
+    lines += [f"gap of {digits(gap.length_s, 4)} s after {digits(gap.time_s, 6)} s" for gap in sampling.gaps[:5]]
     lines += sampling.limits.lines
     lines += [f"{name}: dead, it never changes" for name in sampling.dead]
     lines.append("temperature: " + ("in the record" if record.temperature is not None else "not in the record"))
@@ -60,7 +60,7 @@ def rest_lines(found: Inspection) -> list[str]:
         return ["no rests: neither gyros nor accelerometers can be judged at rest"]
     lengths = rests.length_s
     shortest, longest = outwards(lengths.min(), lengths.max())
-    lines = [f"{len(rests)} rests of {shortest} to {longest} s, median {nearest(np.median(lengths))} s"]
+    lines = [f"{len(rests)} rests of {shortest} to {longest} s, median {digits(np.median(lengths))} s"]
     if rests.turning:
         lines[0] += f"; {rests.turning} slow turns left out"
     lines += rest_warnings(rests, found.gravity)
@@ -68,7 +68,7 @@ def rest_lines(found: Inspection) -> list[str]:
         turns = np.degrees([move.turn_rad for move in found.moves])
         lines.append(f"{len(turns)} moves between them, of {' to '.join(outwards(turns.min(), turns.max()))} degrees")
     quiet = [str(p + 1) for p in range(3) if found.excitation[p] < EXCITED * rests.noise[p]]
-    rates = ", ".join(nearest(math.degrees(value)) for value in found.excitation)
+    rates = ", ".join(digits(math.degrees(value)) for value in found.excitation)
     lines.append(f"rates between the rests: {rates} deg/s rms about axes 1, 2, 3")
     if quiet:
         lines.append(f"not excited: axis {', '.join(quiet)}")
@@ -112,7 +112,7 @@ def gyro_lines(found: GyrosAtRest) -> list[str]:
     lines = [f"gyros at rest: {said}"]
     for model in found.tried:
         chance = (
-            "" if model.by_chance is None else f", as good for {nearest(100.0 * model.by_chance)} % of shuffled rests"
+            "" if model.by_chance is None else f", as good for {digits(100.0 * model.by_chance)} % of shuffled rests"
         )
         lines.append(f"  {model.title}: radius {residual(model.radius)}{chance}")
     return lines + [f"  not tried, {why}" for why in found.not_tried]
@@ -156,7 +156,7 @@ def _gyros(found: GyrosAtRest) -> Section:
         [
             model.title,
             residual(model.radius),
-            None if model.by_chance is None else Number(f"{nearest(100.0 * model.by_chance)} %"),
+            None if model.by_chance is None else Number(f"{digits(100.0 * model.by_chance)} %"),
         ]
         for model in found.tried
     ]
@@ -173,7 +173,7 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
         "averaged": "rates averaged over their intervals",
     }
     lines = [
-        f"{run.record.name}: {nearest(span, 4)} s at {nearest(1.0 / run.period, 4)} Hz, algorithm {run.algorithm}, "
+        f"{run.record.name}: {digits(span, 4)} s at {digits(1.0 / run.period, 4)} Hz, algorithm {run.algorithm}, "
         f"{how.get(run.rates, 'increments as measured')}"
     ]
     rms, maximum, final, drift = run.rms, run.maximum, run.final, run.drift
@@ -183,21 +183,21 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
     if run.gyro_bias is None:
         earth = math.degrees(EARTH_RATE * (run.time_s[known][-1] - run.time_s[0]))
         lines.append(
-            f"rates as measured: neither the gyros' bias nor Earth's rotation ({nearest(earth)} deg over this time) "
+            f"rates as measured: neither the gyros' bias nor Earth's rotation ({digits(earth)} deg over this time) "
             "is taken out"
         )
     else:
-        bias = ", ".join(nearest(math.degrees(value), 4) for value in run.gyro_bias)
+        bias = ", ".join(digits(math.degrees(value), 4) for value in run.gyro_bias)
         lines.append(f"a gyro bias of ({bias}) deg/s is taken out of the rates")
     lines.append(
-        f"attitude error over {int(known.sum())} updates: {nearest(math.degrees(rms))} deg rms, "
-        f"{upwards(math.degrees(maximum), 3)} deg at most, {nearest(math.degrees(final))} deg at the end, "
-        f"drift {nearest(60.0 * math.degrees(drift))} deg/min"
+        f"attitude error over {int(known.sum())} updates: {digits(math.degrees(rms))} deg rms, "
+        f"{upwards(math.degrees(maximum), 3)} deg at most, {digits(math.degrees(final))} deg at the end, "
+        f"drift {digits(60.0 * math.degrees(drift))} deg/min"
     )
     if run.heading is not None and run.tilt is not None:
         heading, tilt = (float(np.sqrt(np.mean(part[known] ** 2))) for part in (run.heading, run.tilt))
         lines.append(
-            f"of it heading {nearest(math.degrees(heading))} deg rms, tilt {nearest(math.degrees(tilt))} deg rms"
+            f"of it heading {digits(math.degrees(heading))} deg rms, tilt {digits(math.degrees(tilt))} deg rms"
         )
     return lines + split_lines(run)
 
@@ -209,11 +209,11 @@ def split_lines(run: AttitudeRun) -> list[str]:
         split = split_error(run.time_s[known], np.degrees(run.error_rad[known]))
     except InputError:
         return []
-    rate = ", ".join(nearest(60.0 * value) for value in split.rate)
+    rate = ", ".join(digits(60.0 * value) for value in split.rate)
     amplitude = ", ".join(upwards(value, 3) for value in split.amplitude)
     return [
         f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
-        f"(period {nearest(split.period)} s)"
+        f"(period {digits(split.period)} s)"
     ]
 
 
@@ -222,13 +222,13 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     shown = runs[-1]
     rows: list[list[Cell]] = []
     for run in runs:
-        bias = "none" if run.gyro_bias is None else ", ".join(nearest(np.degrees(value)) for value in run.gyro_bias)
+        bias = "none" if run.gyro_bias is None else ", ".join(digits(np.degrees(value)) for value in run.gyro_bias)
         known = [None if part is None else part[run.judged] for part in (run.heading, run.tilt)]
         parts = [None if part is None else float(np.sqrt(np.mean(part**2))) for part in known]
         drift = None if run.drift is None else 60.0 * run.drift
         figures = [None if v is None else math.degrees(v) for v in (run.rms, run.maximum, run.final, drift, *parts)]
         rms, largest, *others = figures
-        rows.append([Number(bias), nearest(rms), upwards(largest, 3), *map(nearest, others)])
+        rows.append([Number(bias), digits(rms), upwards(largest, 3), *map(digits, others)])
     names = ["rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]", "heading rms [deg]", "tilt rms [deg]"]
     return Section(
         "A measured strapdown record",
@@ -245,7 +245,7 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
 def comparison_lines(found: AttitudeComparison) -> list[str]:
     """The comparison as lines for a person, angles in degrees."""
 
-    def degrees(angle: float | None, width: int, how: Callable[..., str] = nearest) -> str:
+    def degrees(angle: float | None, width: int, how: Callable[..., str] = digits) -> str:
         return f"{'-' if angle is None else how(math.degrees(angle), 3):>{width}}"
 
     width = max(len(row.algorithm) for row in found.algorithms)

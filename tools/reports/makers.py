@@ -11,6 +11,7 @@ from ..document.blocks import Document
 from ..document.notation import minus
 from ..document.page import write_page
 from ..result import Result
+from ..rounding import digits
 
 if TYPE_CHECKING:
     from ..check import Check
@@ -111,7 +112,7 @@ LIBRARIES = ("numpy", "scipy", "highspy", "fmpy")
 
 def matrix_text(matrix: Sequence[Sequence[float]]) -> str:
     """A matrix in a line."""
-    return minus("; ".join(" ".join(f"{value:.6g}" for value in row) for row in matrix))
+    return minus("; ".join(" ".join(digits(value, 6) for value in row) for row in matrix))
 
 
 def versions() -> dict[str, object]:

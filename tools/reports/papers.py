@@ -18,6 +18,7 @@ from ..papers.reproduction import (
     Reproduction,
     WordLength,
 )
+from ..rounding import digits, downwards, exactly, upwards
 from .pictures.suites import published_and_reproduced
 
 
@@ -33,8 +34,9 @@ def published_lines(found: PublishedCalibration) -> list[str]:
     for row in rows:
         defect = min(row.defect, row.defect_negated)
         lines.append(
-            f"{row.target:<9} {row.readings:>8} {row.printed:>8.2f} {row.total:>9.6f} {defect:>8.0e} | "
-            f"{row.best_tables:>13.10f} {row.gap:>7.0e} | {row.best_paper:>13.10f}"
+            f"{row.target:<9} {row.readings:>8} {exactly(row.printed):>8} {upwards(row.total, 7):>9} "
+            f"{upwards(defect, 1):>8} | {upwards(row.best_tables, 11):>13} {upwards(row.gap, 1):>7} | "
+            f"{upwards(row.best_paper, 11):>13}"
         )
     better = [row for row in rows if row.total - row.best_paper > 1e-5]
     slack = min(row.clearance for row in rows)
@@ -45,7 +47,8 @@ def published_lines(found: PublishedCalibration) -> list[str]:
         "the paper's errors:",
         *(f"- {row.target}: {remark}" for row in rows for remark in row.remarks),
         f"- the tables do not follow from (1.7) as printed: by it {len(better)} of the {len(rows)} optima are lower "
-        f"(last column). Every row is optimal with the bias rows in s_p^max (no position closer than {slack:.0e} g).",
+        f"(last column). Every row is optimal with the bias rows in s_p^max (no position closer than "
+        f"{downwards(slack, 1)} g).",
     ]
     return lines
 
@@ -69,8 +72,8 @@ def reproduction_lines(result: Reproduction) -> list[str]:
     for score in result.scores:
         if score.of:
             names = " and ".join(TABLES[table] for table in score.tables)
-            lines.append(f"{names}: {score.numbers} of {score.of} numbers within {score.within:.1%}")
-    lines += ["", f"not reproduced within {TOLERANCE:.0%}"]
+            lines.append(f"{names}: {score.numbers} of {score.of} numbers within {digits(100.0 * score.within)} %")
+    lines += ["", f"not reproduced within {digits(100.0 * TOLERANCE)} %"]
     lines += [
         f"{row.row:>3} {row.title}: {', '.join(row.not_reproduced)}: {row.remark}"
         for row in result.rows
@@ -80,16 +83,16 @@ def reproduction_lines(result: Reproduction) -> list[str]:
 
 
 def _row_line(row: ReproducedRow) -> str:
-    published = " ".join(f"{value:.2e}" for value in row.published_deg)
-    method = " ".join(f"{value:.2e}" for value in row.method_error_deg)
+    published = " ".join(map(digits, row.published_deg))
+    method = " ".join(map(digits, row.method_error_deg))
     return (
-        f"{row.row:>3} {TABLES[row.table]:<13} {row.algorithm:<14} {row.h_s:>6g} {row.nodes:>3} {row.motion:<6}  "
-        f"{published:<27}{_ratios(row.ratio)}  {method}"
+        f"{row.row:>3} {TABLES[row.table]:<13} {row.algorithm:<14} {exactly(row.h_s):>6} {row.nodes:>3} "
+        f"{row.motion:<6}  {published:<27}{_ratios(row.ratio)}  {method}"
     )
 
 
 def _ratios(values: Sequence[float] | np.ndarray) -> str:
-    return " ".join(f"{value:7.4f}" if value >= 1e-3 else f"{value:7.0e}" for value in values)
+    return " ".join(f"{digits(value, 5 if value >= 1e-3 else 1):>7}" for value in values)
 
 
 def write_reproduction(result: Reproduction, out: Path) -> list[Path]:
@@ -112,16 +115,16 @@ def word_length_lines(result: WordLength) -> list[str]:
         lines += ["", said, f"{'increments rounded':<20}" + "".join(f"{name:>13}" for name in columns)]
         for rounding in ROUNDINGS:
             cells = (found[motion, rounding, name] for name in columns)
-            lines.append(f"{rounding:<20}" + "".join(f"{cell:>13.1e}" for cell in cells))
+            lines.append(f"{rounding:<20}" + "".join(f"{digits(cell, 2):>13}" for cell in cells))
     floor = found[REPEATING, "independently", DOUBLE]
     feedback, pairs = (found[REPEATING, rounding, "pairs"] for rounding in ("feedback", "pairs"))
     lines += [
         "",
-        f"independently rounded increments alone cost {floor:.1e} deg, in 64-bit arithmetic too",
-        f"an attitude in pairs of 32-bit numbers comes to {feedback:.1e} deg with error feedback of the increments, "
-        f"to {pairs:.1e} with increments in pairs",
-        f"carrying 1 - λ0* instead of λ0* alone buys {_gain(found, 'carried'):.1f} times, "
-        f"keeping the low part of the attitude {_gain(found, 'compensated'):.0f} times",
+        f"independently rounded increments alone cost {digits(floor, 2)} deg, in 64-bit arithmetic too",
+        f"an attitude in pairs of 32-bit numbers comes to {digits(feedback, 2)} deg with error feedback of the "
+        f"increments, to {digits(pairs, 2)} with increments in pairs",
+        f"carrying 1 - λ0* instead of λ0* alone buys {digits(_gain(found, 'carried'), 2)} times, "
+        f"keeping the low part of the attitude {digits(_gain(found, 'compensated'), 2)} times",
     ]
     return lines
 

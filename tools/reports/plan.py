@@ -9,7 +9,7 @@ from ..files import whole_folder
 from ..planning.check import SettingCheck
 from ..planning.common import DWELL_S, Curve, PlannedPosition, PositionPlan, checked_dwell
 from ..planning.plan import Plan, Plans
-from ..rounding import downwards, exactly, nearest, upwards
+from ..rounding import digits, downwards, exactly, upwards
 from .bench import next_positions_csv, physical_words
 from .makers import cited, matrix_text, versions
 from .pictures.records import curve_picture, plan_picture, positions_picture
@@ -38,8 +38,8 @@ def plan_lines(plans: Plans) -> list[str]:
     else:
         lines.append(f"{'accelerometer':>13} {'alpha [deg]':>14} {'beta [deg]':>14} {'weight':>12}")
         lines += [
-            f"{one.accelerometer:>13} {nearest(one.alpha_deg, 8):>14} {nearest(one.beta_deg, 8):>14} "
-            f"{nearest(one.weight, 6):>12}"
+            f"{one.accelerometer:>13} {digits(one.alpha_deg, 8):>14} {digits(one.beta_deg, 8):>14} "
+            f"{digits(one.weight, 6):>12}"
             for one in first.weights
         ]
         lines += [
@@ -71,7 +71,7 @@ def position_lines(plan: PositionPlan) -> list[str]:
         one = plan.positions[at - 1]
         again = "  again" if at in plan.programme[: number - 1] else ""
         mounting = f"  {one.mounting}" if several else ""
-        lines.append(f"{number:>4} {nearest(one.alpha_deg, 6):>12} {nearest(one.beta_deg, 6):>12}{mounting}{again}")
+        lines.append(f"{number:>4} {digits(one.alpha_deg, 6):>12} {digits(one.beta_deg, 6):>12}{mounting}{again}")
     lines += ["", f"{'target':<12} {'cost [σ]':>10} {'optimum':>10} {'ratio':>8}"]
     for target, cost in plan.costs.items():
         best = plan.optima[target]
@@ -79,7 +79,7 @@ def position_lines(plan: PositionPlan) -> list[str]:
     lines += [
         "",
         f"worst ratio {upwards(plan.worst_ratio, 6)}, mean {upwards(plan.mean_ratio, 6)}; "
-        f"moves take {nearest(plan.duration)} s",
+        f"moves take {digits(plan.duration)} s",
     ]
     if plan.bound is not None:
         lines.append(
@@ -193,8 +193,8 @@ def target_section(plan: Plan) -> Section:
     rows: list[list[Cell]] = []
     terms = []
     for p, a, b, w in readings:
-        rows.append([int(p) + 1, nearest(a, 8), nearest(b, 8), nearest(w, 6)])
-        terms.append(signed(w, minus(f"{nearest(abs(w), 6)} z_{int(p) + 1} ({nearest(a, 7)}°, {nearest(b, 7)}°)")))
+        rows.append([int(p) + 1, digits(a, 8), digits(b, 8), digits(w, 6)])
+        terms.append(signed(w, minus(f"{digits(abs(w), 6)} z_{int(p) + 1} ({digits(a, 7)}°, {digits(b, 7)}°)")))
     terms[0] = f"'{symbol_text(plan.target)}' = {terms[0].removeprefix('+ ').replace('− ', '−')}"
     places = dict.fromkeys((float(a), float(b)) for _, a, b, _ in readings)
     name = f"{plan.target}.csv"
@@ -255,7 +255,7 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
         ),
     ]
     verdict = (
-        f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {nearest(minutes)} minutes; "
+        f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {digits(minutes)} minutes; "
         f"no target costs more than {upwards(plan.worst_ratio, 5)} times its optimum."
     )
     provenance = {

@@ -22,6 +22,7 @@ from ..files import write_text
 from ..progress import tracked
 from ..records import PositionRecord, write_record
 from ..result import ABSENT, Result, Told
+from ..rounding import digits
 from ..workers import completed, started
 from .bench import RECORD_DECIMALS
 from .draw import Case, Options, draw_alone, draw_case
@@ -297,10 +298,10 @@ def _row(o: Outcome) -> dict[str, object]:
     if o.secrets:
         first = o.secrets[0]
         detected, excluded = (math.inf if x is None else x for x in (first.surely_detected, first.rivals_excluded))
-        above = f"{excluded / detected:.4g}"
-    sizes = {"hidden": o.titles(named=False), "size_over_detection": "" if size is None else f"{size:.4g}"}
+        above = digits(excluded / detected, 4)
+    sizes = {"hidden": o.titles(named=False), "size_over_detection": "" if size is None else digits(size, 4)}
     judgement = {
-        "radius": "" if o.radius is None else f"{o.radius:.6g}",
+        "radius": "" if o.radius is None else digits(o.radius, 6),
         "verdict": o.verdict,
         "outcome": o.outcome,
         "named": o.titles(named=True),
@@ -309,5 +310,5 @@ def _row(o: Outcome) -> dict[str, object]:
     if o.reference is not None:
         return {"case": o.case, "reference": o.reference, "rows": o.rows, **sizes, **judgement}
     drawn = {"positions": o.positions, "mountings": " ".join(o.mountings), "baseline": o.baseline, "noise": o.noise}
-    errors = " ".join(f"{error:.4g}" for error in o.errors)
+    errors = " ".join(digits(error, 4) for error in o.errors)
     return {"case": o.case, **drawn, **sizes, "exclusion_over_detection": above, **judgement, "error": errors}

@@ -230,7 +230,7 @@ def test_equal_positions_that_differ_by_more_than_noise_are_proven_to_contradict
     reading[2, 1] += 5 * SIGMA
     result = calibrate(record(reading, ALPHA[rows], BETA[rows]), noise_bound=SIGMA)
     assert result.verdict == "insufficient"
-    assert "positions 1 and 3 are the same, but accelerometer 2 reads 5e-05 g differently" in result.warnings[-1]
+    assert "positions 1 and 3 are the same, but accelerometer 2 reads 5.0e-5 g differently" in result.warnings[-1]
     reading[2, 1] -= 3.1 * SIGMA
     assert calibrate(record(reading, ALPHA[rows], BETA[rows]), noise_bound=SIGMA).warnings == []
 

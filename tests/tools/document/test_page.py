@@ -15,7 +15,7 @@ from trihedron.tools.document.blocks import Page, Section, Table
 from trihedron.tools.document.notation import Cell
 from trihedron.tools.document.page import without_times, write_html
 from trihedron.tools.errors import InputError
-from trihedron.tools.rounding import nearest, upwards
+from trihedron.tools.rounding import digits, upwards
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
 PICTURE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>'
@@ -59,7 +59,12 @@ def read(text: str) -> Reader:
 def full_page() -> str:
     table = Table(
         ["symbol", "estimate", "position"],
-        [["X4", nearest(-1.5e-4), 3], ["X5", None, 12], ["X6+X8", nearest(math.nan), 7], ["X9", nearest(-2.5e-15), 8]],
+        [
+            ["X4", digits(-1.5e-4), 3],
+            ["X5", None, 12],
+            ["X6+X8", digits(math.nan), 7],
+            ["X9", digits(-2.5e-15), 8],
+        ],
         caption="Estimates",
     )
     return html_of(
@@ -102,8 +107,8 @@ def test_the_page_is_whole_and_opens_without_script_and_network() -> None:
     ("cell", "written"),
     [
         (upwards(1.155361e-5), "1.2·10⁻⁵"),
-        (nearest(-0.00299948), "−0.00300"),
-        (nearest(float("-inf")), "−inf"),
+        (digits(-0.00299948), "−0.00300"),
+        (digits(float("-inf")), "−inf"),
         (-3, "−3"),
         (True, "yes"),
         (False, "no"),

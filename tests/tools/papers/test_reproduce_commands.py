@@ -19,7 +19,7 @@ def test_reproduce_attitude(two_rows, tmp_path, capsys):
     out, document = tmp_path / "out", tmp_path / "result.json"
     assert main(["reproduce", "attitude", "--out", str(out), "--json", str(document)]) == 0
     said = capsys.readouterr()
-    assert "Table 1: 3 of 3 numbers within 0.2%" in said.out
+    assert "Table 1: 3 of 3 numbers within 0.2 %" in said.out
     assert "this row ran with M = 41" in said.out
     assert said.err == ""
     assert sorted(path.name for path in out.iterdir()) == ["attitude.csv", "attitude.svg"]

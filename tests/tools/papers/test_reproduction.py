@@ -122,7 +122,7 @@ def test_outputs_agree(quick, tmp_path):
     assert [float(line["ratio_psi"]) for line in table] == [row["ratio"][0] for row in document["rows"]]
     assert [int(line["row"]) for line in table] == list(QUICK)
     text = "\n".join(reproduction_lines(quick))
-    assert "Table 1: 18 of 18 numbers within 0.2%" in text
+    assert "Table 1: 18 of 18 numbers within 0.2 %" in text
     assert Reproduction.model_validate_json(quick.json_text()).json_text() == quick.json_text()
 
 

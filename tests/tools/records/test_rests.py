@@ -265,7 +265,7 @@ def test_a_trend_that_one_rest_has_alone_is_refused_by_name():
     drifting = replace(raw, specific_force=force)
     rests = find_rests(drifting)
     assert [k for k, r in enumerate(rests) if r.refused is not None] == [5]
-    assert "f2 drifts linearly by 4.9e-05 g in 19.8 s" in str(rests[5].refused)
+    assert "f2 drifts linearly by 4.9e-5 g in 19.8 s" in str(rests[5].refused)
     assert "f2 drifts linearly" in average_rests(drifting, rests).warnings[0]
     kept = np.delete(truth, 5, axis=0)
     assert np.abs(mean_errors(average_rests(drifting, rests), kept)).max() < 1.5e-6

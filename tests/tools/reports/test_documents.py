@@ -22,7 +22,7 @@ from trihedron.tools.document.notation import minus, typeset
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
 from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection
-from trihedron.tools.rounding import nearest, residual, to_bound, upwards
+from trihedron.tools.rounding import digits, residual, to_bound, upwards
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 MEASURED = ["What was measured", "What was simulated"]
@@ -285,7 +285,7 @@ def test_warnings_of_the_record_are_on_the_page():
 def test_a_plan_shows_its_estimator_and_carries_its_positions():
     best, page = shown("plan")[0][0].optimum, text_of("plan")
     assert f"{upwards(best.cost, 7)} σ" in page
-    assert all(f"<mn>{nearest(abs(weight), 6)}</mn>" in page for weight in best.weights)
+    assert all(f"<mn>{digits(abs(weight), 6)}</mn>" in page for weight in best.weights)
     assert 'download="X4.csv"' in page
 
 

@@ -20,6 +20,7 @@ from ...planning.plan import Plan
 from ...records import RawRecord
 from ...records.noise import allan_deviation
 from ...records.rests import Rest, without_turns
+from ...rounding import digits, exactly
 from . import (
     AXES,
     BAND,
@@ -145,12 +146,12 @@ def allan_picture(found: Inspection) -> Drawn:
             some = visible[:, p]
             axes.plot(times[some], deviation[some, p], color=AXES[p].light, linestyle=DASHES[p], label=f"{p + 1}")
         axes.yaxis.set_major_formatter(power_of_ten)
-        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.xaxis.set_major_formatter(lambda value, _: exactly(value))
         axes.minorticks_off()
         dwell = float(np.median([(r.stop - r.start) * period for r in rests.rows]))
         axes.axvline(dwell, color=MUTED.light, linewidth=0.9)
         words = {"ha": "right", "va": "top", "fontsize": 8.0, "transform": axes.get_xaxis_transform()}
-        axes.text(dwell, 0.97, f"median rest, {dwell:.2g} s ", **words)
+        axes.text(dwell, 0.97, f"median rest, {digits(dwell, 2)} s ", **words)
     panels[1, 0].set_xlabel("averaging time, s")
     if panels[0, 0].lines:
         panels[0, 0].legend(loc="lower left", ncols=3, title="axis")
@@ -232,7 +233,7 @@ def plan_picture(plan: Plan) -> Drawn:
             axes.scatter(alpha[part], beta[part], s=size, linewidth=0, zorder=3, **look)
             axes.plot([], [], linestyle="none", label=label, **look)
         for a, b, w in zip(alpha[here], beta[here], weights[here], strict=True) if len(shown) == 1 else ():
-            side, text = -1 if a > 300 else 1, f"{w:+.4f}".replace("-", "−")
+            side, text = -1 if a > 300 else 1, digits(w, 5).replace("-", "−")
             words = {"ha": "left" if side > 0 else "right", "fontsize": 8, "color": INK.light}
             axes.annotate(text, (a, b), (8 * side, 6), textcoords="offset points", **words)
         axes.set(title=f"accelerometer {number}", xlabel="α, outer axis [deg]", aspect="equal")

@@ -11,6 +11,7 @@ from ...calibration.model import Positions
 from ...diagnosis.result import OrderOfEffects
 from ...document.notation import plain, short
 from ...evidence.fit import ARCMIN
+from ...rounding import downwards, residual
 from . import (
     AFTER,
     ALERT,
@@ -256,7 +257,7 @@ def candidates(names: Sequence[str], radius: Sequence[float]) -> Drawn:
     axes.barh(np.arange(len(labels)), np.where(np.isfinite(left), left, 0.0), height=0.62, color=colours, linewidth=0)
     axes.axvline(1.0, color=ALERT.light, linewidth=1.3, label="the data are explained up to here")
     for k, value in enumerate(left):
-        text = f"{value:.2f}" if np.isfinite(value) else "not possible"
+        text = residual(value) if np.isfinite(value) else "not possible"
         at = 0.0 if not np.isfinite(value) else 1.0 if explained[k] else value
         axes.annotate(text, (at, k), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
     axes.set(xlim=(0.0, 1.1 * max(farthest(left), 1.25)), xlabel="largest residual over its bound")
@@ -298,7 +299,7 @@ def likeness_picture(labels: Sequence[str], alike: NDArray) -> Drawn:
             edge = {"facecolor": "none", "edgecolor": FIRST.light, "linewidth": 1.4}
             axes.add_patch(Rectangle((j - 0.46, i - 0.44), 0.92, 0.88, **edge))
         if alike[i, j] >= SHOWN_FROM:
-            text = f"{np.floor(alike[i, j] * 100) / 100:.2f}" if alike[i, j] < 1 - 1e-9 else "1"
+            text = downwards(alike[i, j]) if alike[i, j] < 1 - 1e-9 else "1"
             axes.text(j, i, text, ha="center", va="center", fontsize=8.0, color=INK.light)
     for k in range(count):
         axes.text(k, k, str(k + 1), ha="center", va="center", fontsize=8.5, color=INK.light, fontweight="bold")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...document.notation import short
 from ...papers.attitude import TABLES
 from ...papers.reproduction import Reproduction
+from ...rounding import digits, exactly
 from . import (
     ALERT,
     AXES,
@@ -79,7 +80,7 @@ def size_errors_picture(size: Sequence[float], error: Sequence[float]) -> Drawn:
     axes.set_ylim(-reach, reach)
     mean, error_of_mean = float(y.mean()), 2.0 * float(y.std()) / np.sqrt(len(y))
     axes.axhspan(mean - error_of_mean, mean + error_of_mean, color=BAND.light, linewidth=0, zorder=0)
-    axes.axhline(mean, color=SECOND.light, linewidth=1.1, label=f"mean {mean:+.2f} %, with twice its standard error")
+    axes.axhline(mean, color=SECOND.light, linewidth=1.1, label=f"mean {digits(mean)} %, with twice its standard error")
     log_ticks(axes, (0.5, 1, 2, 5, 10, 20, 50))
     axes.set(xlabel="true size over that of sure detection", ylabel="error of the estimate [%]")
     legend(figure)
@@ -112,7 +113,7 @@ def distributions_picture(columns: Mapping[str, NDArray], marks: Mapping[str, Se
         low, high = float(values.min()), float(values.max())
         if low == high:
             axes.set_xticks([])
-            say_empty(axes, f"always {low:.4g}")
+            say_empty(axes, f"always {digits(low, 4)}")
             continue
         wide = low > 0.0 and math.log10(high / low) > DECADES
         edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, high, BINS + 1)
@@ -238,7 +239,7 @@ def published_and_reproduced(result: Reproduction) -> Drawn:
     above.set_ylim(0.9 * SHOWN[0], 1.1 * SHOWN[1])
     above.yaxis.set_major_locator(FixedLocator([0.25, 0.5, 1.0, 2.0, 4.0]))
     above.yaxis.set_minor_locator(FixedLocator([]))
-    above.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    above.yaxis.set_major_formatter(lambda value, _: exactly(value))
     above.yaxis.set_minor_formatter(NullFormatter())
     outside = (ratios < SHOWN[0]) | (ratios > SHOWN[1])
     if outside.any():
