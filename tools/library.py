@@ -382,11 +382,14 @@ def attitude_of_record(
     algorithm: str = "two-sample-rodrigues",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     rate_divisor: int = 1,
+    bridge_gaps: int = 0,
     gyro_bias: Sequence[float] | None = None,
     out: Path | None = None,
     progress: bool = False,
 ) -> "motion.AttitudeRun":
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
+
+    A gyro at its limit makes every attitude behind it worthless: it is marked as not to be trusted.
 
     Parameters
     ----------
@@ -398,6 +401,8 @@ def attitude_of_record(
         What a rate in the record means.
     rate_divisor : int
         Add up so many increments to one: a slower gyro.
+    bridge_gaps : int
+        Bridge gaps of up to so many lost rows, 10 at most; a bound of the attitude error that may cause is stated.
     gyro_bias : sequence of 3 float, optional
         Rate that is taken out of every sample [rad/s].
     out : path, optional
@@ -415,6 +420,7 @@ def attitude_of_record(
         algorithm=algorithm,
         rates=rates,
         rate_divisor=rate_divisor,
+        bridge_gaps=bridge_gaps,
         gyro_bias=gyro_bias,
         out=out,
         progress=progress,

@@ -204,8 +204,11 @@ def attitude(
         compared = motion.compare_algorithms(measured, **options, progress=True)
         if out is not None:
             write_text(out / "comparison.csv", compared.to_polars().write_csv())
-        return answer(compared, json)
-    return answer(library.attitude_of_record(measured, **options, out=out, progress=True), json)
+        return answer(compared, json, complaint=reports.distrust(compared, measured.path.name))
+    run = library.attitude_of_record(measured, **options, out=out, progress=True)
+    if out is not None:
+        write_text(out / "attitude.csv", run.to_polars().write_csv())
+    return answer(run, json, complaint=reports.distrust(run, measured.path.name))
 
 
 def fmpy_input(

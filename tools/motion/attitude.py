@@ -23,16 +23,15 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import FmuSetting
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
+from ..records.limits import limits_of
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
-from .rests import GAP, check_meaning, check_turns, mean_rates
+from .gaps import Bridge, without_gaps
+from .increments import coarser, increments_from, sampling_period
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
-
-JITTER = 0.01
-"""Largest deviation of a row's time from the uniform grid that is taken, in sampling periods."""
 
 REST_BLOCK = 1.0
 """Length of the blocks in which rest is looked for [s]."""
@@ -69,6 +68,16 @@ class AttitudeRun(Result):
         be judged
     drift : float or None
         growth of the error's angle: slope of the best line through zero at the start [rad/s]
+    bridges : tuple of Bridge
+        gaps that were bridged, each with a bound of the attitude error that may cause
+    bridged_bound : float
+        of the attitude at the end: their sum [rad]
+    saturated : dict
+        gyro ("w1") to its rows at a limit from where the run begins
+    trusted_until : float or None
+        time of the last update before the first of them: the attitude is not to be trusted behind it [s]; None: all is
+    warnings : tuple of str
+        what a person should know of the gyros' limits
     files : tuple of Path
         what was written
     row : ndarray, shape (N,)
@@ -99,6 +108,11 @@ class AttitudeRun(Result):
     maximum: float | None = Field(alias="error_max_rad")
     final: float | None = Field(alias="error_at_end_rad")
     drift: float | None = Field(alias="drift_radps")
+    bridges: tuple[Bridge, ...] = Field(default=(), alias="bridged_gaps")
+    bridged_bound: float = Field(default=0.0, alias="bridged_bound_rad")
+    saturated: dict[str, int] = Field(default_factory=dict, alias="saturated_rows")
+    trusted_until: float | None = Field(default=None, alias="trusted_until_s")
+    warnings: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
     row: Array = Field(default=ABSENT, exclude=True)
     time_s: Array = Field(default=ABSENT, exclude=True)
@@ -114,10 +128,25 @@ class AttitudeRun(Result):
         """Mask (N,) of the updates after the start whose true attitude is known."""
         return judged_updates(self.error_angle)
 
+    @property
+    def trusted(self) -> np.ndarray:
+        """Mask (N,) of the updates before a gyro is at its limit."""
+        until = np.inf if self.trusted_until is None else self.trusted_until
+        return np.asarray(self.time_s <= until)
+
+    def bridged_bound_at(self) -> np.ndarray:
+        """Bound (N,) of the attitude error that bridged gaps may have caused at each update [rad]."""
+        begins = np.array([bridge.time_s for bridge in self.bridges])
+        total = np.cumsum([0.0, *(bridge.bound for bridge in self.bridges)])
+        return total[np.searchsorted(begins, self.time_s, side="right")]
+
     def to_polars(self) -> pl.DataFrame:
-        """A row for each update: time_s, q0 to q3, error_rad."""
+        """A row for each update: time_s, q0 to q3, error_rad, bridged_bound_rad, trusted."""
         quaternion = {name: self.attitude[:, k] for k, name in enumerate(QUATERNION)}
-        return pl.DataFrame({"time_s": self.time_s, **quaternion, "error_rad": self.error_angle}).fill_nan(None)
+        table = pl.DataFrame({"time_s": self.time_s, **quaternion, "error_rad": self.error_angle}).fill_nan(None)
+        return table.with_columns(
+            pl.Series("bridged_bound_rad", self.bridged_bound_at()), pl.Series("trusted", self.trusted)
+        )
 
 
 def judged_updates(error_angle: np.ndarray) -> np.ndarray:
@@ -125,96 +154,6 @@ def judged_updates(error_angle: np.ndarray) -> np.ndarray:
     known = np.isfinite(error_angle)
     known[:1] = False
     return known
-
-
-@dataclass(frozen=True)
-class Increments:
-    """Angle increments from a first row on: integrals (N, 3) of the body's rate over the intervals between rows [rad].
-
-    The times (N + 1,) are uniform, one period apart: the first row's and the ends of the intervals [s].
-    """
-
-    period: float
-    time_s: np.ndarray
-    angle: np.ndarray
-
-
-def sampling_period(record: StrapdownRecord) -> float:
-    """Time between the rows of a uniform record [s].
-
-    An InputError for fewer than two rows, a gap, or a time that is off the uniform grid by more than 1 % of the period.
-    """
-    time = record.time_s
-    if len(time) < 2:
-        raise InputError(f"{record.path}: has {len(time)} row; an attitude needs at least two")
-    between = np.diff(time)
-    usual = float(np.median(between))
-    gaps = np.flatnonzero(between > GAP * usual)
-    if gaps.size:
-        k = int(gaps[0])
-        raise InputError(
-            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {digits(between[k], 6)} s before "
-            f"{digits(time[k + 1], 9)} s, where rows come every {digits(usual, 6)} s; give a record without gaps"
-        )
-    period = float(time[-1] - time[0]) / (len(time) - 1)
-    off = (time - time[0]) / period - np.arange(len(time))
-    worst = int(np.argmax(np.abs(off)))
-    if not abs(off[worst]) <= JITTER:
-        raise InputError(
-            f"{record.path}, row {int(record.row[worst])}, column 'time_s': {digits(time[worst], 9)} s is "
-            f"{digits(100.0 * abs(off[worst]))} % of the period ({digits(period, 6)} s) off the uniform grid; "
-            f"at most {exactly(100.0 * JITTER)} % is taken: give a uniformly sampled record with enough digits of time"
-        )
-    return period
-
-
-def increments_from(
-    record: StrapdownRecord,
-    first: int,
-    rates: str = "instantaneous",
-    gyro_bias: Sequence[float] | np.ndarray | None = None,
-) -> Increments:
-    """Angle increments of the rows after row `first`, at which the attitude is known.
-
-    Increments are taken as they are, rates are integrated, less a bias [rad/s]; what the rates mean as of
-    `attitude_of_record`. An InputError for a record that is not uniform, is too short, or turns by more than half a
-    turn between two rows.
-    """
-    check_meaning(rates)
-    period = sampling_period(record)
-    count = len(record) - 1 - first
-    if count < 1:
-        raise InputError(
-            f"{record.path}, row {int(record.row[first])}: the first known attitude is that of the last row; "
-            "at least one row must follow it"
-        )
-    if record.increment is not None:
-        angle = record.increment[first + 1 :]
-    else:
-        angle = period * mean_rates(record, rates)[first:]
-    if gyro_bias is not None:
-        bias = np.asarray(gyro_bias, dtype=np.float64)
-        if bias.shape != (3,) or not np.isfinite(bias).all():
-            raise InputError("gyro_bias must be three finite numbers [rad/s], one for each gyro")
-        angle = angle - period * bias
-    check_turns(record, angle)
-    time = record.time_s[0] + period * np.arange(first, len(record))
-    return Increments(period, time, np.ascontiguousarray(angle))
-
-
-def coarser(increments: Increments, divisor: int) -> Increments:
-    """Increments of a gyro that is sampled less often: every `divisor` of them added up.
-
-    Those at the end that fill no sample are left out. An InputError for a divisor that is not positive, or more than
-    there are increments.
-    """
-    count = len(increments.angle)
-    if not 1 <= divisor <= count:
-        raise InputError(f"--rate-divisor {divisor}: give a whole number from 1 to {count}, the record's increments")
-    kept = count // divisor
-    angle = increments.angle[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1)
-    time = increments.time_s[: kept * divisor + 1 : divisor]
-    return Increments(divisor * increments.period, time, np.ascontiguousarray(angle))
 
 
 def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
@@ -242,16 +181,18 @@ def attitude_of_record(
     rates: str = "instantaneous",
     gyro_bias: Sequence[float] | np.ndarray | None = None,
     rate_divisor: int = 1,
+    bridge_gaps: int = 0,
     **run: Any,
 ) -> AttitudeRun:
     """Run the attitude computer's FMU on a record's gyros and compare it with the record's true attitude.
 
     The run begins at the first row whose true attitude is known, with that attitude (without any: at the first row,
-    with the identity). Errors are taken only at updates, where the truth is known.
+    with the identity). Errors are taken only at updates, where the truth is known. Where a gyro is at its limit the run
+    goes on: `trusted_until` says from when on its attitude means nothing.
 
     Parameters
     ----------
-    algorithm, rates, gyro_bias, rate_divisor
+    algorithm, rates, gyro_bias, rate_divisor, bridge_gaps
         as of `library.attitude_of_record`: rates are "instantaneous" (integrated by the trapezoid rule) or "averaged"
         (means over the interval before each row); `rate_at_rest(record)`, say, is taken out of them [rad/s]
     run
@@ -264,6 +205,8 @@ def attitude_of_record(
         attitude begins, or turns by more than the algorithm takes in one sample
     """
     chosen = algorithm_named(algorithm)
+    limits, measured = limits_of(record), record.time_s
+    record, bridges = without_gaps(record, bridge_gaps)
     first, start = starting_attitude(record)
     increments = coarser(increments_from(record, first, rates, gyro_bias), rate_divisor)
     size = np.linalg.norm(increments.angle, axis=1)
@@ -302,6 +245,17 @@ def attitude_of_record(
     time, known_angle = increments.time_s[updated], angle[known]
     elapsed = time[known] - time[0]
     told = bool(known.any())
+    # An instantaneous rate at the first row counts, too.
+    at_once = record.rate is not None and rates == "instantaneous"
+    begin = record.time_s[first]
+    limited = limits.among(measured >= begin if at_once else measured > begin)
+    late = limited.of("w")
+    bridges = tuple(bridge for bridge in bridges if bridge.time_s >= begin)
+    until = None
+    if late.any():
+        # Half a row earlier: logged times are off the grid by a little.
+        begun = measured[np.argmax(late)] - 0.5 * increments.period / rate_divisor
+        until = float(time[max(np.searchsorted(time, begun) - 1, 0)])
     return AttitudeRun(
         record=record.path,
         algorithm=algorithm,
@@ -314,6 +268,11 @@ def attitude_of_record(
         error_max_rad=float(known_angle.max()) if told else None,
         error_at_end_rad=float(known_angle[-1]) if told else None,
         drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
+        bridged_gaps=bridges,
+        bridged_bound_rad=sum(bridge.bound for bridge in bridges),
+        saturated_rows={name: int(mask.sum()) for name, mask in limited.rows.items() if name.startswith("w")},
+        trusted_until_s=until,
+        warnings=tuple(line for line in limited.lines if line.startswith("w")),
         files=done.files,
         row=record.row[index],
         time_s=time,

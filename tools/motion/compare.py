@@ -77,12 +77,15 @@ class ComparedAlgorithm(Result):
 
 
 class AttitudeComparison(Result):
-    """A strapdown record through several attitude algorithms, side by side."""
+    """A strapdown record through several attitude algorithms, side by side; what is said of the record as of a run."""
 
     schema_: Literal["trihedron.attitude-comparison/1"] = Field(
         default="trihedron.attitude-comparison/1", alias="schema"
     )
     reference: str = REFERENCE
+    bridged_bound: float = Field(default=0.0, alias="bridged_bound_rad")
+    trusted_until: float | None = Field(default=None, alias="trusted_until_s")
+    warnings: tuple[str, ...] = ()
     algorithms: tuple[ComparedAlgorithm, ...]
 
     def to_polars(self) -> pl.DataFrame:
@@ -106,22 +109,24 @@ def compare_algorithms(
     *,
     rates: str = "instantaneous",
     rate_divisor: int = 1,
+    bridge_gaps: int = 0,
     algorithms: Sequence[Algorithm] = ALGORITHMS,
     progress: bool = False,
 ) -> AttitudeComparison:
-    """Run algorithms over a record through the attitude computer's FMU; rates and divisor as of `attitude_of_record`.
+    """Run algorithms over a record through the attitude computer's FMU; options as of `attitude_of_record`.
 
     The reference runs at the record's own rate. An InputError for a record that no algorithm can take.
     """
     rows = []
     with progress_bar("attitude", 1 + len(algorithms), show=progress) as advance:
-        reference = attitude_of_record(record, algorithm=REFERENCE, rates=rates)
+        options: dict[str, Any] = {"rates": rates, "bridge_gaps": bridge_gaps}
+        reference = attitude_of_record(record, algorithm=REFERENCE, **options)
         advance(1)
         for algorithm in algorithms:
             known: dict[str, Any] = {"algorithm": algorithm.name, "order": algorithm.order}
             known["samples"] = algorithm.samples
             try:
-                run = attitude_of_record(record, algorithm=algorithm.name, rates=rates, rate_divisor=rate_divisor)
+                run = attitude_of_record(record, algorithm=algorithm.name, rate_divisor=rate_divisor, **options)
             except InputError as error:
                 rows.append(ComparedAlgorithm(**known, not_taken=str(error)))
             else:
@@ -131,12 +136,19 @@ def compare_algorithms(
             advance(1)
     if all(row.refused for row in rows):
         raise InputError(rows[0].refused)
-    return AttitudeComparison(algorithms=tuple(rows))
+    return AttitudeComparison(
+        bridged_bound_rad=reference.bridged_bound,
+        trusted_until_s=reference.trusted_until,
+        warnings=reference.warnings,
+        algorithms=tuple(rows),
+    )
 
 
 def _apart(run: AttitudeRun, reference: AttitudeRun) -> float | None:
     """Largest angle between two runs after the start, at moments when both were updated [rad]."""
-    _, mine, others = np.intersect1d(run.row[1:], reference.row[1:], assume_unique=True, return_indices=True)
+    # The reference is carried at the record's own rate; bridged rows share the number of another.
+    steps = [np.round((each.time_s[1:] - reference.time_s[0]) / reference.period) for each in (run, reference)]
+    _, mine, others = np.intersect1d(*steps, assume_unique=True, return_indices=True)
     if not mine.size:
         return None
     difference = attitude_error(run.attitude[1:][mine], reference.attitude[1:][others])

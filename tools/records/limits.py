@@ -6,11 +6,12 @@ that ends in a rest or in a constant rate does not.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rounding import digits
 from .kinds import RawRecord, StrapdownRecord
 
 FEWEST = 3
@@ -65,16 +66,23 @@ class Limits:
                 found |= mask
         return found
 
+    def among(self, chosen: NDArray[np.bool_]) -> "Limits":
+        """The limits at some of the rows, a mask (N,)."""
+        rows = {name: mask & chosen for name, mask in self.rows.items() if (mask & chosen).any()}
+        return replace(self, rows=rows)
+
     @property
     def lines(self) -> list[str]:
         """What a person should know, a line for each channel."""
         said = []
         for name, mask in self.rows.items():
             levels = np.unique(self.channels[name][mask])
-            at = " and ".join(f"{level:.6g}" for level in levels) if len(levels) <= 2 else "several values"
+            at = " and ".join(f"{digits(level, 6)}" for level in levels) if len(levels) <= 2 else "several values"
             first = self.time_s[np.argmax(mask)]
             unit = self.unit if name.startswith("w") else "m/s²"
-            said.append(f"{name}: {int(mask.sum())} rows are saturated, at {at} {unit}, the first at {first:.6g} s")
+            said.append(
+                f"{name}: {int(mask.sum())} rows are saturated, at {at} {unit}, the first at {digits(first, 9)} s"
+            )
         return said
 
 

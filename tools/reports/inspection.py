@@ -17,7 +17,7 @@ from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import COLUMNS, ROWS, NormCalibration
 from ..motion.rests import rest_warnings
-from ..rounding import Number, digits, interval, outwards, residual, upwards
+from ..rounding import Number, digits, downwards, interval, outwards, residual, upwards
 from .bench import Value, number, section_of_model
 from .pictures.records import allan_picture, attitude_picture
 
@@ -176,6 +176,7 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
         f"{run.record.name}: {digits(span, 4)} s at {digits(1.0 / run.period, 4)} Hz, algorithm {run.algorithm}, "
         f"{how.get(run.rates, 'increments as measured')}"
     ]
+    lines += care_lines(run)
     rms, maximum, final, drift = run.rms, run.maximum, run.final, run.drift
     if rms is None or maximum is None or final is None or drift is None:
         return [*lines, "attitude error: the record has no true attitude to compare with"]
@@ -200,6 +201,23 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
             f"of it heading {digits(math.degrees(heading))} deg rms, tilt {digits(math.degrees(tilt))} deg rms"
         )
     return lines + split_lines(run)
+
+
+def distrust(run: AttitudeRun | AttitudeComparison, name: str) -> str:
+    """One line, where a gyro of the record of that name is at its limit; else nothing."""
+    if run.trusted_until is None:
+        return ""
+    return f"{name}: attitudes after {downwards(run.trusted_until, 9)} s are not to be trusted: a gyro is at its limit"
+
+
+def care_lines(run: AttitudeRun | AttitudeComparison) -> list[str]:
+    """What limits of the gyros and bridged gaps mean for the attitude."""
+    lines = []
+    if run.trusted_until is not None:
+        lines = [f"not to be trusted after {downwards(run.trusted_until, 9)} s: {'; '.join(run.warnings)}"]
+    if run.bridged_bound:
+        lines.append(f"bridged gaps turn the attitude by at most {upwards(math.degrees(run.bridged_bound), 3)} deg")
+    return lines
 
 
 def split_lines(run: AttitudeRun) -> list[str]:
@@ -232,7 +250,7 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     names = ["rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]", "heading rms [deg]", "tilt rms [deg]"]
     return Section(
         "A measured strapdown record",
-        [f"{attitude_lines(shown)[0]}.", *map(sentence, split_lines(shown))],
+        [f"{attitude_lines(shown)[0]}.", *map(sentence, [*care_lines(shown), *split_lines(shown)])],
         attitude_picture(shown),
         "Attitude from the measured gyros, "
         + ("" if shown.gyro_bias is None else "their bias at rest taken out, ")
@@ -249,7 +267,8 @@ def comparison_lines(found: AttitudeComparison) -> list[str]:
         return f"{'-' if angle is None else how(math.degrees(angle), 3):>{width}}"
 
     width = max(len(row.algorithm) for row in found.algorithms)
-    lines = [f"{'algorithm':{width}}  order  updates  from {found.reference}  error rms  error max   [deg]"]
+    lines = care_lines(found)
+    lines += [f"{'algorithm':{width}}  order  updates  from {found.reference}  error rms  error max   [deg]"]
     for row in found.algorithms:
         start = f"{row.algorithm:{width}}  {row.order:5d}"
         if row.refused:

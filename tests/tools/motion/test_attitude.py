@@ -1,5 +1,6 @@
 """The attitude of a record: what the attitude computer makes of its gyros, how far that is from the truth and why."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from trihedron.tools.demo import find_record
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import (
     AttitudeRun,
+    angle_between,
     attitude_error,
     attitude_of_record,
     heading_and_tilt,
@@ -29,7 +31,7 @@ from trihedron.tools.motion.carry import rotation_of
 from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.papers.reproduction import angle_errors
-from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.records import StrapdownRecord, write_record
 
 GRAVITY = 9.80665
 
@@ -144,6 +146,57 @@ def test_a_gap_is_refused_by_its_row() -> None:
     time = record.time_s + 0.1 * (np.arange(len(record)) >= 20)
     with pytest.raises(InputError, match=r"steady\.csv, row 25, column 'time_s': a gap of 0\.15 s"):
         attitude_of_record(replace(record, time_s=time, row=np.arange(5, 46)))
+
+
+@pytest.mark.parametrize("how", ["instantaneous", "averaged", "increments"])
+def test_attitudes_after_a_clipped_gyro_are_marked(how: str) -> None:
+    """Up to the last update before the first clipped row the attitude is that of the whole motion."""
+    time, period = 0.01 * np.arange(3000), 0.01
+    rate = np.stack([np.sin(time + 4.0), 0.7 * np.sin(1.3 * time), 0.5 * np.cos(0.8 * time)], axis=1)
+    force = np.tile([0.0, 0.0, GRAVITY], (len(time), 1))
+
+    def run(gyros: np.ndarray) -> Any:
+        options: Any = {"algorithm": "mean-rate"} if how == "increments" else {"algorithm": "mean-rate", "rates": how}
+        if how == "increments":
+            return attitude_of_record(StrapdownRecord(time, None, period * gyros, force), **options)
+        return attitude_of_record(StrapdownRecord(time, gyros, None, force), **options)
+
+    whole, clipped = run(rate), run(np.clip(rate, -0.8, 0.8))
+    assert (whole.trusted_until, whole.saturated, whole.trusted.all()) == (None, {}, True)
+    beyond = np.abs(rate[:, 0]) > 0.8
+    assert clipped.saturated == {"w1": np.count_nonzero(beyond)}
+    assert clipped.trusted_until == pytest.approx(time[np.argmax(beyond)] - period)
+    apart = angle_between(whole.attitude, clipped.attitude)
+    assert apart[clipped.trusted].max() == 0.0
+    assert apart[-1] > 0.2
+    assert np.array_equal(clipped.to_polars()["trusted"], clipped.trusted)
+
+
+def test_a_limit_before_the_run_begins_does_not_count() -> None:
+    time = 0.01 * np.arange(3000)
+    rate = np.clip(np.stack([np.sin(time), 0.7 * np.sin(1.3 * time), np.cos(time)], axis=1), -np.inf, [0.8, 9.0, 9.0])
+    rate[1300:] *= 0.5
+    true = np.full((3000, 4), np.nan)
+    true[1500] = [1.0, 0.0, 0.0, 0.0]
+    record = StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (3000, 1)))
+    assert attitude_of_record(record).trusted_until is not None
+    assert attitude_of_record(replace(record, attitude=true)).trusted_until is None
+
+
+def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Path, capsys: Any) -> None:
+    """Text, JSON, table, complaint and exit status; with --compare too."""
+    time = 0.01 * np.arange(3000)
+    rate = np.clip(np.stack([np.sin(time), 0.7 * np.sin(1.3 * time), np.cos(time)], axis=1), -0.8, 0.8)
+    path, found, out = tmp_path / "turn.csv", tmp_path / "found.json", tmp_path / "out"
+    write_record(StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (3000, 1))), path)
+    for more in ([], ["--compare"]):
+        assert main(["attitude", str(path), "--json", str(found), "--out", str(out), *more]) == 2
+        said = capsys.readouterr()
+        assert "turn.csv: attitudes after 0 s are not to be trusted: a gyro is at its limit" in said.err
+        assert "not to be trusted after 0 s: w1: " in said.out
+        assert "rows are saturated, at -0.8 and 0.8 rad/s, the first at 0.93 s" in said.out
+        assert json.loads(found.read_text(encoding="utf-8"))["trusted_until_s"] == 0.0
+    assert pl.read_csv(out / "attitude.csv")["trusted"].sum() == 1
 
 
 def test_a_time_off_the_grid_is_refused_by_its_row() -> None:
