@@ -1,7 +1,7 @@
 """Parameters of components from a calibration: as values, and as an SSP 1.0 parameter set that other tools read.
 
-A calibration is the published object of schema trihedron.calibration/1. What is refused is refused by a ValueError that
-does not name the file: who has read it says which it was.
+A calibration is the published object of schema trihedron.calibration/2, or of the first, whose estimates are a-priori
+ones. What is refused is refused by a ValueError that does not name the file: who has read it says which it was.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,7 +19,13 @@ from ..models.bench import SYMMETRIC_PAIRS, checked_rotation
 from .component import Component
 from .units import UNITS, Unit, base_unit, number
 
-CALIBRATION = "trihedron.calibration/1"
+CALIBRATION = "trihedron.calibration/2"
+FIRST_SCHEMA = "trihedron.calibration/1"
+MENDS = {
+    "falsified": "no values fit its readings: `trihedron diagnose` says what the model lacks",
+    "insufficient": "measure at its next_positions, or say by --prior what is known",
+}
+"""What is right where a calibration gives no parameters, by its verdict."""
 GRAVITIES = (4.9, 14.7)
 """[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
@@ -101,6 +107,8 @@ def calibrated_block(calibration: Any) -> Parameters:
 def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
     """Estimates by the symbols of case (A1), whatever the calibration's convention and baseline.
 
+    They are the central ones; of the first schema the a-priori ones.
+
     Raises
     ------
     ValueError
@@ -109,6 +117,7 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
         for a combination that is needed and missing
     """
     value: dict[str, float] = {}
+    a_priori = calibration.get("schema") == FIRST_SCHEMA or calibration.get("estimator") == "a priori"
     try:
         for entry in calibration["parameters"]:
             symbol = str(entry["symbol"])
@@ -116,7 +125,7 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
                 raise ValueError(f"the calibration has {symbol} twice")
             if entry["estimate"] is not None:
                 value[symbol] = checked_number(entry["estimate"], symbol)
-                _check_interval(entry, value[symbol], symbol)
+                _check_interval(entry, value[symbol], symbol, a_priori=a_priori)
     except TypeError as error:
         raise ValueError("the calibration's parameters are not as its schema says") from error
     if calibration.get("convention") == "A2":
@@ -144,12 +153,13 @@ def checked_number(value: Any, what: str) -> float:
 
 def _consistent(calibration: Any) -> Mapping[str, Any]:
     """The calibration, when it is a consistent one; a ValueError else."""
-    if not isinstance(calibration, Mapping) or calibration.get("schema") != CALIBRATION:
+    if not isinstance(calibration, Mapping) or calibration.get("schema") not in (CALIBRATION, FIRST_SCHEMA):
         found = calibration.get("schema") if isinstance(calibration, Mapping) else None
         raise ValueError(f"the schema is {found!r}; a calibration has '{CALIBRATION}'")
     verdict = calibration.get("verdict")
     if verdict != "consistent":
-        raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters")
+        mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
+        raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters{mend}")
     for key, known in CASES.items():
         if calibration.get(key) not in known:
             raise ValueError(f"its {key} is {calibration.get(key)!r}; it must be {' or '.join(known)}")
@@ -188,16 +198,20 @@ def _block(targets: Mapping[str, float], gravity: float) -> Parameters:
     }
 
 
-def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str) -> None:
-    """Refuse an estimate that its own interval and guaranteed error exclude; where they are given."""
-    ends = [entry.get(key) for key in ("low", "high", "guaranteed_error")]
+def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a_priori: bool) -> None:
+    """Refuse an estimate that its own interval excludes, an a-priori one by more than its guaranteed error.
+
+    Where they are given.
+    """
+    keys = ("low", "high", "guaranteed_error") if a_priori else ("low", "high")
+    ends = [entry.get(key) for key in keys]
     if any(end is None for end in ends):
         return
-    said = [f"{symbol}: {key}" for key in ("low", "high", "error")]
-    low, high, error = (checked_number(end, what) for end, what in zip(ends, said, strict=True))
-    room = error + 1e-9
+    low, high, *more = (checked_number(end, f"{symbol}: {key}") for end, key in zip(ends, keys, strict=True))
+    room = sum(more) + 1e-9 if a_priori else 0.0
     if not low <= high or estimate - room > high or estimate + room < low:
-        raise ValueError(f"{symbol}: its estimate, guaranteed error, low and high exclude one another; was it edited?")
+        error = "guaranteed error, " if a_priori else ""
+        raise ValueError(f"{symbol}: its estimate, {error}low and high exclude one another; was it edited?")
 
 
 def parameter_set(

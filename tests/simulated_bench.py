@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trihedron.models.bench import ELEMENTARY, elementary_reading
 from trihedron.tools.calibration import Calibration
-from trihedron.tools.calibration.calibration import Estimate
+from trihedron.tools.calibration.result import Estimate
 from trihedron.tools.records import PositionRecord
 
 GRAVITY = 9.80665
@@ -77,12 +77,15 @@ def guaranteed(estimate: Estimate) -> float:
 
 
 def misses(result: Calibration, truth: Iterable[float]) -> list[str]:
-    """Symbols whose true value is outside the interval or further from the estimate than guaranteed."""
+    """Symbols of which something that was promised does not hold: interval, error bound, guaranteed error."""
     assert result.verdict == "consistent"
     missed = []
     for e, x in zip(result.parameters, truth, strict=True):
         low, high = interval(e)
         assert e.estimate is not None
-        if not (low <= x <= high and abs(e.estimate - x) <= guaranteed(e)):
+        assert e.error_bound is not None
+        assert e.a_priori_estimate is not None
+        held = low <= x <= high and low <= e.estimate <= high
+        if not (held and abs(e.estimate - x) <= e.error_bound and abs(e.a_priori_estimate - x) <= guaranteed(e)):
             missed.append(e.symbol)
     return missed

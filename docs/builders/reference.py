@@ -17,6 +17,7 @@ from trihedron.fmus import components
 from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.units import UNITS
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, Effect, EffectParameter, EffectPlace
+from trihedron.tools.bounded.centre import Bounded, analytic_centre
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_model import Circumstances, Visits, acted_on, signature_columns
@@ -284,7 +285,11 @@ def interval_picture() -> str:
         look: dict[str, Any] = {"solid_capstyle": "butt"}
         below.plot([estimate - error, estimate + error], [0.0, 0.0], color=BAND.light, linewidth=15.0, **look)
         below.plot([low, high], [0.0, 0.0], color=FIRST.light, linewidth=4.0, label="low to high", **look)
-        below.plot([estimate], [0.0], "o", color=INK.light, markersize=4.5, label="estimate")
+        below.plot([estimate], [0.0], "o", mfc="white", mec=INK.light, markersize=4.5, label="a priori")
+        centre = analytic_centre(Bounded(READINGS, reading, np.ones(len(reading))))
+        assert centre is not None
+        above.plot(*centre, "o", color=INK.light, markersize=4.5)
+        below.plot([centre[0]], [0.0], "o", color=INK.light, markersize=4.5, label="estimate")
         below.plot([TRUTH[0]] * 2, [-0.45, 0.45], color=SECOND.light, linewidth=2.0, label="truth")
         for end in (low, high):
             above.axvline(end, color=MUTED.light, linestyle=":")
@@ -294,8 +299,8 @@ def interval_picture() -> str:
         below.grid(visible=False)
         above.set_xlabel("")
         below.set_xlabel("first parameter [σ]")
-        band = Patch(facecolor=BAND.light, label="estimate ± guaranteed error")
-        figure.legend(handles=[band, *below.get_legend_handles_labels()[0]], loc="outside upper left", ncols=4)
+        band = Patch(facecolor=BAND.light, label="guaranteed error")
+        figure.legend(handles=[band, *below.get_legend_handles_labels()[0]], loc="outside upper left", ncols=5)
         return svg_text(figure, "The set of possible parameters, its extent along the first, and the guaranteed error")
 
 

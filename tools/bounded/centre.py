@@ -216,9 +216,12 @@ def central_programme(bounded: Bounded, weights: NDArray, intervals: NDArray) ->
         taken = np.union1d(taken, more)
 
 
-def central(bounded: Bounded, weights: NDArray, intervals: NDArray, start: NDArray | None = None) -> Central:
-    """The analytic centre, or where there is none the central programme's point; arguments as of these."""
-    x = analytic_centre(bounded, start)
+def central(bounded: Bounded, weights: NDArray, intervals: NDArray) -> Central:
+    """The analytic centre, sought from zero, or where there is none the central programme's point.
+
+    Arguments as of these.
+    """
+    x = analytic_centre(bounded, np.zeros(bounded.jacobian.shape[1]))
     if x is not None:
         return Central(x, "analytic centre")
     return Central(central_programme(bounded, weights, intervals), "central programme")

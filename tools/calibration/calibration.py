@@ -1,25 +1,29 @@
-"""From a position record to values with guaranteed errors: the procedure of `trihedron calibrate` and its result."""
+"""From a position record to values with guaranteed errors: the procedure of `trihedron calibrate`."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import ConfigDict, Field, model_serializer, model_validator
-from typing_extensions import TypedDict
 
-from ...fmus import version
 from ...fmus.parameters import GRAVITIES
 from ...models.bench import SYMMETRIC_PAIRS, admissible
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord
 from ..records.noise import NoiseBound, noise_bound_from
-from ..result import Result, finite_or_none
+from ..result import finite_or_none
 from ..rounding import digits, exactly, residual, upwards
-from .estimates import FeasibleSet, chebyshev_centre, estimated_values, exact_intervals, fit
+from .estimates import (
+    FeasibleSet,
+    a_priori_values,
+    chebyshev_centre,
+    fit,
+    least_squares_values,
+    possible_values,
+)
 from .model import (
     Linearisation,
     Positions,
@@ -28,6 +32,17 @@ from .model import (
     parametrise,
     reading_jacobian,
     table_position,
+)
+from .result import (
+    NUMBERS,
+    Calibration,
+    Estimate,
+    KnownBefore,
+    OpenTarget,
+    Provenance,
+    Reading,
+    ReadingError,
+    TablePosition,
 )
 from .targets import (
     Target,
@@ -40,22 +55,6 @@ from .targets import (
     with_priors,
 )
 
-if TYPE_CHECKING:
-    from polars import DataFrame
-
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=0)]
-Accelerometer = Annotated[int, Field(ge=1, le=3)]
-UNITS_OF_RESULT = {
-    "noise_bound": "g",
-    "gravity_mps2": "m/s2",
-    "radius": "1",
-    "parameters": "of estimate, guaranteed_error, low, high: as each says",
-    "reading_errors": "g",
-}
-"""Units of the numbers of the published object; g is its own `gravity_mps2`."""
 STANDARD_BOUNDS = (3e-3, 1e-2)
 SCALE_FACTORS = (0.5, 1.5)
 """What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
@@ -67,168 +66,6 @@ GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
 MAX_POSITIONS = 24
-
-
-class _Part(Result):
-    model_config = ConfigDict(strict=True)
-
-
-class Reading(_Part):
-    """A reading that proves something: the record's number of its position, and the accelerometer."""
-
-    position: Annotated[int, Field(ge=1)]
-    accelerometer: Accelerometer
-
-
-class Estimate(_Part):
-    """One target's value.
-
-    Attributes
-    ----------
-    symbol, name, unit : str
-        as the paper writes it, in words, and its unit
-    estimate : float or None
-        None where the measurements cannot determine it
-    guaranteed_error : float or None
-        a priori: σ times the l1 norm of the weights
-    low, high : float or None
-        the exact ends of what the measurements leave possible; None where they falsify the model
-    """
-
-    symbol: str
-    name: str
-    unit: str
-    estimate: Number | None
-    guaranteed_error: Size | None
-    low: Number | None
-    high: Number | None
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "Estimate":
-        if self.low is not None and self.high is not None and self.low > self.high:
-            raise ValueError(f"low = {self.low!r} is above high = {self.high!r}")
-        return self
-
-
-class ReadingError(_Part):
-    """What an accelerometer reads beyond its input [g] at that input (3,) [g], at least and at most.
-
-    None where the readings do not determine it.
-    """
-
-    accelerometer: Accelerometer
-    input: list[int]
-    low: Number | None
-    high: Number | None
-
-
-class OpenTarget(_Part):
-    """A target that the measurements cannot determine."""
-
-    symbol: str
-    name: str
-
-
-class KnownBefore(_Part):
-    """A prior, |expression| ≤ limit."""
-
-    expression: str
-    limit: Number
-
-
-class Provenance(_Part):
-    """What a calibration was made from: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
-
-    trihedron: str = Field(default_factory=version)
-    record: str
-    sha256: str = Field(alias="record_sha256")
-    bounds: list[Number]
-
-
-class TablePosition(TypedDict):
-    """Angles of the table, and the mounting where there are several."""
-
-    alpha_deg: Number
-    beta_deg: Number
-    mounting: NotRequired[str]
-
-
-class Calibration(_Part):
-    """A calibration of the bench.
-
-    Attributes
-    ----------
-    verdict : str
-        "consistent", "falsified" or "insufficient"
-    noise_bound, noise_bound_basis
-        σ as a fraction of g, and on what it rests
-    gravity : float
-        [m/s²]
-    convention, baseline : str
-        "A1" or "A2"; "asymmetric" or "symmetric"
-    mountings : dict
-        Q by name
-    positions, measurements : int
-        N and M
-    radius : float
-        least max |z − f(X)| / bound
-    witness : list of Reading
-        the measurements that prove a falsification
-    parameters : list of Estimate
-    units : dict
-        of the numbers here
-    priors : list of KnownBefore
-    reading_errors : list of ReadingError
-        what the readings may be off by at the corners of the input
-    provenance : Provenance or None
-    missing : list of OpenTarget
-        what the measurements cannot determine
-    next_positions : list of TablePosition
-        table positions that would determine it
-    warnings : list of str
-    linearised : Linearisation
-        the fit, for the diagnosis; not published
-    feasible : FeasibleSet or None
-        not published; None where the measurements contradict the model
-    """
-
-    schema_: Literal["trihedron.calibration/1"] = Field(default="trihedron.calibration/1", alias="schema")
-    verdict: Literal["consistent", "falsified", "insufficient"]
-    noise_bound: Annotated[float, Field(gt=0.0, lt=1.0)]
-    noise_bound_basis: str = ""
-    gravity: Annotated[float, Field(ge=GRAVITIES[0], le=GRAVITIES[1])] = Field(alias="gravity_mps2")
-    convention: Literal["A1", "A2"]
-    baseline: Literal["asymmetric", "symmetric"]
-    mountings: dict[str, list[list[Number]]] = Field(default={})
-    positions: Count
-    measurements: Count
-    radius: Size
-    witness: list[Reading]
-    parameters: Annotated[list[Estimate], Field(min_length=1)]
-    units: dict[str, str] = UNITS_OF_RESULT
-    priors: list[KnownBefore] = Field(default=[])
-    reading_errors: list[ReadingError] = Field(default=[])
-    provenance: Provenance | None = None
-    missing: list[OpenTarget] = Field(default=[])
-    next_positions: list[TablePosition] = Field(default=[])
-    warnings: list[str] = Field(default=[])
-    linearised: Linearisation = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
-    feasible: FeasibleSet | None = Field(default=None, exclude=True)
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        content = handler(self)
-        absent = {"provenance"} if self.provenance is None else set()
-        if self.verdict != "insufficient":
-            absent |= {"missing", "next_positions"}
-        return {key: value for key, value in content.items() if key not in absent}
-
-    def to_polars(self) -> "DataFrame":
-        """A row for each target: symbol, name, unit, estimate, guaranteed_error, low, high."""
-        import polars as pl
-
-        numbers: Any = dict.fromkeys(("estimate", "guaranteed_error", "low", "high"), pl.Float64)
-        return pl.DataFrame([e.to_json() for e in self.parameters], schema_overrides=numbers)
 
 
 @dataclass(frozen=True)
@@ -264,10 +101,12 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
 
     Notes
     -----
-    The exact model of `trihedron.models.bench` is fitted by Gauss-Newton and linearised at the fit. Then the linear
-    programmes (2.4), (2.5) on the angles measured give each target's weights and guaranteed error; the Chebyshev
+    The exact model of `trihedron.models.bench` is fitted by Gauss-Newton and linearised at the fit. The Chebyshev
     programme gives the verdict and two more for each target the ends of its interval, both corrected for the remainder
-    of the linearisation. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
+    of the linearisation. The estimates are those of one point that keeps every exact residual within its bound: the
+    analytic centre of all such (a position that is listed twice counts twice, and moves it a little). Beside them stand
+    the a-priori estimates, whose weights and guaranteed errors are those of the linear programmes (2.4), (2.5) on the
+    angles measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
     asked = Asked(**options)
     bounds = asked.bounds
@@ -284,23 +123,22 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     resolution = record.written_to(asked.gravity)
     slack = reading_uncertainty(resolution)
     weights = np.vstack([*(target.weights for target in wanted), error_weights(p)])
-    intervals = np.full((len(weights), 2), np.nan)
+    possible, estimator = np.full((len(weights), 4), np.nan), None
     try:
         radius, centre, duals = chebyshev_centre(bounded)
         contradicted = radius > radius_limit(sigma, resolution)
         feasible = None if contradicted else FeasibleSet(bounded, centre, slack)
         if feasible is not None:
-            intervals = exact_intervals(feasible, weights)
-        values = np.hstack((estimated_values(bounded, wanted), intervals[: len(wanted)]))
+            possible, estimator = possible_values(feasible, weights)
+        beside = a_priori_values(bounded, wanted), least_squares_values(here, weights[: len(wanted)])
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {exactly(sigma)} a fraction of g?") from error
-    keys = ("estimate", "guaranteed_error", "low", "high")
     estimates = [
-        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(keys, map(finite_or_none, row), strict=True)))
-        for t, row in zip(wanted, values, strict=True)
+        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(NUMBERS, map(finite_or_none, row), strict=True)))
+        for t, row in zip(wanted, np.hstack((possible[: len(wanted)], *beside)), strict=True)
     ]
     _check_scale_factors(record, estimates)
-    missing = [estimate for estimate in estimates if estimate.estimate is None]
+    missing = [estimate for estimate in estimates if estimate.a_priori_estimate is None]
     # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.
     falsified = contradicted and noise.complete
     unbounded = contradicted and not noise.complete
@@ -324,7 +162,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         # what the readings leave open hides it from the radius
         found = _contradiction(here, record.position, 2.0 * (sigma + slack) * (1.0 + RELATIVE_TOLERANCE))
         warnings += [] if found is None else [found]
-    errors = zip(corners(), intervals[len(wanted) :], strict=True)
+    errors = zip(corners(), possible[len(wanted) :, 2:], strict=True)
     return Calibration(
         verdict="insufficient" if missing or unbounded else "falsified" if falsified else "consistent",
         noise_bound=sigma,
@@ -336,6 +174,8 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         positions=len(record.position),
         measurements=len(here.residual),
         radius=radius,
+        estimator=estimator,
+        no_estimate=_without_estimate(falsified, unbounded, missing),
         witness=witness,
         parameters=estimates,
         priors=[KnownBefore(expression=x.text.rpartition("=")[0], limit=x.limit) for x in known_before],
@@ -352,6 +192,17 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         linearised=here,
         feasible=feasible,
     )
+
+
+def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Estimate]) -> str:
+    """Why there is no estimate, or none of some targets."""
+    if falsified:
+        return "no parameters of the model keep every reading within the noise bound"
+    if unbounded:
+        return "the readings differ from the model by more than their scatter within rests"
+    if missing:
+        return f"the readings leave {', '.join(gap.symbol for gap in missing)} unbounded"
+    return ""
 
 
 def reading_uncertainty(resolution: float) -> float:

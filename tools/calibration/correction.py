@@ -20,7 +20,7 @@ from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
 from ..rounding import exactly
-from .calibration import Calibration
+from .result import Calibration
 from .targets import corners
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ from ...models.bench import (
     nominal_input,
     sign_margin,
 )
+from ..bounded.centre import Bounded, Central, Estimator, central
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
 from ..errors import InputError
 from ..progress import tracked
@@ -50,6 +51,11 @@ GROUPS = (
     ("table and mounting", ("X1", "X2", "X3", "X13", "-X12", "X8")),
 )
 """Targets whose errors hang together: those of each accelerometer, those of the bench."""
+MAX_CENTRED = 10
+STILL = 1e-9
+"""A step to the centre that moves no reading by more than this part of its bound is none."""
+SMALLEST = 1e-18
+"""Steps of parameters below it are none."""
 SAME = 1e-6
 """A direction that gains no more than this part of the set's size gives no new vertex."""
 
@@ -258,8 +264,12 @@ def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
     return radius, best, duals
 
 
-def estimated_values(here: Linearisation, wanted: list[Target]) -> NDArray:
-    """Each target's estimate and guaranteed error (T, 2), NaN where the measurements do not determine it."""
+def a_priori_values(here: Linearisation, wanted: list[Target]) -> NDArray:
+    """Each target's a-priori estimate and guaranteed error (T, 2), NaN where the measurements do not determine it.
+
+    The weights of (2.4), (2.5) are chosen before anything is read: their worst error is least, and the readings may
+    afterwards prove their estimate impossible.
+    """
     values = np.full((len(wanted), 2), np.nan)
     known = [k for k, target in enumerate(wanted) if _is_determined(here, target.weights)]
     reduced = Polytope(here.jacobian @ here.span, here.bound)
@@ -270,6 +280,63 @@ def estimated_values(here: Linearisation, wanted: list[Target]) -> NDArray:
         error, _, phi = reduced.maximise(here.span.T @ weights)
         values[k] = weights @ here.point + phi @ here.residual, error
     return values
+
+
+def least_squares_values(here: Linearisation, weights: NDArray) -> NDArray:
+    """Least squares as practitioners do it: weights'X (K,) at the fit and its standard error, together (K, 2).
+
+    The standard error is from the scatter of the residuals with M − rank degrees of freedom. NaN where the measurements
+    do not determine it, and a standard error where they leave no freedom. Readings whose sign is open weigh less.
+    """
+    values = np.full((len(weights), 2), np.nan)
+    weight = here.bound.min() / here.bound
+    rank = here.span.shape[1]
+    freedom = len(here.residual) - rank
+    variance = float(np.sum((weight * here.residual) ** 2)) / freedom if freedom > 0 else np.nan
+    _, triangle = np.linalg.qr((here.jacobian @ here.span) * weight[:, None])
+    for k, row in enumerate(weights):
+        if _is_determined(here, row):
+            spread = np.linalg.solve(triangle.T, here.span.T @ row)
+            values[k] = row @ here.point, np.sqrt(variance * (spread @ spread))
+    return values
+
+
+def central_point(feasible: FeasibleSet, weights: NDArray, intervals: NDArray) -> Central:
+    """The point (P,) of the feasible set to state: the analytic centre, with every exact residual within its room.
+
+    The centre of the linearised set is sought again about itself, from the Chebyshev centre on, until it stays. Where
+    the set has no interior the central programme takes its place, for weights'X (K, P) and their intervals (K, 2).
+    """
+    here, point, room = feasible.linearised, feasible.centre, _room(feasible)
+    known = np.isfinite(intervals).all(axis=1)
+    estimator: Estimator = "analytic centre"
+    for _ in range(MAX_CENTRED):
+        jacobian = here.jacobian_at(point) @ here.span
+        about = Bounded(jacobian, here.residual_at(point), room)
+        found = central(about, weights[known] @ here.span, intervals[known] - (weights[known] @ point)[:, None])
+        step, estimator = found.x, found.estimator
+        while (np.abs(here.residual_at(point + here.span @ step)) > room).any() and step.any():
+            # The exact model leaves less than the linear one.
+            step = np.where(np.abs(step) > SMALLEST, step / 2.0, 0.0)
+        point = point + here.span @ step
+        if np.abs(jacobian @ step / room).max(initial=0.0) <= STILL:
+            break
+    return Central(point, estimator)
+
+
+def possible_values(feasible: FeasibleSet, weights: NDArray) -> tuple[NDArray, Estimator | None]:
+    """Estimate, its error bound, low and high (K, 4) of weights'X (K, P), and by what the estimates are.
+
+    NaN where the measurements do not determine it; None where they determine nothing of all.
+    """
+    ends = exact_intervals(feasible, weights)
+    if not np.isfinite(ends).any():
+        return np.full((len(weights), 4), np.nan), None
+    stated = central_point(feasible, weights, ends)
+    values = np.where(np.isfinite(ends).all(axis=1), weights @ stated.x, np.nan)
+    # The point is possible: an end that rounding has put before it goes there.
+    low, high = np.minimum(ends[:, 0], values), np.maximum(ends[:, 1], values)
+    return np.stack((values, np.maximum(values - low, high - values), low, high), axis=1), stated.estimator
 
 
 def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
@@ -308,11 +375,17 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
 def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:
     """Steps from the centre, in coordinates of `span`, that keep residuals within bounds; the residuals (M,) there."""
     here = feasible.linearised
-    residual = here.residual_at(feasible.centre)
-    room = np.maximum(here.bound + feasible.slack, np.abs(residual)) * (1.0 + RELATIVE_TOLERANCE)
+    residual, room = here.residual_at(feasible.centre), _room(feasible)
     polytope = Polytope(here.jacobian @ here.span, here.bound)
     polytope.confine(residual - room, residual + room)
     return polytope, residual
+
+
+def _room(feasible: FeasibleSet) -> NDArray:
+    """What every residual (M,) may be: its bound and the slack, or what the Chebyshev centre leaves of it."""
+    here = feasible.linearised
+    left = np.abs(here.residual_at(feasible.centre))
+    return np.maximum(here.bound + feasible.slack, left) * (1.0 + RELATIVE_TOLERANCE)
 
 
 def _takes_long(here: Linearisation) -> bool:

@@ -282,6 +282,10 @@ class Linearisation:
         """Exact residuals (M,) at another point, with the signs of this one."""
         return (self.reading - predicted_reading(self.parametrisation, point, self.positions, self.sign)).ravel()
 
+    def jacobian_at(self, point: NDArray) -> NDArray:
+        """Exact derivatives (M, P) of the prediction at another point, with the signs of this one."""
+        return reading_jacobian(self.parametrisation, point, self.positions, self.sign).reshape(-1, len(point))
+
 
 def linearise(
     parametrisation: Parametrisation,

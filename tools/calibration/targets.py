@@ -301,6 +301,10 @@ class WithPriors(Linearisation):
         """Exact residuals (M + K,) at another point; a prior's is what is left to zero."""
         return np.append(super().residual_at(point), -self.prior @ point)
 
+    def jacobian_at(self, point: NDArray) -> NDArray:
+        """Exact derivatives (M + K, P) at another point; a prior's are its weights."""
+        return np.vstack((super().jacobian_at(point), self.prior))
+
 
 def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, float]) -> list[Prior]:
     """Priors as a person writes them: "X16=1e-3", "X4-X5=2e-4", or "bounds" for all by (1.7).

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -102,8 +103,8 @@ class CalibrationRuns:
 
     A record of a bench is made with the exact model, with errors within σ; `calibrate` gets the record and σ. The
     scalars are its verdict and radius, how many true values lie outside their intervals (0 is what is guaranteed), the
-    largest error as a part of what is guaranteed, and of each target the error, the guaranteed error and the width of
-    the interval.
+    largest error of an estimate over its bound, and of each target the error, its bound, the width of the interval and
+    the a-priori guaranteed error.
     """
 
     def __init__(self, campaign: Campaign, setting: CalibrationSetting) -> None:
@@ -119,7 +120,7 @@ class CalibrationRuns:
             text = (campaign.base_folder / setting.positions).read_bytes()
         self.alpha, self.beta = read_angles(text, setting.positions or "static-calibration-positions.csv")
         self.outputs = {**VERDICT, "misses": Output(pl.Int64, "lower"), "worst_error_ratio": LOWER}
-        self.outputs |= {f"{s}_{what}": LOWER for s in TARGETS for what in ("error", "guaranteed", "width")}
+        self.outputs |= {f"{s}_{what}": LOWER for s in TARGETS for what in ("error", "bound", "guaranteed", "width")}
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Make a record and calibrate it."""
@@ -146,12 +147,14 @@ class CalibrationRuns:
         misses, ratio = 0, 0.0
         for estimate in result.parameters:
             symbol = estimate.symbol
-            if symbol not in true or estimate.estimate is None or estimate.guaranteed_error is None:
+            if symbol not in true:
                 continue
-            error = abs(estimate.estimate - true[symbol])
-            scalars[f"{symbol}_error"] = error
             scalars[f"{symbol}_guaranteed"] = estimate.guaranteed_error
-            ratio = max(ratio, error / estimate.guaranteed_error)
+            if estimate.estimate is not None and estimate.error_bound is not None:
+                error = abs(estimate.estimate - true[symbol])
+                scalars |= {f"{symbol}_error": error, f"{symbol}_bound": estimate.error_bound}
+                bound = estimate.error_bound
+                ratio = max(ratio, error / bound if bound > 0.0 else math.inf if error > 0.0 else 0.0)
             if estimate.low is not None and estimate.high is not None:
                 scalars[f"{symbol}_width"] = estimate.high - estimate.low
                 misses += not estimate.low <= true[symbol] <= estimate.high
@@ -197,8 +200,8 @@ class SimulationRuns:
     """Simulations of a scenario, whose FMUs are loaded once.
 
     A parameter is `fmu.variable`, or `fmu.variable[k]` for an element. The scalars are those that the campaign file
-    takes of the record's columns, or the last value of each, and with `calibrate` the verdict, radius, estimates and
-    guaranteed errors of the rests' averages.
+    takes of the record's columns, or the last value of each, and with `calibrate` the verdict, radius, estimates, their
+    bounds and guaranteed errors of the rests' averages.
     """
 
     def __init__(self, campaign: Campaign, setting: SimulationSetting) -> None:
@@ -229,7 +232,9 @@ class SimulationRuns:
                 raise InputError(f"simulation: to calibrate or diagnose, the record must have a column {missing[0]}")
         self.outputs: dict[str, Output] = {name: Output(pl.Float64) for name in self.reductions}
         if setting.calibrate:
-            of_targets = {f"{s}_{what}": Output(pl.Float64) for s in TARGETS for what in ("estimate", "guaranteed")}
+            of_targets = {
+                f"{s}_{what}": Output(pl.Float64) for s in TARGETS for what in ("estimate", "bound", "guaranteed")
+            }
             self.outputs |= {**VERDICT, **of_targets}
         swept = campaign.parameters
         self.seeded = [n for n, i in interfaces.items() if "seed" in i.variables and f"{n}.seed" not in swept]
@@ -259,6 +264,7 @@ class SimulationRuns:
                 scalars |= {"verdict": found.verdict, "radius": found.radius}
                 for estimate in found.parameters:
                     scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
+                    scalars[f"{estimate.symbol}_bound"] = estimate.error_bound
                     scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
             if self.keep.diagnosis:
                 told = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())

@@ -13,7 +13,7 @@ from typing import Any
 from fmpy.validation import validate_fmu
 from pydantic import BaseModel, ValidationError
 
-from ...fmus.parameters import target_estimates
+from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, target_estimates
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
 from ..calibration.model import checked_mounting
@@ -54,7 +54,8 @@ from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, json_lines, toml_lines
 
 SCHEMAS = {
-    "trihedron.calibration/1": "calibration",
+    CALIBRATION: "calibration",
+    FIRST_SCHEMA: "calibration",
     "trihedron.diagnosis/1": "diagnosis",
     "trihedron.plan/1": "plan",
 }

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
-from ..calibration.calibration import OpenTarget, Reading
+from ..calibration.result import OpenTarget, Reading
 from ..evidence.evidence import Trial
 from ..evidence.fit import Fit, Gain
 from ..result import Result, Told, finite_or_none

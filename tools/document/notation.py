@@ -120,12 +120,14 @@ class Bar:
     """An interval about its estimate, in units of σ."""
 
     error: float | None
-    """the guaranteed error: the band reaches from −error to +error"""
+    """the guaranteed error: the band reaches so far to both sides of its middle"""
     low: float | None
     high: float | None
     """what is possible, less the estimate"""
     truth: float | None = None
     """less the estimate, where it is known"""
+    about: float = 0.0
+    """the middle of the band, less the estimate"""
 
 
 def bars(rows: Sequence[Bar]) -> tuple[list[Drawn | None], float]:
@@ -133,7 +135,8 @@ def bars(rows: Sequence[Bar]) -> tuple[list[Drawn | None], float]:
 
     Rows without a number are None.
     """
-    sizes = [abs(v) for row in rows for v in (row.error, row.low, row.high, row.truth) if v is not None]
+    sizes = [abs(row.about) + row.error for row in rows if row.error is not None]
+    sizes += [abs(v) for row in rows for v in (row.low, row.high, row.truth) if v is not None]
     reach = float(np.max(sizes, initial=0.0)) * 1.02
     if not np.isfinite(reach) or reach <= 0.0:
         return [None] * len(rows), 0.0
@@ -148,7 +151,7 @@ def _drawn(row: Bar, reach: float) -> Drawn:
     parts = ['<path class="axis" d="M0 -7V7"/>']
     if row.error is not None:
         width = 200.0 * row.error / reach
-        parts.append(f'<rect class="band" x="{at(-row.error)}" y="-6" width="{width:.1f}" height="12"/>')
+        parts.append(f'<rect class="band" x="{at(row.about - row.error)}" y="-6" width="{width:.1f}" height="12"/>')
         said.append(f"guaranteed error {upwards(row.error)}")
     if row.low is not None and row.high is not None:
         parts.append(f'<path class="possible" d="M{at(row.low)} 0H{at(row.high)}"/>')

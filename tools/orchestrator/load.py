@@ -231,7 +231,7 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
         except (ValueError, RecursionError) as error:
             raise InputError(f"is not JSON ({error})") from error
         if not isinstance(data, dict):
-            raise InputError("is not a calibration result (schema trihedron.calibration/1)")
+            raise InputError("is not a calibration result (schema trihedron.calibration/2)")
         try:
             found = bench_parameters(data)
         except ValueError as error:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...models.table_commands import move_duration
-from ..calibration.calibration import Number
+from ..calibration.result import Number
 from ..errors import InputError
 from ..progress import shown_status
 from ..result import Result

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
-from ..calibration.calibration import Accelerometer, Number, Size
 from ..calibration.model import Parametrisation, mountings_of, parametrise
+from ..calibration.result import Accelerometer, Number, Size
 from ..calibration.targets import asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import tracked

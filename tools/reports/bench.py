@@ -16,7 +16,7 @@ from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..diagnosis.result import Cause, Diagnosis
 from ..document.blocks import Download, Section, Table
-from ..document.notation import Cell, effect_formula, equation, minus, signed, typeset
+from ..document.notation import Cell, effect_formula, equation, half_width, minus, signed, typeset
 from ..records import PositionRecord
 from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
 from .makers import cited, matrix_text, versions
@@ -304,7 +304,7 @@ def bench_section(result: Calibration, values: Mapping[str, Value], causes: Sequ
     said = [
         "The bench: a block of three accelerometers with biases, misalignments and scale factors "
         f"{scales}, mounted on a table whose axes are not quite horizontal and perpendicular. n is what the "
-        "accelerometers feel, in units of g; angles are in radians. Numbers are rounded to what their guaranteed "
+        "accelerometers feel, in units of g; angles are in radians. Numbers are rounded to what the bounds of their "
         "errors justify.",
     ]
     if any(value is None for value, _ in values.values()):
@@ -324,7 +324,7 @@ def calibrated_values(result: Calibration) -> dict[str, Value]:
     """The targets of case (A1): estimates where there are such, else the fit."""
     here = result.linearised
     at_fit = dict(zip(TARGETS, (here.parametrisation.selection[0] @ here.point).tolist(), strict=True))
-    found = {e.symbol: (e.estimate, e.guaranteed_error) for e in result.parameters if e.estimate is not None}
+    found = {e.symbol: (e.estimate, half_width(e.low, e.high)) for e in result.parameters if e.estimate is not None}
     values: dict[str, Value] = {symbol: (value, None) for symbol, value in at_fit.items()}
     return values | found | {gap.symbol: (None, None) for gap in result.missing}
 

@@ -1,7 +1,7 @@
 """What a calibration says: text and page."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..calibration import Calibration
 from ..calibration.correction import ARCSEC, Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
+from ..calibration.result import Estimate
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import (
     Bar,
@@ -23,7 +24,7 @@ from ..document.notation import (
 )
 from ..errors import InputError
 from ..records import PositionRecord
-from ..rounding import NONE, digits, exactly, interval, residual, to_bound, upwards
+from ..rounding import NONE, Number, digits, exactly, interval, residual, to_bound, upwards
 from . import bench
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
@@ -64,11 +65,10 @@ def verdict_sentence(result: Calibration) -> str:
         )
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
-    worst = [e for e in result.parameters if e.estimate is not None and e.guaranteed_error is not None]
+    bounds = [e.error_bound for e in result.parameters if e.error_bound is not None]
     told = ""
-    if worst:
-        largest = max(e.guaranteed_error for e in worst if e.guaranteed_error is not None)
-        told = f", and all {len(worst)} targets are known, each to within {upwards(largest)} or better"
+    if bounds:
+        told = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
     return f"Consistent: the model explains every reading within {residual(result.radius)} σ{told}."
 
 
@@ -106,7 +106,7 @@ def joint_set_sections(result: Calibration) -> list[Section]:
             f"Possible together: {group}",
             [TOGETHER] if k == 0 else [],
             joint_set(pairs, estimates, result.noise_bound),
-            "Each pair of targets about its estimates, in units of σ; an estimate may lie outside, the truth does not.",
+            "Each pair of targets about its estimates, in units of σ; the truth lies inside, as the estimates do.",
         )
         for k, (group, pairs) in enumerate(joint_sets(result.feasible).items())
     ]
@@ -146,7 +146,7 @@ def rest_sections(record: PositionRecord) -> list[Section]:
     if not refused:
         return []
     rows = [
-        [int(raw.row[rest.first]), int(raw.row[rest.last]), float(np.ptp(raw.time_s[rest.first : rest.last + 1])),
+        [int(raw.row[rest.first]), int(raw.row[rest.last]), digits(np.ptp(raw.time_s[rest.first : rest.last + 1])),
          rest.refused]
         for rest in refused
     ]  # fmt: skip
@@ -173,6 +173,7 @@ def calibration_section(
             f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
             f"({result.noise_bound_basis}); least possible largest residual {residual(result.radius)} σ.",
             *bench.missing_lines(result),
+            *map(sentence, estimator_lines(result)),
         ],
         table=target_table(result, truth),
         files=files or [],
@@ -181,17 +182,53 @@ def calibration_section(
 
 def target_section(result: Calibration) -> Section:
     """The targets on a page of their own."""
-    said = ["An estimate is never wrong by more than its guaranteed error; the truth lies between low and high."]
+    said = [sentence(line) for line in estimator_lines(result)]
     if result.verdict == "falsified":
-        said = [
-            "The estimates are those of a model that the readings contradict: no value is possible, and no error is "
-            "guaranteed. `trihedron diagnose` says what the model lacks."
-        ]
+        said.append("No error is guaranteed either. `trihedron diagnose` says what the model lacks.")
     if result.missing:
         said.append(
             "Where there is no number the readings determine none: measure more, or say what is known by `--prior`."
         )
     return Section("Targets", said, table=target_table(result))
+
+
+ESTIMATORS = {
+    "analytic centre": "the estimates are the analytic centre: one possible set of values, which keeps every reading "
+    "within its bound, in the middle of all such",
+    "central programme": "the estimates are the point of the central programme: one possible set of values, as near to "
+    "the middles of the intervals as any, where hardly more than a point is possible",
+    "a priori": "the estimates are the a-priori ones, which the readings may prove impossible; calibrate again for "
+    "others",
+}
+BESIDE = (
+    "beside them: a-priori estimates, by weights that are best before anything is read, and least squares with its "
+    "standard error"
+)
+
+
+def estimator_lines(result: Calibration) -> list[str]:
+    """What the estimates are, or why there are none; what stands beside them, and why it may be outside an interval."""
+    said = []
+    if result.estimator is not None:
+        said.append(ESTIMATORS[result.estimator])
+    if result.no_estimate:
+        said.append(f"no estimate{' of those' if result.estimator is not None else ''}: {result.no_estimate}")
+    if result.estimator == "a priori":
+        return said
+    said.append(BESIDE if result.estimator is not None else BESIDE.replace("beside them", "what stands in their place"))
+    for title, key, why in (
+        ("the a-priori estimate", "a_priori_estimate", "it is a promise made before the data, which now say more"),
+        ("least squares", "least_squares", "it knows no bound of the readings' errors"),
+    ):
+        outside = [e.symbol for e in result.parameters if not e.possible(getattr(e, key))]
+        if outside:
+            said.append(f"{title} lies outside the interval of {few(outside)}: {why}")
+    return said
+
+
+def few(symbols: Sequence[str]) -> str:
+    """The symbols, or how many they are."""
+    return ", ".join(symbols) if len(symbols) <= bench.MOST_NAMED else f"{len(symbols)} targets"
 
 
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
@@ -202,32 +239,38 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     def over(value: float | None, estimate: float | None) -> float | None:
         return None if value is None or estimate is None else (value - estimate) / sigma
 
-    # Of a model that the readings contradict nothing is guaranteed.
-    errors = [None if e.estimate is None or falsified else e.guaranteed_error for e in result.parameters]
     drawn, reach = bars(
         [
             Bar(
-                None if error is None else error / sigma,
+                None if e.estimate is None or e.guaranteed_error is None else e.guaranteed_error / sigma,
                 *(over(value, e.estimate) for value in (e.low, e.high, known.get(e.symbol))),
+                about=over(e.a_priori_estimate, e.estimate) or 0.0,
             )
-            for e, error in zip(result.parameters, errors, strict=True)
+            for e in result.parameters
         ]
     )
     rows: list[list[Cell]] = []
-    for e, error, bar in zip(result.parameters, errors, drawn, strict=True):
-        row: list[Cell] = [
-            symbol_text(e.symbol),
-            bench.physical_words(e.name),
-            to_bound(e.estimate, e.guaranteed_error),
-        ]
-        ends = (None, None) if falsified else interval(None, e.low, e.high, e.guaranteed_error)[1:]
-        row += [upwards(error), None if falsified else bar, *ends, unit_text(e.unit)]
-        rows.append([*row, to_bound(known.get(e.symbol), e.guaranteed_error)])
-    header = ["target", "meaning", "estimate", "guaranteed error", "interval", "low", "high", "unit", "truth"]
-    marks = "band: estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
+    for e, bar in zip(result.parameters, drawn, strict=True):
+        estimate, low, high, a_priori, squares = numbers_of(e)
+        # Of a model that the readings contradict nothing is guaranteed.
+        guaranteed = NONE if falsified else upwards(e.guaranteed_error)
+        row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, upwards(e.error_bound)]
+        row += [bar, low, high, a_priori, guaranteed, squares, digits(e.standard_error, 2)]
+        rows.append([*row, unit_text(e.unit), to_bound(known.get(e.symbol), e.error_bound)])
+    header = ["target", "meaning", "estimate", "to within", "interval", "low", "high", "a priori", "guaranteed error"]
+    header += ["least squares", "standard error", "unit", "truth"]
+    marks = "band: a-priori estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
     marks += "; bar: truth" if known else ""
     drawn_from = f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. {sentence(marks)}"
     return Table(header, rows, "" if falsified or reach == 0.0 else drawn_from).told()
+
+
+def numbers_of(e: Estimate) -> tuple[Number, Number, Number, Number, Number]:
+    """Estimate, both ends, a-priori estimate and least squares of a target, with the same decimals."""
+    estimate, low, high = interval(e.estimate, e.low, e.high, e.error_bound)
+    half = None if e.low is None or e.high is None or e.high == e.low else 0.5 * (e.high - e.low)
+    place = half or e.guaranteed_error
+    return estimate, low, high, to_bound(e.a_priori_estimate, place), to_bound(e.least_squares, place)
 
 
 LATITUDE_DEG = 55.75
@@ -235,26 +278,50 @@ LATITUDE_DEG = 55.75
 
 
 def lines(result: Calibration) -> list[str]:
-    """Verdict and table of targets."""
+    """Verdict, the targets' estimates, and what stands beside them."""
     said = [
         bench.VERDICTS[result.verdict],
         f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
         f"({result.noise_bound_basis}), radius {residual(result.radius)}",
-        "",
-        f"{'target':<12} {'name':<34} {'estimate':>13} {'guaranteed':>11} {'low':>13} {'high':>13}  unit",
+        *estimator_lines(result),
+        *([] if result.verdict == "falsified" else target_lines(result)),
+        *([] if result.estimator == "a priori" else beside_lines(result)),
     ]
-    for row in result.parameters:
-        if row.estimate is None or row.guaranteed_error is None:
-            said.append(f"{row.symbol:<12} {row.name:<34} {'not determined':>13}")
-            continue
-        estimate, low, high = interval(row.estimate, row.low, row.high, row.guaranteed_error)
-        # Of a model that the readings contradict nothing is guaranteed.
-        error = NONE if result.verdict == "falsified" else upwards(row.guaranteed_error)
-        text = f"{row.symbol:<12} {row.name:<34} {estimate:>13} {error:>11} {low:>13} {high:>13}"
-        said.append(f"{text}  {unit_of(row.unit)}".rstrip())
     said += [*levelling_lines(result), *bench.proof_lines(result), *bench.missing_lines(result)]
     said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
     return said + [f"warning: {warning}" for warning in result.warnings]
+
+
+def target_lines(result: Calibration) -> list[str]:
+    """Each target with its estimate and interval."""
+    said = ["", f"{'target':<12} {'name':<34} {'estimate':>13} {'to within':>11} {'low':>13} {'high':>13}  unit"]
+    for e in result.parameters:
+        estimate, low, high, *_ = numbers_of(e)
+        if e.estimate is None:
+            estimate = "none" if e.a_priori_estimate is not None else "not determined"
+        text = f"{e.symbol:<12} {e.name:<34} {estimate:>13} {upwards(e.error_bound):>11} {low:>13} {high:>13}"
+        said.append(f"{text}  {unit_of(e.unit)}".rstrip() if low else text.rstrip())
+    return said
+
+
+def beside_lines(result: Calibration) -> list[str]:
+    """Each target's estimates by the a-priori weights and by least squares; beside the central one, where there is."""
+    known = [e for e in result.parameters if e.a_priori_estimate is not None]
+    falsified = result.verdict == "falsified"
+    first = f"{'name':<34}" if falsified else f"{'estimate':>13}"
+    others = f"{'a priori':>14} {'guaranteed':>11} {'least squares':>14} {'standard error':>15}"
+    said = ["", f"{'target':<12} {first} {others}"] if known else []
+    for e in known:
+        estimate, _, _, a_priori, squares = numbers_of(e)
+        first = f"{e.name:<34}" if falsified else f"{estimate or 'none':>13}"
+        # Of a model that the readings contradict nothing is guaranteed.
+        guaranteed = NONE if falsified else upwards(e.guaranteed_error)
+        beyond = ["" if e.possible(value) else "*" for value in (e.a_priori_estimate, e.least_squares)]
+        text = f"{e.symbol:<12} {first} {a_priori + beyond[0]:>14} {guaranteed:>11} {squares + beyond[1]:>14}"
+        said.append(f"{text} {digits(e.standard_error, 2):>15}".rstrip())
+    if not all(e.possible(e.a_priori_estimate) and e.possible(e.least_squares) for e in known):
+        said.append("* outside the interval")
+    return [*said, ""] if known else []
 
 
 def levelled(result: Calibration) -> tuple[Correction, list[str], Levelling] | None:

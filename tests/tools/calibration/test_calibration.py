@@ -84,7 +84,7 @@ def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFix
         bench = random_bench(rng)
         truth = target_values(bench, IDENTITY)
         exact = calibrate(simulated(bench), noise_bound=SIGMA)
-        biased = max(biased, float(np.abs(np.array([e.estimate for e in exact.parameters]) - truth).max()))
+        biased = max(biased, float(np.abs(np.array([e.a_priori_estimate for e in exact.parameters]) - truth).max()))
         for kind, noise in (
             ("uniform", rng.uniform(-SIGMA, SIGMA, (24, 3))),
             ("two-valued", SIGMA * rng.choice([-1.0, 1.0], (24, 3))),
@@ -94,8 +94,8 @@ def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFix
             assert result.verdict == "consistent"
             for e, x in zip(result.parameters, truth, strict=True):
                 low, high = interval(e)
-                assert e.estimate is not None
-                excess = abs(e.estimate - x) - guaranteed(e)
+                assert e.a_priori_estimate is not None
+                excess = abs(e.a_priori_estimate - x) - guaranteed(e)
                 beyond = max(beyond, excess)
                 # the guaranteed error is of the linear programme; adversarial noise attains it, and what is then
                 # beyond it is the curvature of the model over that very distance
@@ -156,7 +156,8 @@ def test_an_outlier_is_proven_by_its_witness_alone():
     proof = {(reading.position, reading.accelerometer) for reading in result.witness}
     assert (8, 2) in proof
     assert 2 <= len(result.witness) <= 19
-    assert all(e.low is None and e.high is None and e.estimate is not None for e in result.parameters)
+    assert all((e.low, e.high, e.estimate, e.error_bound) == (None,) * 4 for e in result.parameters)
+    assert (result.estimator, result.no_estimate[:13]) == (None, "no parameters")
     here = result.linearised
     # measurements stand position by position, accelerometers 1, 2, 3 within each
     rows = np.array([(row // 3 + 1, row % 3 + 1) in proof for row in range(len(here.residual))])
@@ -211,10 +212,11 @@ def test_too_little_is_insufficient_what_is_known_is_right_and_the_positions_men
         assert missing
         for e, x in zip(result.parameters, truth, strict=True):
             if e.symbol in missing:
-                assert (e.estimate, e.guaranteed_error, e.low, e.high) == (None, None, None, None)
+                assert {value for key, value in e.to_json().items() if key not in ("symbol", "name", "unit")} == {None}
             else:
                 assert e.low <= x <= e.high
-                assert abs(e.estimate - x) <= e.guaranteed_error
+                assert e.low <= e.estimate <= e.high
+                assert abs(e.a_priori_estimate - x) <= e.guaranteed_error
         more = result.next_positions
         assert 1 <= len(more) <= 8
         mended_alpha = np.append(alpha, np.radians([p["alpha_deg"] for p in more]))

@@ -93,13 +93,17 @@ def test_json_is_the_published_object_and_the_same_every_time():
     assert first == second
     assert Calibration.model_validate_json(first).json_text() == first
     content = json.loads(first)
-    assert content["schema"] == "trihedron.calibration/1"
+    assert content["schema"] == "trihedron.calibration/2"
     assert (content["verdict"], content["positions"], content["measurements"]) == ("consistent", 24, 72)
     assert (content["noise_bound"], content["gravity_mps2"]) == (1e-5, 9.80665)
     assert content["witness"] == []
     assert content["priors"] == [{"expression": "X4 - X5 ", "limit": 0.1}]
     last = content["parameters"][-1]
-    assert set(last) == {"symbol", "name", "unit", "estimate", "guaranteed_error", "low", "high"}
+    assert set(last) == {
+        *("symbol", "name", "unit", "estimate", "error_bound", "low", "high"),
+        *("a_priori_estimate", "guaranteed_error", "least_squares", "standard_error"),
+    }
+    assert (content["estimator"], content["no_estimate"]) == ("analytic centre", "")
     assert (last["symbol"], last["name"], last["unit"]) == ("X4-X5", "scale-factor-asymmetry-1", "1")
     assert content["parameters"][3]["name"] == "scale-factor-error-plus-1"
 

@@ -217,7 +217,7 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
     symbols = [target if isinstance(target, str) else target.symbol for target in TARGETS]
     estimate = {symbol: 1e-4 * (i + 1) for i, symbol in enumerate(symbols)}
     calibration = {
-        "schema": "trihedron.calibration/1",
+        "schema": "trihedron.calibration/2",
         "verdict": "consistent",
         "gravity_mps2": 9.80665,
         "convention": "A1",
@@ -236,7 +236,7 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
     computer = {"c": {"component": "AttitudeComputer", "parameters_from": "c.json"}}
     for content, says in (
         (calibration, "says nothing about AttitudeComputer; known: "),
-        ({**calibration, "verdict": "falsified"}, "the calibration's verdict is 'falsified'"),
+        ({**calibration, "verdict": "falsified"}, "gives parameters; no values fit its readings: `trihedron diagnose`"),
         ({**calibration, "gravity_mps2": -9.8}, " 4.9 to 14.7 is possible"),
         ([], "is not a calibration result"),
         ("9" * 5000, "is not JSON"),

@@ -18,7 +18,7 @@ from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import compared_places, likeness
 from trihedron.tools.document.blocks import Page, Section, notebook, text
-from trihedron.tools.document.notation import minus, typeset
+from trihedron.tools.document.notation import half_width, minus, typeset
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
 from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection
@@ -123,7 +123,7 @@ def test_a_calibration_shows_each_target_in_its_table_and_in_the_model():
     page = text_of("calibration, consistent")
     assert f"within {residual(result.radius)} σ" in page
     row = next(e for e in result.parameters if e.symbol == "X4")
-    assert page.count(minus(to_bound(row.estimate, row.guaranteed_error))) >= 2
+    assert page.count(minus(to_bound(row.estimate, half_width(row.low, row.high)))) >= 2
     assert page.count('<svg class="bar"') == 18
 
 

@@ -1,0 +1,218 @@
+"""What a calibration states is possible: one point, within every interval, near the truth; what stands beside it."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
+from trihedron import check
+from trihedron.fmus.parameters import bench_parameters, calibrated_block
+from trihedron.models.bench import TARGETS, target_reading, target_values
+from trihedron.tools.calibration import Calibration, apply_calibration, calibrate, write_parameter_set
+from trihedron.tools.calibration.correction import corrected, correction_of
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import write_record
+from trihedron.tools.reports.calibration import ESTIMATORS, lines
+
+SIGMA = 1e-5
+IDENTITY = np.eye(3)
+ARCSEC = np.radians(1.0 / 3600.0)
+
+
+def random_record(seed: int, count: int, noise: str = "uniform"):
+    """A bench's targets and its record at random positions, with errors within σ."""
+    rng = np.random.default_rng(seed)
+    bench = random_bench(rng)
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    errors = rng.uniform(-SIGMA, SIGMA, (count, 3))
+    errors = {"uniform": errors, "edge": SIGMA * np.sign(errors)}.get(noise, errors)
+    if noise == "Gaussian":
+        errors = np.clip(rng.normal(0.0, SIGMA / 2.5, (count, 3)), -SIGMA, SIGMA)
+    return target_values(bench, IDENTITY), simulated(bench, alpha, beta, errors)
+
+
+@cache
+def calibrated(seed: int, count: int, noise: str = "uniform") -> tuple[np.ndarray, Calibration]:
+    truth, measured = random_record(seed, count, noise)
+    return truth, calibrate(measured, noise_bound=SIGMA)
+
+
+def column(result: Calibration, key: str) -> np.ndarray:
+    return np.array([getattr(e, key) for e in result.parameters], dtype=float)
+
+
+def rms(error: np.ndarray) -> float:
+    """In σ."""
+    return float(np.sqrt(np.mean(error**2))) / SIGMA
+
+
+@pytest.mark.parametrize(
+    ("count", "noise", "part_of_a_priori", "estimator"),
+    [
+        (24, "uniform", 1.0, "analytic centre"),
+        (100, "uniform", 0.5, "analytic centre"),
+        (1000, "uniform", 0.05, "analytic centre"),
+        (100, "Gaussian", 0.6, "analytic centre"),
+        (200, "edge", 1e-3, "central programme"),
+    ],
+)
+def test_the_estimate_is_possible_and_near_the_truth(count, noise, part_of_a_priori, estimator):
+    """At once, by the exact model: every reading is within σ of what the stated bench would read."""
+    truth, measured = random_record(3, count, noise)
+    result = calibrated(3, count, noise)[1]
+    assert (result.verdict, result.estimator, result.no_estimate) == ("consistent", estimator, "")
+    estimate, low, high = (column(result, key) for key in ("estimate", "low", "high"))
+    assert np.all((low <= estimate) & (estimate <= high))
+    assert np.all((low <= truth) & (truth <= high))
+    predicted = target_reading(estimate, measured.alpha, measured.beta, IDENTITY)
+    assert np.abs(measured.specific_force / GRAVITY - predicted).max() <= SIGMA * (1.0 + 1e-8)
+    assert np.all(np.abs(truth - estimate) <= column(result, "error_bound"))
+    np.testing.assert_allclose(column(result, "error_bound"), np.maximum(high - estimate, estimate - low), rtol=1e-9)
+    a_priori = column(result, "a_priori_estimate")
+    assert np.all(np.abs(truth - a_priori) <= column(result, "guaranteed_error"))
+    assert rms(estimate - truth) < part_of_a_priori * rms(a_priori - truth)
+    # not a middle of its own for each target, but near to them
+    assert np.all(np.abs(estimate - (low + high) / 2.0) < 0.45 * (high - low) + 1e-12 * SIGMA)
+
+
+def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
+    outside = {}
+    for count in (100, 1000):
+        result = calibrated(3, count)[1]
+        outside[count] = sum(not e.possible(e.a_priori_estimate) for e in result.parameters)
+        said = "\n".join(lines(result))
+        assert ESTIMATORS["analytic centre"] in said
+        assert f"the a-priori estimate lies outside the interval of {outside[count]} targets: it is a promise" in said
+        assert said.count("*") >= outside[count]
+    assert outside[100] < outside[1000]
+    assert outside[1000] >= 14
+
+
+@pytest.mark.parametrize(("count", "worst", "gain"), [(100, 1.0, 2.0), (1000, 0.15, 20.0)])
+def test_readings_corrected_by_it_are_better_than_by_the_a_priori_estimates(count, worst, gain):
+    """Tilt against truth [arcsec], over many attitudes, root mean square."""
+    truth, result = calibrated(3, count)
+    n = np.random.default_rng(1).normal(size=(500, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    x = dict(zip(TARGETS, truth, strict=True))
+    scale = np.where(n > 0, [x["X4"], x["X9"], x["X14"]], [x["X5"], x["X10"], x["X15"]])
+    reading = n * (1.0 + scale) + [x["X16"], x["X17"], x["X18"]]
+    reading[:, 1] += x["X6+X8"] * n[:, 0]
+    reading[:, 2] += x["X7+X12"] * n[:, 0] + x["X11+X13"] * n[:, 1]
+    tilts = []
+    for content in (result.to_json(), of_first_schema(result)):
+        better = corrected(correction_of(content, "here"), GRAVITY * reading) / GRAVITY
+        tilts.append(float(np.sqrt(np.mean(np.sum(np.cross(better, n) ** 2, axis=1)))) / ARCSEC)
+    assert tilts[0] < worst
+    assert tilts[1] > gain * tilts[0]
+
+
+def test_least_squares_and_its_standard_error_are_what_practitioners_know():
+    """In Gaussian noise errors are as large as the standard errors say; the fit is that of ordinary least squares."""
+    ratios = []
+    for seed in range(12):
+        truth, result = calibrated(seed, 60, "Gaussian")
+        ratios.append((column(result, "least_squares") - truth) / column(result, "standard_error"))
+        here = result.linearised
+        # a reading whose sign is open weighs less
+        weight = SIGMA / here.bound
+        step = np.linalg.lstsq(here.jacobian * weight[:, None], here.residual_at(truth) * weight, rcond=None)[0]
+        assert np.abs(truth + step - column(result, "least_squares")).max() < 1e-5 * SIGMA
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.12)
+
+
+def test_readings_that_leave_no_freedom_give_no_standard_error():
+    """One axis of the table at rest: what one reading says has no scatter."""
+    here = record(np.array([[1.0, 0.0, 0.0]]), np.radians([90.0]), np.radians([90.0]))
+    known = {e.symbol: e for e in calibrate(here, noise_bound=SIGMA, targets=["X4+X16"]).parameters}
+    assert known["X4+X16"].least_squares == pytest.approx(0.0, abs=1e-12)
+    assert known["X4+X16"].standard_error is None
+    assert known["X4"].least_squares is None
+
+
+def test_a_position_that_is_listed_twice_moves_the_centre_a_little():
+    truth, measured = random_record(5, 40)
+    once = column(calibrate(measured, noise_bound=SIGMA), "estimate")
+    rows = np.append(np.arange(40), [7, 7])
+    again = record(measured.specific_force[rows] / GRAVITY, measured.alpha[rows], measured.beta[rows])
+    result = calibrate(again, noise_bound=SIGMA)
+    moved = column(result, "estimate") - once
+    assert 1e-4 * SIGMA < np.abs(moved).max() < 0.5 * SIGMA
+    assert np.all((column(result, "low") <= column(result, "estimate")) & (truth <= column(result, "high")))
+    # what is possible is the same
+    width = column(calibrate(measured, noise_bound=SIGMA), "high") - column(
+        calibrate(measured, noise_bound=SIGMA), "low"
+    )
+    np.testing.assert_allclose(column(result, "high") - column(result, "low"), width, rtol=1e-5)
+
+
+def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: Path):
+    bench = random_bench(np.random.default_rng(3))
+    noise = np.zeros((24, 3))
+    noise[7, 1] = 1e-3
+    falsified = calibrate(simulated(bench, noise=noise), noise_bound=SIGMA)
+    assert falsified.verdict == "falsified"
+    assert np.isnan(column(falsified, "estimate")).all()
+    assert np.isfinite(column(falsified, "least_squares")).all()
+    said = "\n".join(lines(falsified))
+    assert "no estimate: no parameters of the model keep every reading within the noise bound" in said
+    for refused in (bench_parameters, calibrated_block, lambda content: correction_of(content, "here")):
+        with pytest.raises(
+            (ValueError, InputError), match="only a consistent one gives parameters; no values fit its readings: `trihe"
+        ):
+            refused(falsified.to_json())
+    with pytest.raises(InputError, match=r"--ssv .*'falsified'; only a consistent one"):
+        write_parameter_set(falsified, tmp_path / "c.ssv")
+    few = calibrate(simulated(bench, ALPHA[:4], BETA[:4], np.zeros((4, 3))), noise_bound=SIGMA)
+    assert few.verdict == "insufficient"
+    assert few.no_estimate.startswith("the readings leave X")
+    assert all(e.estimate is None for e in few.parameters if e.symbol in {gap.symbol for gap in few.missing})
+    with pytest.raises(ValueError, match="measure at its next_positions"):
+        bench_parameters(few.to_json())
+
+
+def of_first_schema(result: Calibration) -> dict:
+    """The same calibration as the first schema wrote it."""
+    content = json.loads(result.json_text())
+    kept = ("symbol", "name", "unit", "guaranteed_error", "low", "high")
+    content["schema"] = "trihedron.calibration/1"
+    content["parameters"] = [
+        {key: e[key] for key in kept} | {"estimate": e["a_priori_estimate"]} for e in content["parameters"]
+    ]
+    return {key: value for key, value in content.items() if key not in ("estimator", "no_estimate")}
+
+
+def test_a_file_of_the_first_schema_is_still_read(tmp_path: Path):
+    """Its estimates are the a-priori ones, wherever it is used."""
+    _, result = calibrated(3, 100)
+    old = of_first_schema(result)
+    values = {e.symbol: e for e in result.parameters}
+    block = calibrated_block(old)
+    assert block["bias"] == [values[s].a_priori_estimate for s in ("X16", "X17", "X18")]
+    assert block["bias"] != calibrated_block(result.to_json())["bias"]
+    assert bench_parameters(old)["TurntableMotion"]["kappa"] == values["X1"].a_priori_estimate
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(old, indent=1), encoding="utf-8")
+    checked = check(path)
+    assert (checked.good, checked.kind) == (True, "calibration"), checked.problems
+    measured = tmp_path / "p.csv"
+    write_record(random_record(3, 100)[1], measured)
+    assert apply_calibration(path, measured).bias_g == block["bias"]
+    again = Calibration.model_validate_json(path.read_text(encoding="utf-8"))
+    assert again.estimator == "a priori"
+    assert [e.estimate for e in again.parameters] == [e.a_priori_estimate for e in result.parameters]
+    assert [e.error_bound for e in again.parameters] == [None] * 18
+    write_parameter_set(again, tmp_path / "old.ssv")
+    bias = values["X16"].a_priori_estimate
+    assert str(bias) in (tmp_path / "old.ssv").read_text(encoding="utf-8")
+
+
+def test_an_estimate_that_was_edited_out_of_its_interval_is_refused():
+    content = json.loads(calibrated(3, 100)[1].json_text())
+    entry = content["parameters"][3]
+    entry["estimate"] = entry["high"] + 0.01 * (entry["high"] - entry["low"])
+    with pytest.raises(ValueError, match="X4: its estimate, low and high exclude one another; was it edited"):
+        calibrated_block(content)
