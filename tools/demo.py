@@ -16,10 +16,9 @@ import polars as pl
 from ..fmus import components
 from ..models.bench import TARGETS, target_values
 from .calibration import Calibration, calibrate
-from .diagnosis import diagnose
+from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
 from .document.page import html
-from .evidence.fit import export_extended
 from .files import write_text
 from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
@@ -78,7 +77,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
     diagnosis = diagnose(read_record(measured, PositionRecord), noise_bound=NOISE_BOUND, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
-    extended = list(export_extended([cause.place for cause in diagnosis.causes], out / "extended").values())
+    extended = export_extended(diagnosis, out / "extended")
     print(diagnosis)
     hidden, named = words_of(case.answer()["hidden"]), judged(case, diagnosis).outcome == "right"
     print(f"what was hidden: {hidden} -> {'named' if named else 'NOT named'}")

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import calibration as calibrations
-from .. import evidence, library, motion, orchestrator, papers, records, reports, ssp, trials
+from .. import diagnosis, library, motion, orchestrator, papers, records, reports, ssp, trials
 from ..errors import one_line
 from ..files import ordinary_folder, write_text
 from .answer import (
@@ -156,7 +156,8 @@ def diagnose(
     Parameters
     ----------
     export
-        Write the extended FMUs into this folder.
+        Write what was found into this folder, where something is: extended FMUs that start with it, parameter sets
+        (.ssv) with values and intervals, and a scenario with which they give the record again.
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
 
@@ -164,9 +165,7 @@ def diagnose(
     result = library.diagnose(run, **options, progress=True)
     if report is not None:
         reports.write_report(report, result, run)
-    files: list[Path] = []
-    if export is not None and result.verdict == "explained":
-        files = list(evidence.export_extended([cause.place for cause in result.causes], export).values())
+    files = [] if export is None else diagnosis.export_extended(result, export)
     return answer(result, json, files=files)
 
 

@@ -1,3 +1,4 @@
+from .extension import export_extended as export_extended
 from .procedure import diagnose as diagnose
 from .result import Cause as Cause
 from .result import Diagnosis as Diagnosis

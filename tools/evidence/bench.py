@@ -50,7 +50,9 @@ from .bench_model import (
     with_possible_sizes,
 )
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
+from .bench_scenario import extension_of_bench
 from .evidence import Channel, Errors, Evidence, Trial, Worst
+from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
 
 FIT_TOLERANCE = 1e-8
@@ -394,6 +396,11 @@ class Bench(Evidence):
         if any(place.definition.kernel is None for place in fit.places):
             return None
         return measure_gain(self.readings, self.here.point, fit, self.calibration.gravity)
+
+    def extension(self, fit: Fit, effects: Sized) -> Extension:
+        """Table and block as they are found, and a run through the record's positions for each of its mountings."""
+        ends = fit.ends(self.room(fit))
+        return extension_of_bench(self.readings, fit, ends, effects, self.calibration.gravity)
 
     def channels(self) -> Sequence[Channel]:
         """The residuals of each accelerometer over the angles, its input, time and temperature."""

@@ -64,7 +64,7 @@ class Circumstances:
 
     `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
     where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
-    [K].
+    [K]; `began`: time of the record's first row [s].
     """
 
     hours: NDArray
@@ -74,6 +74,7 @@ class Circumstances:
     approached: bool
     before: NDArray | None = None
     temperature_resolution: float = 0.0
+    began: float = 0.0
 
     def selected(self, rows: NDArray) -> "Circumstances":
         """The circumstances of some rows (n,) of int."""
@@ -83,7 +84,8 @@ class Circumstances:
 
 def circumstances_of(record: PositionRecord) -> Circumstances:
     """The circumstances of a record's rows; without approach columns a sense is that of the shorter turn before."""
-    hours = (record.time_s - record.time_s[0]) / 3600.0
+    began = float(record.time_s[0])
+    hours = (record.time_s - began) / 3600.0
     before = np.full((len(hours), 2), np.nan)
     before[1:] = np.stack((record.alpha, record.beta), axis=1)[:-1]
     if record.mounting is not None:
@@ -93,7 +95,7 @@ def circumstances_of(record: PositionRecord) -> Circumstances:
         senses = np.asarray(record.approach_alpha, float), np.asarray(record.approach_beta, float)
     else:
         senses = senses_of(record.alpha), senses_of(record.beta)
-    return Circumstances(hours, record.temperature, *senses, told, before, record.temperature_resolution)
+    return Circumstances(hours, record.temperature, *senses, told, before, record.temperature_resolution, began)
 
 
 def senses_of(angle: NDArray) -> NDArray:

@@ -28,7 +28,6 @@ from ..calibration.model import (
     table_position,
 )
 from ..orchestrator import simulate
-from ..orchestrator.scenario import Scenario
 from .bench_model import (
     MAX_LEVERAGE,
     Cast,
@@ -43,7 +42,8 @@ from .bench_model import (
     signature_columns,
     untold_readings,
 )
-from .fit import Fit, Gain, composed, gain_of
+from .bench_scenario import COMPONENTS, READINGS, Visited, can_be_run
+from .fit import Fit, Gain, gain_of, with_effects
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
 MOST_CANDIDATES = 10
@@ -52,16 +52,9 @@ MOST_FOR_A_PAIR = 4
 """So many new positions are proposed to decide between two candidates."""
 WORTH_IT = 0.6
 """A mounting is proposed when it makes the correlation of two causes at most so many times what it was."""
-FAST = 1e3
-"""Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
-APPROACH = 0.02
-"""From so far [rad] the simulated table comes to a position in the sense of the record."""
-STEPS_PER_GAP = 16
 HELD_OUT_EVERY = 4
 """One position in so many is held out."""
 FEWEST_SCORED = 3
-MAX_STEPS = 100_000
-"""A record whose rows crowd together within a long time is not simulated again."""
 
 
 def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
@@ -346,7 +339,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
     Fits begin at `start` (P,); `gravity` is the model's g [m/s²]. None where too few positions remain to judge.
     """
     chosen, circumstances = held_out_rows(fit), readings.circumstances
-    if chosen is None or 3600.0 * circumstances.hours[-1] * STEPS_PER_GAP > MAX_STEPS * smallest_gap(circumstances):
+    if chosen is None or not can_be_run(circumstances):
         return None
     out, scored = chosen
     others = readings.selected(np.setdiff1d(np.arange(len(readings)), out))
@@ -394,20 +387,21 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
     simulated = np.zeros((len(readings), 3))
     bench, coefficients = np.split(fit.estimate, [len(fit.point)])
     at = readings.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])
-    commands = np.stack((at.alpha, at.beta), axis=1)
-    moved = np.stack(readings.moved_axes(), axis=1)
-    p = readings.parametrisation
+    commands, p = np.stack((at.alpha, at.beta), axis=1), readings.parametrisation
     for index in range(len(p.mountings)):
         mine = np.flatnonzero(at.mounting == index)
         if np.isin(mine, rows).any():
             values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
             parameters = component_parameters(values, gravity, p.matrices[index])
-            circumstances = readings.circumstances.selected(mine)
-            scenario = extended_scenario(parameters, effect_entries(fit), commands[mine], moved[mine], circumstances)
-            run = simulate(scenario).table
-            time, seconds = run["time_s"].to_numpy(), 3600.0 * circumstances.hours
-            for axis in range(3):
-                simulated[mine, axis] = np.interp(seconds, time, run[f"f{axis + 1}_mps2"].to_numpy()) / gravity
+            fmus = with_effects(
+                {name: (component, parameters[component]) for name, component in COMPONENTS.items()},
+                effect_entries(fit),
+            )
+            visited = Visited.of(readings, commands, mine)
+            run = simulate(visited.scenario("the positions of a record, simulated again", fmus, READINGS)).table
+            time = run["time_s"].to_numpy()
+            for axis, name in enumerate(READINGS):
+                simulated[mine, axis] = np.interp(visited.times, time, run[name].to_numpy()) / gravity
     return simulated[rows]
 
 
@@ -420,55 +414,3 @@ def effect_entries(fit: Fit) -> list[dict[str, object]]:
         names = [parameter.name for parameter in place.definition.parameters]
         entries.append(place.entry | dict(zip(names, linear if variant is None else stated, strict=True)))
     return entries
-
-
-def extended_scenario(
-    parameters: Mapping[str, Mapping[str, object]],
-    effects: Sequence[Mapping[str, object]],
-    commands: NDArray,
-    moved: NDArray,
-    circumstances: Circumstances,
-) -> Scenario:
-    """A scenario in which table and block, calibrated and extended, stand at each of n positions at its time.
-
-    The table comes to each position in the sense of the record's last move, and its temperature is the record's.
-    `parameters` are those of each component, `effects` as in a scenario file, `commands` (n, 2) angles [rad]; `moved`
-    (n, 2): whether the outer and the inner axis turned on the way: one that did not must not decide the inputs' senses.
-    """
-    seconds = 3600.0 * circumstances.hours
-    gap = smallest_gap(circumstances)
-    step = gap / STEPS_PER_GAP
-    # The table arrives half a gap before each reading, so that the steps about it are at rest there.
-    before = np.maximum(seconds - 0.5 * gap, 0.0)
-    after = np.maximum(seconds - 0.25 * gap, 0.25 * step)
-    away = commands - APPROACH * np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1) * moved
-    temperature = np.full(len(seconds), 20.0) if circumstances.temperature is None else circumstances.temperature
-    angles = np.stack((away, commands), axis=1).reshape(-1, 2)
-    rows = {
-        "time_s": np.stack((before, after), axis=1).ravel(),
-        "alpha_rad": angles[:, 0],
-        "beta_rad": angles[:, 1],
-        "temperature_degC": np.repeat(temperature, 2),
-    }
-    rows["time_s"][0] = 0.0
-    table = {"encoder_fluctuation_bound": 0.0, "earth_rotation": False, "initial_angle": away[0].tolist()}
-    table |= {"max_rate": [FAST, FAST], "max_acceleration": [FAST, FAST]}
-    driven = {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"}
-    driven |= dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC")
-    return composed(
-        "the positions of a record, simulated again",
-        {
-            "table": ("TurntableMotion", {**parameters["TurntableMotion"], **table}),
-            "block": ("AccelerometerBlock", {**parameters["AccelerometerBlock"], "noise_bound": 0.0}),
-        },
-        effects,
-        {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
-        run={"step_s": step, "stop_s": (int(np.ceil(seconds[-1] / step)) + 1) * step},
-        connections=[{"from": "table.specific_force", "to": "block.specific_force"}],
-        stimuli=[{"table": {name: values.tolist() for name, values in rows.items()}, "columns": driven}],
-    )
-
-
-def smallest_gap(circumstances: Circumstances) -> float:
-    """Shortest time [s] between two rows."""
-    return float(np.diff(3600.0 * circumstances.hours).min()) if len(circumstances.hours) > 1 else 8.0

@@ -13,15 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...fmus.parameters import Parameters
 from ...models.effects import CATALOGUE, EffectPlace
-from ..motion.carry import GyroModel, Motion, carried_attitude, reads
+from ..motion.attitude import starting_attitude
+from ..motion.carry import GyroModel, Motion, carried_attitude, carried_scenario, reads
 from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
+from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
+from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
 from ..rounding import digits
 from .evidence import Channel, Evidence, Trial, estimated, rms_size
-from .fit import ARCMIN, Fit, Gain, coefficient_count, export_extended, gain_of
+from .extension import Extension, Sized, Start, elements_of
+from .fit import ARCMIN, Fit, Gain, coefficient_count, extended_fmus, gain_of
 from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
@@ -318,7 +323,7 @@ class Carried(CarriedRecord):
             for number, places in enumerate(((), fit.places)):
                 folder = Path(name) / str(number)
                 folder.mkdir()
-                fmus = export_extended(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
+                fmus = extended_fmus(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
                 matrix = self.matrix(places)
                 errors = [np.full(self.parts[k].error.shape, np.nan) for k in self.scored]
                 for fold in range(of_rows.max() + 1):
@@ -334,6 +339,64 @@ class Carried(CarriedRecord):
         quoted = self.scored.index(self.quoted)
         first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - quoted))
         return first.model_copy(update={"others": others})
+
+    def extension(self, fit: Fit, effects: Sized) -> Extension:
+        """Gyros, attitude computer and, where gravity is the reference, accelerometers as they are found, and a run.
+
+        The run carries the attitude through the record, from the true one where it is known at the first row; the
+        accelerometers' readings go through their inverse, unless they have effects, which it cannot take out.
+        """
+        point = fit.estimate[: len(self.names)]
+        bias = self.gyros_with(fit.places, np.append(point - self.point, fit.stated)).bias
+        vectors = (point, *fit.ends(0.0, self.most_rows).T, np.full(len(point), np.nan))
+        found, low, high, depends = (self._parameters(vector, bias) for vector in vectors)
+        starts = []
+        for name, values in found.items():
+            least, most, told = (elements_of(side[name]) for side in (low, high, depends))
+            intervals = {element: (least[element], most[element]) for element, v in told.items() if np.isnan(v)}
+            starts.append(Start.of(name, values, intervals, effects))
+        return Extension(starts, {"scenario": self._scenario(fit)})
+
+    def _parameters(self, vector: NDArray, bias: NDArray) -> dict[str, Parameters]:
+        """Parameters of the components with the model's (P,); the gyros' bias (3,) [rad/s] where it is none."""
+        x, own = np.split(vector, [self.of_forces])
+        scale = own[3:] if SCALE in self.own else self.model.scale_misalignment
+        gyros: Parameters = {
+            "gravity": self.found.gravity,
+            "bias": (own[:3] if self.own else bias).tolist(),
+            "scale_misalignment": scale.tolist(),
+        }
+        found: dict[str, Parameters] = {"GyroBlock": gyros, "GyroCompensation": gyros, "AttitudeComputer": {}}
+        if len(x):
+            gamma = dict(zip(NAMES, x.tolist(), strict=True))
+            diagonal = [gamma[f"gamma_{p}{p}"] for p in (1, 2, 3)]
+            block: Parameters = {
+                "gravity": self.found.gravity,
+                "scale_error_plus": diagonal,
+                "scale_error_minus": diagonal,
+                **{name: gamma[name] for name in ("gamma_21", "gamma_31", "gamma_32")},
+                "bias": x[6:].tolist(),
+            }
+            found |= {"AccelerometerBlock": block, "AccelerometerCompensation": block}
+        return found
+
+    def _scenario(self, fit: Fit) -> Scenario:
+        """The run of the exported FMUs through the record: it gives a strapdown record of the body."""
+        _, attitude = starting_attitude(self.found.record)
+        if self.found.record.attitude is None or not np.isfinite(self.found.record.attitude[0]).all():
+            attitude = [1.0, 0.0, 0.0, 0.0]
+        gyros = [place for place in fit.places if is_of_gyros(place)]
+        fmus = {
+            "compensation": FmuSetting(fmu="GyroCompensation.fmu"),
+            "computer": FmuSetting(fmu="AttitudeComputer.fmu", parameters={"initial_attitude": attitude}),
+        }
+        shown = {INCREMENT: "compensation.increment", QUATERNION: "computer.attitude"}
+        if self.of_forces and len(gyros) == len(fit.places):
+            fmus["accelerometers"] = FmuSetting(fmu="AccelerometerCompensation.fmu")
+            shown[FORCE] = "accelerometers.specific_force"
+        columns = {name: f"{output}[{i}]" for names, output in shown.items() for i, name in enumerate(names, start=1)}
+        made = carried_scenario(self.motion, gyros, fmus)
+        return made.model_copy(update={"record": RecordSetting(columns=columns)})
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """What to add to the record, for the effects that not all sets have."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
+from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits
 
 FOLDS = 8
@@ -374,6 +375,13 @@ class Evidence:
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """The second witness: what was left out says of the effects of a fit."""
+        raise NotImplementedError
+
+    def extension(self, fit: Fit, effects: Sized) -> Extension:
+        """Components that start with a fit's parameters and with effects as they are stated; scenarios of the record.
+
+        A ValueError where a value is beyond what a component takes.
+        """
         raise NotImplementedError
 
     def gain(self, fit: Fit) -> Gain | None:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus import build
+from ...fmus.catalogue import COMPONENTS
+from ...fmus.component import can_extend
 from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
@@ -30,8 +32,6 @@ from ..bounded.programmes import (
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
-NAMED_FOR = {"GyroCompensation": "GyroBlock"}
-"""The component whose effects another one takes out."""
 ARCMIN = np.pi / 180.0 / 60.0
 """[rad]"""
 
@@ -335,20 +335,26 @@ def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> 
     return Gain(before=before, after=after, **figures, **more)
 
 
-def export_extended(
-    places: Sequence[EffectPlace], folder: Path, components: Sequence[str] = (), flavour: str = "python"
+def extended_fmus(
+    places: Sequence[EffectPlace], folder: Path, components: Sequence[str], flavour: str = "python"
 ) -> dict[str, Path]:
-    """Write FMUs of a flavour that are extended by effects into a folder: component -> file.
+    """Write FMUs of some components, extended by those of the effects that they can have: component -> file."""
+    own = {name: [place for place in places if can_extend(COMPONENTS[name], place)] for name in components}
+    return {name: build(name, folder, mine, flavour=flavour) for name, mine in own.items()}
 
-    By default of the components that the effects extend, and of the compensation that takes the gyros' out.
-    """
-    extended = {c for place in places if (c := place.definition.component) is not None}
-    if "GyroBlock" in extended:
-        extended.add("GyroCompensation")
-    of = {name: NAMED_FOR.get(name, name) for name in components or sorted(extended)}
+
+def with_effects(
+    fmus: Mapping[str, tuple[str, Mapping[str, Any]]], effects: Sequence[Mapping[str, object]]
+) -> dict[str, dict[str, Any]]:
+    """Components and their parameters, each with those of the effects that extend it, as a scenario file says them."""
+    entries = [(CATALOGUE[str(entry["effect"])].component, dict(entry)) for entry in effects]
     return {
-        name: build(name, folder, [p for p in places if p.definition.component == own], flavour=flavour)
-        for name, own in of.items()
+        name: {
+            "component": component,
+            "effects": [entry for extended, entry in entries if extended == component],
+            "parameters": values,
+        }
+        for name, (component, values) in fmus.items()
     }
 
 
@@ -364,14 +370,6 @@ def composed(
     `fmus`: of each name the component and its parameters; `effects` as in a scenario file; `columns` of the record;
     other parts of a scenario file: ``run``, ``connections``, ``stimuli``.
     """
-    entries = [(CATALOGUE[str(entry["effect"])].component, dict(entry)) for entry in effects]
-    described = {
-        name: {
-            "component": component,
-            "effects": [entry for extended, entry in entries if extended == component],
-            "parameters": values,
-        }
-        for name, (component, values) in fmus.items()
-    }
+    described = with_effects(fmus, effects)
     said = {"schema": "trihedron.scenario/1", "title": title, "fmus": described, "record": {"columns": columns}}
     return Scenario.model_validate(said | parts)

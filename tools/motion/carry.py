@@ -173,28 +173,42 @@ def carried_attitude(
     the record's intervals, each as long as the period: the increments hold the logged times. A component's FMU file may
     be given in place of the one that is built here.
     """
-    increments, fmus = motion.increments, fmus or {}
-    driven = inputs("compensation.increment_reading", INCREMENT, increments)
-    # Only effects depend on anything but the increments.
-    if reads(model.effects, "INPUT"):
-        driven |= inputs("compensation.specific_force", FORCE, motion.specific_force[1:])
-    if model.effects:
-        driven |= {"compensation.interval": ("interval_s", motion.step[1:])}
-    if motion.temperature is not None and reads(model.effects, "TEMPERATURE"):
-        driven |= {"compensation.temperature": (TEMPERATURE, motion.temperature[1:])}
+    fmus = fmus or {}
     block = {
         "gravity": gravity,
         "bias": model.bias.tolist(),
         "scale_misalignment": model.scale_misalignment.tolist(),
     }
-    computer = {"algorithm": algorithm_for(increments), "sample_period": motion.period}
     settings = {
         "compensation": _setting("GyroCompensation", fmus, block, effect_entries(model.effects, "GyroBlock")),
-        "computer": _setting("AttitudeComputer", fmus, computer, effect_entries(model.effects, "AttitudeComputer")),
+        "computer": _setting("AttitudeComputer", fmus, {}, effect_entries(model.effects, "AttitudeComputer")),
     }
+    return simulate(carried_scenario(motion, model.effects, settings)).table.select(QUATERNION).to_numpy()
+
+
+def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mapping[str, FmuSetting]) -> Scenario:
+    """The run of a record's increments through FMUs, of a gyros' compensation and an attitude computer.
+
+    They are named `compensation` and `computer` and have these effects; `accelerometers`, where there is one, is the
+    compensation of the accelerometers' block.
+    """
+    effects, increments = tuple(effects), motion.increments
+    driven = inputs("compensation.increment_reading", INCREMENT, increments)
+    # Only effects depend on anything but the increments.
+    if reads(effects, "INPUT"):
+        driven |= inputs("compensation.specific_force", FORCE, motion.specific_force[1:])
+    if effects:
+        driven |= {"compensation.interval": ("interval_s", motion.step[1:])}
+    if motion.temperature is not None and reads(effects, "TEMPERATURE"):
+        driven |= {"compensation.temperature": (TEMPERATURE, motion.temperature[1:])}
+    if "accelerometers" in fmus:
+        driven |= inputs("accelerometers.reading", FORCE, motion.specific_force[1:])
+    computer = fmus["computer"]
+    own = {"algorithm": algorithm_for(increments), "sample_period": motion.period, **computer.parameters}
+    fmus = {**fmus, "computer": computer.model_copy(update={"parameters": own})}
     title, times = "the attitude of a record, carried by its gyros", motion.period * np.arange(len(motion))
     link = Connection(**{"from": "compensation.increment", "to": "computer.increment"})
-    return simulate(carrying(title, settings, driven, times, motion.period, [link])).table.select(QUATERNION).to_numpy()
+    return carrying(title, fmus, driven, times, motion.period, [link])
 
 
 def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:

@@ -1,9 +1,10 @@
 """Scenario files: what is simulated, with which parameters, connections and stimuli, and what is recorded."""
 
 import hashlib
+import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal
 
@@ -12,6 +13,7 @@ import polars as pl
 from pydantic import AfterValidator, BeforeValidator, Field, field_serializer, field_validator, model_validator
 
 from ..errors import InputError, unreadable
+from ..files import write_text
 from ..result import Section, read_sections
 
 SCHEMA = "trihedron.scenario/1"
@@ -223,3 +225,44 @@ def read_scenario(path: Path | str) -> Scenario:
     except OSError as error:
         raise InputError(f"{path}: {unreadable(path, error)}") from error
     return read_sections(content, path, Scenario, base_folder=path.parent, source=path)
+
+
+def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
+    """Write a scenario as a TOML file, its tables in memory as CSV files beside it; all files, the scenario first.
+
+    An InputError where it cannot be written.
+    """
+    written, files = scenario.as_written(), [path]
+    for number, stimulus in enumerate(scenario.stimuli, start=1):
+        if stimulus.table is not None:
+            rows = path.with_name(f"{path.stem}-rows{number if number > 1 else ''}.csv")
+            write_text(rows, stimulus.table.write_csv())
+            described = written["stimuli"][number - 1]
+            written["stimuli"][number - 1] = {"csv": rows.name, **{k: v for k, v in described.items() if k != "table"}}
+            files.append(rows)
+    write_text(path, "\n".join(_toml_lines(written, "")).strip() + "\n")
+    return files
+
+
+def _toml_lines(table: Mapping[str, Any], name: str) -> Iterator[str]:
+    """The lines of a TOML table; what is empty is left out."""
+    filled = {key: value for key, value in table.items() if value not in ({}, [])}
+
+    def is_table(value: Any) -> bool:
+        return isinstance(value, dict) or (isinstance(value, list) and isinstance(value[0], dict))
+
+    def said(key: str) -> str:
+        # JSON's texts, numbers, truth values and flat lists are TOML's.
+        return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
+
+    for key, value in filled.items():
+        if not is_table(value):
+            yield f"{said(key)} = {json.dumps(value, ensure_ascii=False)}"
+    for key, value in filled.items():
+        if is_table(value):
+            inner = f"{name}.{said(key)}" if name else said(key)
+            for entry in value if isinstance(value, list) else [value]:
+                # A table of tables alone needs no head.
+                if isinstance(value, list) or not all(map(is_table, entry.values())):
+                    yield from ("", f"[[{inner}]]" if isinstance(value, list) else f"[{inner}]")
+                yield from _toml_lines(entry, inner)

@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import trihedron
 from bench_cases import write_hidden_record
 from trihedron.tools import cli
+from trihedron.tools.records import PositionRecord, read_record
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
@@ -41,7 +43,12 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
     named = json.loads(Path("d.json").read_text())["causes"][0]
     hidden = json.loads(record.with_name("answer.json").read_text())["hidden"]
     assert (named["effect"], named["where"]) == (hidden["effect"], hidden["where"])
-    assert Path("extended/AccelerometerBlock.fmu").is_file()
+    written = {path.name for path in Path("extended").iterdir()}
+    assert written >= {"AccelerometerBlock.fmu", "AccelerometerBlock.ssv", "TurntableMotion.fmu", "scenario.toml"}
+    # As it was written it gives the record again.
+    assert run(capsys, "simulate", "extended/scenario.toml", "--out", "again")[0] == 0
+    measured, again = (read_record(path, PositionRecord) for path in (record, Path("again/positions.csv")))
+    assert np.abs(again.specific_force - measured.specific_force).max() <= 1e-5 * 9.80665
     assert "responds to the square" in Path("d.html").read_text(encoding="utf-8")
 
 

@@ -15,7 +15,6 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_predictions import dense_spaces
-from trihedron.tools.evidence.fit import export_extended
 from trihedron.tools.trials.bench import NOISE_BOUND, plain_bench
 from trihedron.tools.trials.draw import draw_alone
 
@@ -88,7 +87,7 @@ def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
     ],
     ids=lambda value: value.title if isinstance(value, EffectPlace) else None,
 )
-def test_the_loop_is_closed_for_each_effect(place, values, symmetric, tmp_path):
+def test_the_loop_is_closed_for_each_effect(place, values, symmetric):
     """Named; the extended FMU predicts positions that were not used within the noise; the result is the contract's."""
     record = bench_case(17, place, values, symmetric=symmetric).measured()
     baseline = "symmetric" if symmetric else "asymmetric"
@@ -105,9 +104,6 @@ def test_the_loop_is_closed_for_each_effect(place, values, symmetric, tmp_path):
     assert said["baseline"]["falsified"] is True
     assert len(said["baseline"]["witness"]) <= 19
     assert [p["name"] for p in said["causes"][0]["parameters"]] == [p.name for p in CATALOGUE[place.effect].parameters]
-    assert [path.name for path in export_extended([place], tmp_path).values()] == [
-        f"{CATALOGUE[place.effect].component}.fmu"
-    ]
 
 
 def test_an_outlier_is_named_by_the_records_own_number_alone_and_beside_an_effect():

@@ -1,0 +1,222 @@
+"""What is exported holds what was found: as they are, without any set, the FMUs give the measured record again."""
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+import numpy as np
+import polars as pl
+import pytest
+from fmpy.ssp.ssd import read_ssv
+
+from bench_cases import bench_case
+from simulated_bench import ALPHA, BETA, random_bench
+from simulated_bench import record as position_record
+from strapdown_records import strapdown_record
+from trihedron.models.bench import ELEMENTARY, elementary_reading
+from trihedron.models.effects import EffectPlace, parameter_name
+from trihedron.tools.diagnosis import export_extended
+from trihedron.tools.diagnosis.procedure import causes_of, centred
+from trihedron.tools.diagnosis.result import Diagnosis, Finding
+from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.bench_predictions import undecided
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.references import turned
+from trihedron.tools.orchestrator.run import simulate_table
+from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.trials.bench import NOISE_BOUND
+
+G = 9.80665
+HARMONIC = EffectPlace("encoder-harmonic", "inner-axis", 3), (2e-4, 2.0)
+DRAWN = [
+    (EffectPlace("backlash", "inner-axis"), (3e-4,)),
+    (EffectPlace("bias-drift", "accelerometer-3"), (6e-4,)),
+    (EffectPlace("saturation", "accelerometer-1"), (0.95,)),
+    (EffectPlace("quantisation", "accelerometer-3"), (6e-4,)),
+]
+
+
+def found(evidence, place: EffectPlace) -> Diagnosis:
+    """The diagnosis that names an effect, without the search for it."""
+    fit = evidence.mended([place])
+    assert fit is not None
+    fit = centred(evidence, fit)
+    causes = causes_of(evidence, fit)
+    told = {**evidence.head(), "evidence": evidence, "findings": (Finding(causes, fit),), "causes": causes}
+    return Diagnosis.model_validate({**told, **evidence.of_model(fit, ()), "verdict": "explained", "gain": None})
+
+
+def beyond_noise(record, again) -> np.ndarray:
+    """Differences (N, 3) of readings over σ."""
+    return np.abs(again.specific_force - record.specific_force) / G / NOISE_BOUND
+
+
+@pytest.mark.parametrize(("place", "values"), DRAWN, ids=lambda value: getattr(value, "title", ""))
+def test_the_exported_scenario_gives_the_record_again(place, values, tmp_path):
+    """Every reading within σ, at the record's times and encoder readings, by simulating what was written."""
+    record = bench_case(17, place, values).measured()
+    result = found(bench_evidence(record, noise_bound=NOISE_BOUND), place)
+    export_extended(result, tmp_path)
+    run = simulate_table(read_scenario(tmp_path / "scenario.toml"))
+    again = run.position_record()
+    assert len(again) == len(record)
+    # Noise at a step of quantisation: no simulation tells to which side a reading was rounded.
+    told = ~undecided(result.evidence.readings, result.findings[0].fit)
+    assert told.mean() > 0.75
+    assert beyond_noise(record, again)[told].max() <= 1.0
+    assert np.abs(again.alpha - record.alpha).max() < 1e-9
+    assert np.abs(again.beta - record.beta).max() < 1e-9
+    # The rests lie about the record's times, but for the first, which begins with the run.
+    assert np.abs(again.time_s - record.time_s)[1:].max() <= run.scenario.run.step_s
+    assert (again.approach_alpha == record.approach_alpha).all()
+
+
+def test_a_record_in_two_mountings_has_a_run_for_each(tmp_path):
+    """The FMUs start with the first mounting; the scenario of the other says what is different."""
+    place = EffectPlace("bias-drift", "accelerometer-1")
+    (tmp_path / "mountings.toml").write_text(
+        "first.matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nsecond.matrix = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]\n"
+    )
+    rng = np.random.default_rng(8)
+    bench, readings = random_bench(rng), []
+    for matrix in (np.eye(3), np.roll(np.eye(3), 1, axis=1)):
+        bench[[ELEMENTARY.index(f"mounting_error_{i}") for i in (1, 2, 3)]] = rng.uniform(-3e-3, 3e-3, 3)
+        readings.append(elementary_reading(bench, ALPHA, BETA, matrix) + NOISE_BOUND * rng.uniform(-1.0, 1.0, (24, 3)))
+    names = ["first"] * 24 + ["second"] * 24
+    record = position_record(np.vstack(readings), np.tile(ALPHA, 2), np.tile(BETA, 2), names)
+    record.specific_force[:, 0] += 6e-4 * G * record.time_s / 3600.0
+    mounting = str(tmp_path / "mountings.toml")
+    result = found(bench_evidence(record, noise_bound=NOISE_BOUND, mounting=mounting), place)
+    export_extended(result, tmp_path)
+    assert record.mounting is not None
+    for scenario, name in (("scenario.toml", "first"), ("scenario-2.toml", "second")):
+        again = simulate_table(read_scenario(tmp_path / scenario)).position_record()
+        own = record.selected(np.flatnonzero(np.array(record.mounting) == name))
+        assert beyond_noise(own, again).max() <= 1.0
+    second = read_ssv(str(tmp_path / "TurntableMotion-2.ssv"))
+    assert len(second.parameters) > 10
+
+
+def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
+    """FMPy runs the table, and the block on its specific force, with no value of what was found set."""
+    place, values = HARMONIC
+    result = found(bench_evidence(bench_case(17, place, values).measured(), noise_bound=NOISE_BOUND), place)
+    runs = {}
+    for flavour in ("native", "python"):
+        export_extended(result, tmp_path / flavour, flavour)
+        runs[flavour] = simulate_table(read_scenario(tmp_path / flavour / "scenario.toml")).table
+    assert runs["native"].equals(runs["python"])
+    scenario, folder = read_scenario(tmp_path / "native" / "scenario.toml"), tmp_path / "native"
+    rows, times = pl.read_csv(folder / "scenario-rows.csv"), runs["native"]["time_s"].to_numpy()
+    held = np.searchsorted(rows["time_s"].to_numpy(), times + 1e-6 * scenario.run.step_s, side="right") - 1
+    commands = {f"command[{i}]": rows[name].to_numpy()[held] for i, name in ((1, "alpha_rad"), (2, "beta_rad"))}
+    own = scenario.fmus["table"].parameters
+    of_run = {k: v for k, v in own.items() if not isinstance(v, list)}
+    of_run |= {f"{k}[{i}]": x for k, v in own.items() if isinstance(v, list) for i, x in enumerate(v, start=1)}
+    force = with_fmpy(folder / "TurntableMotion.fmu", times, commands, "specific_force", of_run)
+    # What the table says at the end of a step is the block's input over it.
+    inputs = {f"specific_force[{i}]": np.append(force[1:, i - 1], force[-1, i - 1]) for i in (1, 2, 3)}
+    reading = with_fmpy(folder / "AccelerometerBlock.fmu", times, inputs, "reading", {})
+    assert (reading[1:] == runs["native"].select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:]).all()
+
+
+def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
+    """What the JSON states is what the FMU starts with; the .ssv, valid to SSP's schemas, has its intervals too."""
+    place, values = HARMONIC
+    result = found(bench_evidence(bench_case(17, place, values).measured(), noise_bound=NOISE_BOUND), place)
+    files = export_extended(result, tmp_path)
+    assert [path.name for path in files] == [
+        *("TurntableMotion.fmu", "AccelerometerBlock.fmu", "TurntableMotion.ssv", "AccelerometerBlock.ssv"),
+        *("scenario.toml", "scenario-rows.csv"),
+    ]
+    said = result.to_json()
+    targets = {entry["symbol"]: entry for entry in said["targets"]}
+    wanted = {"TurntableMotion": {"kappa": targets["X1"], "epsilon": targets["X3"], "alpha_offset": targets["X2"]}}
+    wanted["TurntableMotion"] |= {f"mounting_error[{i}]": targets[x] for i, x in ((1, "X13"), (2, "-X12"), (3, "X8"))}
+    for parameter in said["causes"][0]["parameters"]:
+        name = parameter_name(place, parameter["name"])
+        wanted["TurntableMotion"][name] = {**parameter, "after": parameter["estimate"]}
+    wanted["AccelerometerBlock"] = {"gamma_21": targets["X6+X8"], "gamma_32": targets["X11+X13"]}
+    pairs = (("plus", ("X4", "X9", "X14")), ("minus", ("X5", "X10", "X15")))
+    for sign, symbols in pairs:
+        wanted["AccelerometerBlock"] |= {f"scale_error_{sign}[{i}]": targets[x] for i, x in enumerate(symbols, 1)}
+    wanted["AccelerometerBlock"] |= {f"bias[{i}]": targets[f"X{15 + i}"] for i in (1, 2, 3)}
+    for component, entries in wanted.items():
+        starts = {v.name: v.start for v in fmpy.read_model_description(tmp_path / f"{component}.fmu").modelVariables}
+        path = tmp_path / f"{component}.ssv"
+        set_values = {p.name: float(p.value) for p in read_ssv(str(path)).parameters}
+        ends = intervals_in(path)
+        for name, entry in entries.items():
+            assert entry["after"] != 0.0
+            assert float(starts[name]) == set_values[name] == entry["after"]
+            assert entry["low"] <= entry["after"] <= entry["high"]
+            assert ends[name] == (entry["low"], entry["high"])
+        assert set(ends) <= set(set_values)
+
+
+def test_a_strapdown_record_is_carried_again(tmp_path):
+    """Gravity where the accelerometers say it is after every move, within the bounds; the same bits both ways."""
+    place = EffectPlace("gyro-g-sensitivity", "gyro-block")
+    matrix = 2e-3 * np.array([[1.0, 0.2, -0.5], [0.3, -2.0, 0.4], [0.0, 0.3, 1.5]])
+    record = strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3]), sensitivity=matrix)
+    evidence = carried_evidence(record)
+    result = found(evidence, place)
+    runs = {}
+    for flavour in ("native", "python"):
+        export_extended(result, tmp_path / flavour, flavour)
+        runs[flavour] = simulate_table(read_scenario(tmp_path / flavour / "scenario.toml")).table
+    table = runs["native"]
+    assert table.equals(runs["python"])
+    attitude = table.select("q0", "q1", "q2", "q3").to_numpy()
+    force = table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G
+    rests = evidence.reference.rests
+    means = np.array([force[max(rows.start - 1, 0) : rows.stop - 1].mean(axis=0) for rows in rests.rows])
+    up = means / np.linalg.norm(means, axis=1)[:, None]
+    for number, moves in enumerate(evidence.reference.scored):
+        error = evidence.reference.errors(number, turned(moves, attitude), up, up)
+        assert np.abs(error / evidence.parts[evidence.scored[number]].bound).max() <= 1.0
+    compensation = fmpy.read_model_description(tmp_path / "native" / "GyroCompensation.fmu")
+    starts = {v.name: v.start for v in compensation.modelVariables}
+    stated = {p["name"]: p["estimate"] for p in result.to_json()["baseline"]["parameters"]}
+    assert [float(starts[f"bias[{i}]"]) for i in (1, 2, 3)] == [stated[f"gyro bias_{i}"] for i in (1, 2, 3)]
+    ends = intervals_in(tmp_path / "native" / "GyroCompensation.ssv")
+    for parameter in result.causes[0].parameters:
+        name = parameter_name(place, parameter.name)
+        assert float(starts[name]) == parameter.estimate
+        assert ends[name] == (parameter.low, parameter.high)
+
+
+def test_nothing_is_written_where_nothing_is_explained_and_a_value_beyond_a_component_is_said(tmp_path):
+    place, values = HARMONIC
+    result = found(bench_evidence(bench_case(17, place, values).measured(), noise_bound=NOISE_BOUND), place)
+    assert export_extended(result.model_copy(update={"verdict": "ambiguous"}), tmp_path / "none") == []
+    assert not (tmp_path / "none").exists()
+    fit = result.findings[0].fit
+    far = Finding(result.causes, replace(fit, estimate=fit.estimate + 0.6))
+    with pytest.raises(InputError, match=r"--export .*kappa = 0\.\d+ is beyond what TurntableMotion takes"):
+        export_extended(result.model_copy(update={"findings": (far,)}), tmp_path / "far")
+    assert not (tmp_path / "far").exists()
+
+
+def intervals_in(path: Path) -> dict[str, tuple[float, float]]:
+    """Ends of each parameter of an .ssv that has an interval."""
+    ends = {}
+    for parameter in ElementTree.parse(path).getroot().findall(".//{*}Parameter"):
+        for interval in parameter.iter("interval"):
+            ends[parameter.get("name")] = (float(interval.get("low", "-inf")), float(interval.get("high", "inf")))
+    return ends
+
+
+def with_fmpy(path: Path, times: np.ndarray, inputs: dict, output: str, values: dict) -> np.ndarray:
+    """Outputs (N, 3) of an array that FMPy gives at the times, each input held over the step that begins there."""
+    step = float(times[1] - times[0])
+    kinds = [("time", float), *((name, float) for name in inputs)]
+    rows = np.array(list(zip(times, *inputs.values(), strict=True)), dtype=kinds)
+    names = [f"{output}[{i}]" for i in (1, 2, 3)]
+    given = fmpy.simulate_fmu(
+        str(path), start_time=times[0], stop_time=times[-1], step_size=step, output_interval=step,
+        input=rows, output=names, start_values=values,
+    )  # fmt: skip
+    return np.column_stack([given[name] for name in names])

@@ -1,0 +1,25 @@
+"""What was found of a record as FMUs: they start with it, with values and intervals beside, and runs that show it."""
+
+from pathlib import Path
+
+from ..errors import InputError
+from .result import Diagnosis
+
+
+def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
+    """Write what explains a record into a folder; the files, none where nothing is explained.
+
+    FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
+    parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
+    outlier is of no FMU.
+
+    An InputError where a value is beyond what a component takes, or the folder cannot be written.
+    """
+    if result.verdict != "explained":
+        return []
+    effects = {cause.place: (cause.values, cause.intervals) for cause in result.causes}
+    said = "found of a record: " + " and ".join(place.title for place in effects)
+    try:
+        return result.evidence.extension(result.findings[0].fit, effects).write(folder, said, flavour)
+    except ValueError as error:
+        raise InputError(f"--export {folder}: {error}") from error

@@ -1,1 +1,0 @@
-from .fit import export_extended as export_extended
