@@ -16,6 +16,7 @@ from simulated_bench import record as position_record
 from strapdown_records import strapdown_record
 from trihedron.models.bench import ELEMENTARY, elementary_reading
 from trihedron.models.effects import EffectPlace, parameter_name
+from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import export_extended
 from trihedron.tools.diagnosis.procedure import causes_of, centred
 from trihedron.tools.diagnosis.result import Diagnosis, Finding
@@ -40,7 +41,7 @@ DRAWN = [
 
 def found(evidence, place: EffectPlace) -> Diagnosis:
     """The diagnosis that names an effect, without the search for it."""
-    fit = evidence.mended([place])
+    fit = evidence.mended([place], Work())
     assert fit is not None
     fit = centred(evidence, fit)
     causes = causes_of(evidence, fit)
