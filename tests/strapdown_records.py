@@ -68,3 +68,37 @@ def strapdown_record(
     if sensitivity is not None:
         measured = measured + n @ sensitivity.T
     return StrapdownRecord(time_s=time, rate=measured, increment=None, specific_force=reading, **more)
+
+
+def drawn_motion(rng: np.random.Generator, moves: int = 16, rest: float = 4.0, period: float = PERIOD):
+    """Times, rates and inputs as of `true_motion`, and attitudes: moves about drawn axes, slow and fast."""
+    rates, still = [np.zeros((round(2.0 * rest / period), 3))], round(rest / period)
+    for _ in range(moves):
+        length = rng.uniform(0.8, 3.0)
+        axis = rng.standard_normal(3)
+        s = (np.arange(round(length / period)) + 0.5) * period / length
+        speed = rng.uniform(1.0, 4.0) / length * (1.0 - np.cos(2.0 * np.pi * s))
+        rates += [speed[:, None] * axis / np.linalg.norm(axis), np.zeros((still, 3))]
+    rate = np.vstack(rates)
+    steps = np.vstack([np.zeros(3), 0.5 * (rate[1:] + rate[:-1]) * period])
+    attitude = [Rotation.identity()]
+    for step in Rotation.from_rotvec(steps[1:]):
+        attitude.append(attitude[-1] * step)
+    attitude = Rotation.concatenate(attitude)
+    return period * np.arange(1, len(rate) + 1), rate, attitude.inv().apply([0.0, 0.0, 1.0]), attitude
+
+
+def slow_noise(rng: np.random.Generator, rows: int, size: float) -> np.ndarray:
+    """Noise (rows, 3) that wanders over all times from 16 rows to the record alike, as flicker noise does."""
+    total = np.zeros((rows, 3))
+    for octave in range(4, int(np.log2(rows)) + 1):
+        knots = np.arange(0, rows + 2**octave, 2**octave)
+        values = rng.standard_normal((len(knots), 3))
+        total += np.column_stack([np.interp(np.arange(rows), knots, column) for column in values.T])
+    return size * total
+
+
+def seen_attitude(rng: np.random.Generator, attitude: Rotation, error: float) -> np.ndarray:
+    """Quaternions (N, 4), scalar first, of an attitude that cameras see with errors of so much rms [rad]."""
+    seen = attitude * Rotation.from_rotvec(error * rng.standard_normal((len(attitude), 3)))
+    return np.roll(seen.as_quat(), 1, axis=1)

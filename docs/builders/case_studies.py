@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from trihedron.models.effects import CATALOGUE
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.procedure import is_stable
@@ -17,7 +16,6 @@ from trihedron.tools.diagnosis.result import OrderOfEffects
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record
-from trihedron.tools.reports.diagnosis import sentence_of, witnesses_of
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
@@ -82,18 +80,6 @@ def gain_table(result: Diagnosis) -> str:
     return table(["over", "pieces", "rms before", "rms after", "largest before", "largest after"], rows)
 
 
-def cause_table(result: Diagnosis) -> str:
-    """The causes with the sizes that the record leaves possible."""
-    rows = [
-        [cause.place.effect, p.name, f"{value:+.3g}", f"{low:+.3g} to {high:+.3g}", "" if p.unit == "1" else p.unit]
-        for cause in result.causes
-        for p, value, (low, high) in zip(
-            CATALOGUE[cause.place.effect].at(cause.place).parameters, cause.values, cause.intervals, strict=True
-        )
-    ]
-    return table(["effect", "parameter", "estimate", "possible", "unit"], rows)
-
-
 def excluded_table(result: Diagnosis) -> str:
     """The largest size of each effect of the gyros that the record leaves possible."""
     largest: dict[tuple[str, str], float] = {}
@@ -109,8 +95,9 @@ def broad_page(result: Diagnosis, pictures: str) -> str:
     """The case study of BROAD 03."""
     record, found = result.evidence.found.record, result.evidence.found
     period = found.sampling.period
-    named = " and ".join(cause.place.effect for cause in result.causes) or "nothing"
-    sentences = "\n".join(f"- {sentence_of(cause, result)};" for cause in result.causes)
+    middle = (result.lengths or ())[len(result.lengths or ()) // 2]
+    steps = middle.order.steps if middle.order is not None else ()
+    helps = " and ".join(step.effect for step in steps) or "nothing"
     bias = (
         ", ".join(f"{math.degrees(value):+.3f}" for value in result.bias_at_rest.radps)
         if result.bias_at_rest is not None
@@ -134,35 +121,38 @@ def broad_page(result: Diagnosis, pictures: str) -> str:
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
     raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
     quoted = result.gain.to_json() if result.gain is not None else {}
-    alone = figure(result.baseline.radius or math.nan)
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
     fall = f"{' to '.join(figure(end) for end in ends)} arcmin rms"
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
+    said = "\n".join(f"- {text};" for text in result.not_named or ())
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
 The record: {len(record)} rows, one every {1e3 * period:.4g} ms, {record.time_s[-1] - record.time_s[0]:.0f} s of slow
 rotation by hand with a rest before and after; the true attitude by cameras. Made by `make case-studies`; no number on
 this page is typed.
 
-**{result.verdict.capitalize()}: {named}.** Over windows of {quoted.get("over", "")} that were not used, the error falls
-from {fall}.
+**{result.verdict.capitalize()}. Of all effects {helps} help most: over windows of
+{quoted.get("over", "")} that were not used, the error falls from {fall}. That is more than noise
+and the cameras at rest explain, so nothing is named.**
 
-## What was wrong
+## What the record says
 
-{sentences}
+{said}
 - the gyros' bias at rest, ({bias}) deg/s, which the mean at rest takes out of the nominal block; left in it would
   make the errors {left_in} arcmin rms.
 
-{cause_table(result)}
+What is left after all effects hardly depends on the length of the windows: errors of gyros would grow with it, errors
+of the cameras, or of their clock, at both ends do not. So the cameras in motion are what to look at next; the record
+alone cannot tell them from an effect that is not in the catalogue.
 
 ## How it was found
 
 Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
 its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
-rest taken out, leaves a largest error of at least {alone} bounds; with {named} it is
-{figure(result.extended.radius if result.extended else math.nan)}. The bounds: {result.noise_bound_from}.
+rest taken out, leaves a largest error of at least {figure(result.baseline.radius or math.nan)} bounds. The bounds:
+{result.noise_bound_from}.
 
-Each length by itself:
+Each length by itself, within these bounds:
 
 {table(["windows", "pieces", "bound [arcmin]", "radius", "smallest sets"], rows)}
 
@@ -171,25 +161,18 @@ the bias at rest left in it is {raw_stable}:
 
 {table(["windows", "bias at rest taken out", "bias at rest left in"], orders)}
 
-Of the signatures shuffled over the windows so many did as well:
-{"; ".join(f"{w.effect} {w.shuffles.as_good} of {w.shuffles.tried}" for w in witnesses_of(result))}.
-
 {pictures}
 
-## What it gained
+## What would be gained
 
-The extended FMUs were exported and run again with parameters from the other parts of the record (arcminutes):
+The FMUs extended by {helps} were exported and run again with parameters from the other parts of the record
+(arcminutes):
 
 {gain_table(result) if result.gain is not None else ""}
 
-## What was not supported, and why
+## What was not judged, and why
 
-With {named} every error is within its bound, so nothing more is needed. Larger sizes than these contradict the
-record:
-
-{excluded_table(result)}
-
-Not judged, because the turn of the block over a window does not show them: {unseen}.
+The turn of the block over a window does not show: {unseen}.
 
 Data: D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation Estimation",
 Data 6(7):72, 2021, trial 03, CC BY 4.0; other file format, magnetometer and position left out.
@@ -276,7 +259,8 @@ That is a calibration, and no effect that the simulation lacks.
 
 ## What was not supported, and why
 
-The noise of a rest's mean is white noise and what the gyros wander from rest to rest. Larger sizes than these
+The noise of a rest's mean is white noise and what the gyros wander from rest to rest, no more than flicker noise within
+the rests makes likely. Larger sizes than these
 contradict {names[0]}:
 
 {excluded_table(results[0])}

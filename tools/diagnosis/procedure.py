@@ -18,6 +18,7 @@ from ..evidence.evidence import Channel, Evidence, largest_size, rms_size
 from ..evidence.fit import ARCMIN, Fit
 from ..progress import tracked
 from ..records import PositionRecord, StrapdownRecord
+from ..rounding import digits
 from .result import (
     Cause,
     Diagnosis,
@@ -80,10 +81,13 @@ def diagnosed(
         excluded = excluded_sizes(evidence, evidence.baseline)
         model = evidence.of_model(centred(evidence, evidence.baseline), excluded)
         return _result("insufficient" if "missing" in model else "consistent", told, model, excluded=excluded)
-    found = search(evidence, progress=progress, most_work=most_work)
+    objections = evidence.objections()
+    found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
     told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
-    if not found.fits or evidence.objections():
-        return _unexplained(evidence, told, evidence.objections())
+    if not found.fits:
+        helps, said = what_helps(evidence, told.get("lengths", ()))
+        gain = evidence.gain(evidence.refit(helps)) if rerun and helps else None
+        return _unexplained(evidence, told | {"gain": gain}, (*objections, *said))
     groups = equivalence_groups(evidence, found.fits)
     tried = [_finding(evidence, group) for group in groups[: evidence.most_sets]]
     findings = [finding for finding in tried if finding.acts]
@@ -419,6 +423,27 @@ def order_of_effects(evidence: Evidence, places: Sequence[EffectPlace]) -> Order
         steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))
         current = best
     return OrderOfEffects(held_out_rms_arcmin=start / ARCMIN, steps=tuple(steps))
+
+
+def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[EffectPlace, ...], tuple[str, ...]]:
+    """What takes most off the errors that were left out, at the middle length, and is no cause: it does not mend them.
+
+    The effects, and what is said of them; nothing of evidence without lengths, or where nothing helps.
+    """
+    number = len(lengths) // 2
+    if not lengths or (order := lengths[number].order) is None or not order.steps:
+        return (), ()
+    places = tuple(step.place for step in order.steps)
+    sizes = evidence.values_of(places, evidence.estimate(places))
+    said = "; ".join(
+        place.definition.sentence(place, {p.name: v for p, v in zip(place.definition.parameters, values, strict=True)})
+        for place, values in sizes.items()
+    )
+    return places, (
+        f"{' and '.join(step.effect for step in order.steps)}, though of all effects the most help: over "
+        f"{lengths[number].over} the errors that were left out fall from {digits(order.held_out_rms_arcmin)} to "
+        f"{digits(order.steps[-1].held_out_rms_arcmin)} arcmin rms, and not within their bounds ({said})",
+    )
 
 
 def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:

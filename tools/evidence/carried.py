@@ -23,7 +23,7 @@ from ..orchestrator.load import usual_flavour
 from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
 from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
-from ..rounding import digits
+from ..rounding import digits, downwards, residual, upwards
 from .evidence import Channel, Evidence, Trial, estimated, rms_size
 from .extension import Extension, Sized, Start, elements_of
 from .fit import ARCMIN, Fit, Gain, coefficient_count, extended_fmus, gain_of
@@ -31,6 +31,7 @@ from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, t
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
+LATENCY = EffectPlace("latency", "gyro-block")
 COMPONENTS = ("GyroBlock", "AttitudeComputer", "AccelerometerBlock")
 SHUFFLES = 40
 FOLDS, FOLDS_OF_LONG = 4, 2
@@ -94,7 +95,8 @@ class Carried(CarriedRecord):
 
     `own` is the gyros' part of the model's parameters; about `model` the rows are linear, and `attitude` (N, 4) was
     carried with it. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s], None
-    where the bias is free; `bounds_from` says in words what the bounds come from.
+    where the bias is free; `bounds_from` says in words what the bounds come from; `least_radius` is what all effects
+    together leave, where that is more than one bound.
     """
 
     own: tuple[EffectPlace, ...]
@@ -104,6 +106,7 @@ class Carried(CarriedRecord):
     reference: Gravity | Truth
     at_rest: NDArray[np.float64] | None
     bounds_from: str = ""
+    least_radius: float | None = None
 
     @property
     def of_forces(self) -> int:
@@ -196,6 +199,11 @@ class Carried(CarriedRecord):
 
     # What the engine asks
 
+    @property
+    def falsified(self) -> bool:
+        """Whether the model cannot be true of the record; a bias that is not constant is not its."""
+        return super().falsified or (self.reference.noise is not None and bool(self.reference.noise.unsteady))
+
     def head(self) -> Mapping[str, Any]:
         """The record, what it is held against, the bound, the baseline and what no record of this kind shows."""
         bias = {} if self.bias_at_rest is None else {"bias_at_rest": self._bias_at_rest(None)}
@@ -277,11 +285,25 @@ class Carried(CarriedRecord):
         return (f"time stamps that are {digits(abs(percent), 2)} % too {long} would do the same",)
 
     def objections(self) -> tuple[str, ...]:
-        """Parameters of the baseline that no instrument has: the record is not what it says."""
-        return tuple(
+        """Parameters that no instrument has, gyros that wander at rest, errors that all effects together leave."""
+        unsteady = None if self.reference.noise is None else self.reference.noise.said
+        wandering = () if unsteady is None else (unsteady,)
+        too_large = () if self.least_radius is None else (self._too_large(self.least_radius),)
+        parameters = tuple(
             f"{name} would be {digits(value, 2)}: check units, order and signs of the axes"
             for (name, unit), value in zip(self.names, self.baseline.central, strict=True)
             if unit == "1" and abs(value) > LARGEST
+        )
+        return (*parameters, *wandering, *too_large)
+
+    def _too_large(self, least: float) -> str:
+        part = self.parts[self.quoted]
+        bound = float(np.median(part.bound)) / ARCMIN
+        return (
+            f"all effects of the catalogue together leave errors of {residual(least)} bounds: over {part.label} the bound "
+            f"would have to be {downwards(least * bound, 3)} arcmin, and noise and reference at rest explain "
+            f"{upwards(bound, 3)}; "
+            "something that is not in the catalogue acts, or the true attitude errs more in motion than at rest"
         )
 
     def channels(self) -> Sequence[Channel]:

@@ -17,9 +17,10 @@ from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
 from ..motion.inspect import LEAST_TURN, Inspection, inspect_record, meaning
 from ..motion.norm import LARGEST, NAMES, inputs_of
+from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
-from .carried import BIAS, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
+from .carried import BIAS, LATENCY, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .evidence import estimated
 from .fit import are_possible, blocks_of, coefficient_count
 from .references import (
@@ -30,12 +31,10 @@ from .references import (
     Truth,
     force_deviation,
     gravity_pieces,
-    gyro_noise,
     has_truth,
     integrals,
     known_rows,
     means_at_rest,
-    rest_lengths,
     truth_windows,
     usable_in,
     windows_of,
@@ -48,22 +47,20 @@ LEAST_FORCE = 1e-9
 """Bounds of means [g] are not taken for less."""
 MANY = 4.0
 """Errors of so many bounds, root mean square over that of noise at its bound, may hold a second order that counts."""
+SETTLED = 0.9
+"""A run about the fit to the one before that leaves so much of its errors was the last that is needed."""
 MOST_OF_IT = 3.0
 """By so much an effect must lower the errors to be the main one."""
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
 """A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""
-ROOM = 1.2
-"""A bound over the largest error that was seen: there are only so many windows."""
 FEWEST_MOVES = 8
 """Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
+LARGEST_TURN, FASTEST = 0.5, 0.99
+"""Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
 LEAST_SHARE = 0.5
 """Part of the true turns that the gyros must show before a swap or a flip is believed."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
 WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
-LEFT_OUT = (
-    "the largest errors that all effects together leave in parts of the record that were left out: the noise at rest "
-    "is smaller, so the true attitude errs more in motion than at rest, or something is not in the catalogue"
-)
 
 
 def carried_evidence(
@@ -93,7 +90,7 @@ def carried_evidence(
     block = baseline or ("nominal" if has_truth(found) else "calibrated")
     if lacks := missing_things(found):
         return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
-    return with_reference_errors(about_main_effect(linear_evidence(found, block, rates)))
+    return judged(about_main_effect(linear_evidence(found, block, rates)))
 
 
 def warnings_of(found: Inspection) -> tuple[str, ...]:
@@ -162,9 +159,7 @@ def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous")
 
 def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
     """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
-    # Of true attitude the bounds may not be known yet.
-    weighed = made if isinstance(made.reference, Gravity) else made.unweighted()
-    step = estimated(weighed.nominal, weighed.residual)
+    step = estimated(made.nominal, made.residual)
     model = with_parameters(made.model, made.own, step[made.of_forces :])
     # Where a fit wants other scale factors, it is wrong.
     model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
@@ -177,7 +172,7 @@ def gravity_reference(found: Inspection) -> Gravity:
     assert calibration is not None
     assert calibration.least_squares is not None
     reading = rests.force / found.gravity
-    noise = gyro_noise(found, inputs_of(calibration.least_squares, reading))
+    noise = gyro_noise(found.record, rests, found.sampling.period, inputs_of(calibration.least_squares, reading))
     assert noise is not None
     deviation = np.maximum(force_deviation(found) / found.gravity, LEAST_FORCE)
     still, moves, ends = gravity_pieces(found)
@@ -188,7 +183,8 @@ def truth_reference(found: Inspection) -> Truth:
     """The true attitude of a record as the reference."""
     assert found.record.attitude is not None
     up = found.rests.force / found.gravity if len(found.rests) else None
-    noise, attitude = gyro_noise(found, up), found.record.attitude
+    noise = gyro_noise(found.record, found.rests, found.sampling.period, up)
+    attitude = found.record.attitude
     return Truth(found.record.time_s, found.rests, noise, truth_windows(found), attitude)
 
 
@@ -206,16 +202,16 @@ def about_main_effect(made: Carried) -> Carried:
     Signatures are of first order. Where one effect makes nearly all of errors that are many times their bounds, its
     second order may be above them too.
     """
-    even = made
-    if not all((part.bound > 0.0).all() for part in made.parts):
-        least = float(np.median(np.abs(made.parts[0].error))) + 1e-12
-        even = made.with_bounds([np.maximum(part.bound, least) for part in made.parts])
-    place = main_effect(even)
-    if place is None:
-        return made
-    solution = even.estimate([place])
-    possible = are_possible(place, even.values_of([place], solution)[place])
-    return about_effects(made, [place], solution) if possible else made
+    place = main_effect(made)
+    for _ in range(RELINEARISATIONS if place is not None else 0):
+        assert place is not None
+        before, solution = _rms_left(made, (place,)), made.estimate([place])
+        if not are_possible(place, made.values_of([place], solution)[place]):
+            break
+        made = about_effects(made, [place], solution)
+        if _rms_left(made, (place,)) > SETTLED * before:
+            break
+    return made
 
 
 def main_effect(made: Carried) -> EffectPlace | None:
@@ -239,10 +235,17 @@ def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArra
     """The evidence about effects of the gyros of such sizes: the second order of their run is in the errors.
 
     The errors are those of a run with the effects, and what these do to first order is added again: as if they acted
-    linearly. A solution (P + k,) are steps of the model's parameters and the effects' coefficients.
+    linearly. A solution (P + k,) are steps of the model's parameters and the effects' coefficients. Gyros that lag by
+    several rows have their attitude read so many rows later: a compensation, which knows only the past, carries their
+    rates on, and the longer the less well.
     """
-    count = len(made.names)
-    attitude = carried_attitude(made.motion, made.gyros_with(places, solution), made.found.gravity)
+    count, gyros, lag = len(made.names), made.gyros_with(places, solution), 0
+    if LATENCY in gyros.effects:
+        (delay,) = gyros.effects[LATENCY]
+        lag = round(delay / made.motion.period)
+        gyros = replace(gyros, effects={**gyros.effects, LATENCY: (delay - lag * made.motion.period,)})
+    attitude = carried_attitude(made.motion, gyros, made.found.gravity)
+    attitude = attitude[np.clip(np.arange(len(attitude)) + lag, 0, len(attitude) - 1)]
     columns = np.concatenate([np.arange(count), count + made.numbers_of(places)])
     errors = [
         part.error
@@ -253,17 +256,36 @@ def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArra
     return made.with_errors(errors)
 
 
-def with_reference_errors(made: Carried) -> Carried:
-    """Evidence with bounds that the true attitude's own errors allow.
+def judged(made: Carried) -> Carried:
+    """Evidence of which it is known whether all effects together can bring the errors within the bounds.
 
-    Where all effects together cannot bring the errors within the noise at rest, no set of them can: then what they
-    leave in blocks that are left out is the bound, for each length of windows. Windows with errors many times those of
-    the others, which nothing in the catalogue makes, are not used.
+    The bounds are what gyros and reference do where nothing that is tested acts, and are never widened by what the
+    effects leave: then they would hide what is not in the catalogue. Beside the true attitude windows with errors many
+    times those of the others, which nothing in the catalogue makes, are not used; and the simulation is run about all
+    effects before their first order counts as too little.
     """
     if isinstance(made.reference, Gravity):
         return replace(made, bounds_from=RECORD_NOISE)
-    if all((part.bound > 0.0).all() for part in made.parts) and made.refit(made.places).radius <= made.limit:
-        return replace(made, bounds_from=WITH_TRUTH)
+    made = replace(made, bounds_from=WITH_TRUTH)
+    if made.refit(made.places).radius <= made.limit:
+        return made
+    made = without_jumps(made)
+    least, gyros = made.refit(made.places).radius, [place for place in made.places if is_of_gyros(place)]
+    for _ in range(RELINEARISATIONS):
+        if least <= made.limit:
+            break
+        sizes = made.values_of(gyros, made.estimate(gyros))
+        possible = [place for place in gyros if are_possible(place, sizes[place])]
+        about = about_effects(made, possible, made.estimate(possible))
+        radius = about.refit(made.places).radius
+        if radius >= least:
+            break
+        made, least = about, radius
+    return made if least <= made.limit else replace(made, least_radius=least)
+
+
+def without_jumps(made: Carried) -> Carried:
+    """The evidence without windows in which gyros or truth jump; that they are left out is said."""
     kept = [np.ones(len(part), dtype=bool) for part in made.parts]
     for _ in range(ROUNDS_OF_JUMPS):
         sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(made, kept))]
@@ -277,10 +299,7 @@ def with_reference_errors(made: Carried) -> Carried:
         for mine, part in zip(kept, made.parts, strict=True)
         if not mine.all()
     )
-    made = of_windows(made, kept)
-    largest = [ROOM * np.abs(error).max() for error in left_out_by_all(made)]
-    bounds = [np.maximum(part.bound, most) for part, most in zip(made.parts, largest, strict=True)]
-    return replace(made.with_bounds(bounds), bounds_from=LEFT_OUT, warnings=(*made.warnings, *said))
+    return replace(of_windows(made, kept), warnings=(*made.warnings, *said)) if said else made
 
 
 def left_out_by_all(made: Carried) -> list[NDArray[np.float64]]:
@@ -315,13 +334,16 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     """What is wrong with the gyros beside the true attitude: units, order and signs of axes."""
     record = found.record
     known = known_rows(record)
-    if record.attitude is None or not len(known):
+    if record.attitude is None or len(known) < FEWEST_TURNS:
         return ()
-    windows = windows_of(known, usable_in(found), found.sampling.period, LENGTHS[0])
+    # Sums of rates are rotation vectors as long as the block turns little: the faster, the shorter the windows.
+    turns = true_turns(record.attitude, known[:-1], known[1:])
+    speed = np.linalg.norm(turns, axis=1) / np.diff(record.time_s[known])
+    seconds = LARGEST_TURN / max(float(np.quantile(speed, FASTEST)), LARGEST_TURN / LENGTHS[0])
+    windows = windows_of(known, usable_in(found), found.sampling.period, seconds)
     if len(windows) < FEWEST_TURNS:
         return ()
-    rotation = Rotation.from_quat(np.roll(record.attitude[windows.first], -1, axis=1)).inv()
-    true = (rotation * Rotation.from_quat(np.roll(record.attitude[windows.last], -1, axis=1))).as_rotvec()
+    true = true_turns(record.attitude, windows.first, windows.last)
     level = np.median(found.rests.rate, axis=0) if len(found.rests) else np.zeros(3)
     step = np.concatenate([[found.sampling.period], np.diff(record.time_s)])
     sums = np.cumsum((rates_of(record) - level) * step[:, None], axis=0)
@@ -342,16 +364,27 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     return tuple(text.replace("as gravity turns", "as the true attitude turns") for text in said)
 
 
+def true_turns(attitude: NDArray, first: NDArray, last: NDArray) -> NDArray[np.float64]:
+    """Rotation vectors (S, 3) of a true attitude (N, 4), scalar first, from rows (S,) to others, in body axes [rad]."""
+    before, after = (Rotation.from_quat(np.roll(attitude[rows], -1, axis=1)) for rows in (first, last))
+    return (before.inv() * after).as_rotvec()
+
+
 def missing_things(found: Inspection) -> tuple[str, ...]:
     """What to add to a record that cannot be judged; nothing where it can."""
     rests, calibration = found.rests, found.accelerometers
+    noise = gyro_noise(found.record, rests, found.sampling.period)
     if has_truth(found):
         if truth_windows(found):
-            return ()
+            return (
+                ()
+                if noise is not None
+                else ("a rest of two seconds and more: nothing else tells the noise of the gyros",)
+            )
         return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
     if not len(rests):
         return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
-    if rests.force_bound is None or rests.rate_bound is None or gyro_noise(found, None) is None:
+    if rests.force_bound is None or noise is None:
         return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
     if calibration is None or calibration.least_squares is None:
         poses = calibration.missing if calibration is not None else ()

@@ -5,37 +5,25 @@ in axes of the piece's beginning and to first order. Errors are computed less tr
 carried attitude too far.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2, norm
 
 from ...models.effects import EffectPlace, Rows
 from ...models.turntable import EARTH_RATE
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
-from ..motion.rests import GAP, Rests, rates_of
+from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
+from ..motion.rests import GAP, Rests
 from ..records import StrapdownRecord
-from ..records.noise import SCATTER_FACTOR, allan_deviation
+from ..records.noise import SCATTER_FACTOR
 from .evidence import Part, Pieces
 from .fit import coefficient_count
 
-FLICKER_TO_ALLAN = 2.0 * math.log(2.0)
-"""Square of flicker noise's Allan deviation over its coefficient: a mean over τ wanders about the mean over T by the
-coefficient times ln(T/τ), mean square."""
-ANY_BEYOND = 5e-3
-"""Probability that any of a record's errors of one kind is beyond its bound, were they Gaussian."""
-BY_CHANCE = 0.25
-"""Probability that the rests show less wandering than is taken for it."""
-SPARE = 4
-"""So many rests more than terms are wanted."""
-LEAST_RATE = 1e-12
-"""Bounds of rates are not taken for less [rad/s]: arithmetic has errors too."""
 CHUNK = 30_000
 """Rows at a time: the memory does not grow with the record."""
 LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -57,114 +45,24 @@ Usable = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 """Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 
 
-@dataclass(frozen=True, eq=False)
-class RestNoise:
-    """Noise of three gyros, or accelerometers, at rest: white noise and flicker noise of each.
-
-    `white` (3,): mean square of a mean over one second [rad²/s²]; `flicker` (3,): square of the flat part of the Allan
-    deviation [rad²/s²]; `wander` (3,): mean square of what the means at rest differ by from one rest to the next beside
-    white noise [rad²/s²]; `span`: length of the record [s].
-    """
-
-    white: NDArray[np.float64]
-    flicker: NDArray[np.float64]
-    wander: NDArray[np.float64]
-    span: float
-
-    def rate_square(self, seconds: NDArray) -> NDArray[np.float64]:
-        """Mean square (S, 3) of a mean rate's error over times (S,) [rad²/s²]."""
-        seconds = np.maximum(np.asarray(seconds, dtype=float), 1e-9)[:, None]
-        wandering = np.maximum(1.0, np.log(np.maximum(self.span / seconds, 1.0)) / FLICKER_TO_ALLAN)
-        slow = np.where(np.isfinite(self.wander), np.maximum(self.wander, self.flicker), self.flicker * wandering)
-        return np.maximum(self.white / seconds + slow, LEAST_RATE**2)
-
-    def angle_square(self, seconds: NDArray) -> NDArray[np.float64]:
-        """Mean square (S,) of the turn about any axis over times (S,) that is noise [rad²]."""
-        return self.rate_square(seconds).max(axis=1) * np.asarray(seconds, dtype=float) ** 2
-
-
-def factor_for(rows: int) -> float:
-    """A bound over its standard deviation such that hardly one of so many errors exceeds it; at least three."""
-    return max(SCATTER_FACTOR, float(norm.isf(0.5 * ANY_BEYOND / max(rows, 1))))
-
-
-def gyro_noise(found: Inspection, up: NDArray | None) -> RestNoise | None:
-    """Noise of the gyros from the rests; None where these are too few or too short to tell.
-
-    White noise falls with the averaging time and flicker noise does not: the Allan deviations of a quarter and of half
-    of the median rest tell them apart. What differs between the rests' means, and no drift, no dependence on gravity or
-    on temperature explains, counts as noise too; `up` (K, 3) are the directions of gravity at the rests, where known.
-    """
-    noise, rests = rest_noise(found, rates_of(found.record)), found.rests
-    if noise is None:
-        return None
-    white = noise.white / rest_lengths(rests, found.sampling.period)[:, None]
-    return replace(noise, wander=rest_wander(rests, up, white))
-
-
 def force_deviation(found: Inspection) -> NDArray[np.float64]:
     """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included."""
-    rests, noise = found.rests, rest_noise(found, found.record.specific_force)
+    rests, record, period = found.rests, found.record, found.sampling.period
     assert rests.force_bound is not None
     deviation = rests.force_bound / SCATTER_FACTOR
     # What wanders from rest to rest may be an effect: only the rests themselves tell.
-    lengths = rest_lengths(rests, found.sampling.period)
+    noise, lengths = rest_noise(record.specific_force, record.time_s, rests, period), rest_lengths(rests, period)
     return deviation if noise is None else np.maximum(deviation, np.sqrt(noise.rate_square(lengths)))
 
 
-def rest_noise(found: Inspection, readings: NDArray) -> RestNoise | None:
-    """Noise of readings (N, 3) at rest but for what wanders from one rest to the next; None where it cannot be told."""
-    pieces = [readings[rows] for rows in found.rests.rows]
-    rows = int(np.median([len(piece) for piece in pieces])) if pieces else 0
-    if rows < 8:
-        return None
-    half, quarter = allan_deviation(pieces, rows // 2), allan_deviation(pieces, rows // 4)
-    if half is None or quarter is None:
-        return None
-    # At a quarter white noise has twice the mean square that it has at half.
-    part = np.clip(2.0 * (quarter**2 - half**2), 0.0, quarter**2)
-    white, flicker = part * (rows // 4) * found.sampling.period, np.maximum(half**2 - 0.5 * part, 0.0)
-    time_s = found.record.time_s
-    return RestNoise(white, flicker, np.full(3, np.nan), float(time_s[-1] - time_s[0]))
-
-
-def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
-    """Length (K,) of each rest [s]."""
-    return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
-
-
-def rest_wander(rests: Rests, up: NDArray | None, white: NDArray) -> NDArray[np.float64]:
-    """Mean square (3,) of the means at rest beside white noise (K, 3) [rad²/s²]; NaN if it cannot be told.
-
-    Everything that an effect could do at rest is fitted and taken away: what grows with time, with temperature, with
-    gravity and, where there are enough rests, with its products.
-    """
-    columns = [np.ones(len(rests)), rests.time_s - rests.time_s[0]]
-    if rests.temperature is not None:
-        columns.append(rests.temperature)
-    if up is not None:
-        columns += list(up.T)
-        products = [up[:, i] * up[:, j] for i in range(3) for j in range(i, 3)]
-        # One product follows from the others and the constant.
-        if len(rests) < len(columns) + len(products) - 1 + SPARE:
-            return np.full(3, np.nan)
-        columns += products
-    design = np.stack(columns, axis=1)
-    design = design / np.maximum(np.abs(design).max(axis=0), 1e-300)
-    free = len(design) - np.linalg.matrix_rank(design, tol=1e-6)
-    if free < SPARE:
-        return np.full(3, np.nan)
-    left = rests.rate - design @ np.linalg.lstsq(design, rests.rate, rcond=1e-8)[0]
-    # So few rests may show too little of it by chance.
-    surely = free / chi2.ppf(BY_CHANCE, free)
-    return np.maximum(surely * (left**2).sum(axis=0) / free - white.mean(axis=0), 0.0)
-
-
 def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float) -> float:
-    """Largest turn of the true attitude (N, 4) between rows so far apart at rest [rad]; 0 where no rest is so long."""
-    apart = max(1, round(seconds / period))
+    """Largest turn of the true attitude (N, 4) between rows so far apart at rest [rad]; 0 where it is not known there.
+
+    Of a shorter rest its ends: the errors of a reference do not grow with the time between.
+    """
     largest = 0.0
     for rows in rests.rows:
+        apart = min(max(1, round(seconds / period)), rows.stop - rows.start - 1)
         first = np.arange(rows.start, rows.stop - apart)
         first = first[np.isfinite(attitude[[first, first + apart]]).all(axis=(0, 2))]
         turns = rotation_vectors(turned(Pieces("rests", "rest", first, first + apart), attitude))

@@ -15,6 +15,7 @@ from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
 from ..rounding import digits
 from .norm import NormCalibration, calibrate_by_norm, inputs_of
+from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import Rests, Sampling, find_rests, rates_of, sampling_of
 
 if TYPE_CHECKING:
@@ -83,7 +84,8 @@ class GyrosAtRest(Result):
     ----------
     verdict : str
         "constant", "named": one smallest model stands; "ambiguous": several of that size; "wandering": none does,
-        or only terms that do as well for shuffled rests; "insufficient": too few rests to refuse anything
+        or only terms that do as well for shuffled rests, or the means differ by more than noise, whatever they depend
+        on; "insufficient": too few rests to refuse anything
     tried : tuple of RestModel
         all, in the order of their size
     not_tried : tuple of str
@@ -215,8 +217,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         x = calibration.least_squares if stands else np.zeros(9)
         assert x is not None
         up = inputs_of(x, rests.force / gravity)
-        limits = np.maximum(rests.rate_bound, LEAST_BOUND)
-        gyros = gyros_at_rest(rests.time_s, rests.rate, limits, up, rests.temperature)
+        if noise_at_rest := gyro_noise(record, rests, sampling.period, up):
+            gyros = gyros_at_rest(rests, noise_at_rest, rest_lengths(rests, sampling.period), up)
     return Inspection(
         record=RecordSeen(rows=len(record), sha256=record.sha256, warnings=record.warnings),
         measured=record,
@@ -245,29 +247,30 @@ def _moves(record: StrapdownRecord, rests: Rests, rate: NDArray) -> tuple[Move, 
     )
 
 
-def gyros_at_rest(
-    time_s: NDArray, rate: NDArray, bound: NDArray, up: NDArray, temperature: NDArray | None = None
-) -> GyrosAtRest:
+def gyros_at_rest(rests: Rests, noise: RestNoise, seconds: NDArray, up: NDArray) -> GyrosAtRest:
     """Find the smallest model of the gyros' means at rest.
 
-    Earth's rotation is in the means; without heading its direction is not known, so its size widens the bounds.
+    Earth's rotation is in the means; without heading its direction is not known, so its size widens the bounds. Where
+    the means differ by more than the gyros' noise makes, whatever they depend on, no model stands.
 
     Parameters
     ----------
-    time_s, temperature : (K,) array
-        middles of the rests [s]; [°C], None where it is not known
-    rate, bound : (K, 3) array
-        means and the bounds of their errors [rad/s]
+    rests : Rests
+    noise : RestNoise
+        of the gyros
+    seconds : (K,) array
+        lengths of the rests
     up : (K, 3) array
         inputs of the accelerometers [g]
     """
+    time_s, rate, temperature = rests.time_s, rests.rate, rests.temperature
+    bound = np.maximum(factor_for(rate.size) * np.sqrt(noise.rate_square(seconds)), LEAST_BOUND) + EARTH_RATE
     terms = {"drift": (time_s - time_s[:1]).reshape(-1, 1) / 3600.0, "gravity": up}
     not_tried = []
     if temperature is not None and np.ptp(temperature) > 0.0:
         terms["temperature"] = temperature.reshape(-1, 1) - 20.0
     else:
         not_tried.append("temperature: " + ("not in the record" if temperature is None else "does not change"))
-    bound = bound + EARTH_RATE
     tried: list[RestModel] = []
     for size in range(len(terms) + 1):
         fits = []
@@ -278,7 +281,7 @@ def gyros_at_rest(
                 found = [chebyshev_radius(design, rate[:, p], bound[:, p]) for p in range(3)]
                 radius, coefficients = max(fit[0] for fit in found), tuple(tuple(fit[1].tolist()) for fit in found)
                 chance = _by_chance(design, rate, bound, radius) if size and radius <= 1.0 else None
-                stands = radius <= 1.0 and (chance is None or chance <= CHANCE)
+                stands = radius <= 1.0 and (chance is None or chance <= CHANCE) and not noise.unsteady
                 model = RestModel(
                     terms=chosen, radius=radius, by_chance=chance, stands=stands, coefficients=coefficients
                 )
@@ -288,7 +291,8 @@ def gyros_at_rest(
         tried += fits
         if fits:
             standing = sum(model.stands for model in fits)
-            verdict = "constant" if not size else ("wandering", "named", "ambiguous")[min(standing, 2)]
+            verdict = ("wandering", "named", "ambiguous")[min(standing, 2)]
+            verdict = "constant" if standing and not size else verdict
             return GyrosAtRest(verdict=verdict, models=tuple(tried), not_tried=tuple(not_tried))
     verdict = "wandering" if tried else "insufficient"
     return GyrosAtRest(verdict=verdict, models=tuple(tried), not_tried=tuple(not_tried))

@@ -1,0 +1,140 @@
+"""Records on which something acts that is not in the catalogue: no cause is named, and no bound hides it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown_records import drawn_motion, seen_attitude, slow_noise, strapdown_record
+from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.reports.diagnosis import lines, page
+
+ARCMIN = np.pi / 180.0 / 60.0
+PERIOD, WHITE = 0.02, 7e-4
+"""Time between the rows [s], and noise of one reading of a gyro [rad/s]."""
+
+
+def drawn_record(seed: int, change, *, filmed: bool) -> tuple[StrapdownRecord, np.random.Generator]:
+    """A record of drawn moves; `change` makes readings of rates (N, 3) from times, rates and random numbers."""
+    rng = np.random.default_rng(seed)
+    time, rate, n, attitude = drawn_motion(rng, moves=10 if filmed else 18, rest=3.0, period=PERIOD)
+    motion = (time, change(time, rate, rng) + slow_noise(rng, len(time), 2e-5), n)
+    record = strapdown_record(motion, seed=seed, gyro_bias=rng.uniform(-0.01, 0.01, 3), rate_noise=WHITE)
+    if filmed:
+        record = replace(record, attitude=seen_attitude(rng, attitude, rng.uniform(0.3, 0.8) * ARCMIN))
+    return record, rng
+
+
+def unchanged(time, rate, rng):
+    return rate
+
+
+def rate_cubed(time, rate, rng):
+    return rate + rng.uniform(1.5e-3, 4e-3) * rng.choice([-1.0, 1.0], 3) * rate**3
+
+
+def changing_scale(time, rate, rng):
+    return rate * (1.0 + rng.uniform(8e-3, 2e-2, 3) * rng.choice([-1.0, 1.0], 3) * (time / time[-1])[:, None])
+
+
+def late_from_the_middle_on(time, rate, rng):
+    rows = int(rng.integers(2, 5))
+    late = np.vstack([np.repeat(rate[:1], rows, axis=0), rate[:-rows]])
+    return np.where((time > rng.uniform(0.4, 0.6) * time[-1])[:, None], late, rate)
+
+
+def step_of_the_bias(time, rate, rng):
+    size = rng.uniform(1e-3, 3e-3, 3) * rng.choice([-1.0, 1.0], 3)
+    return rate + np.where(time[:, None] > rng.uniform(0.35, 0.65) * time[-1], size, 0.0)
+
+
+def swinging_bias(time, rate, rng):
+    size, turn = rng.uniform(1e-3, 3e-3, 3), 2.0 * np.pi * time / rng.uniform(25.0, 50.0)
+    return rate + size * np.sin(turn[:, None] + rng.uniform(0.0, 2.0 * np.pi, 3))
+
+
+def two_biases(time, rate, rng):
+    """Each rest has one of two biases, as a gyro has that jumps."""
+    changes = np.cumsum(rng.random(len(time)) < PERIOD / 15.0)[:, None] % 2
+    return rate + changes * rng.uniform(1e-3, 3e-3, 3)
+
+
+def first_words(found: Diagnosis) -> tuple[str, str]:
+    """The verdict as the page's headline says it, and the terminal's lines."""
+    return page(found).verdict, "\n".join(lines(found))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("change", [rate_cubed, changing_scale, late_from_the_middle_on])
+def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_stretches_no_bound(change, seed):
+    clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).head()["noise_bound_arcmin"]
+    found = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
+    assert (found.verdict, found.causes) == ("unexplained", ())
+    assert found.baseline.radius > 2.0
+    # The bound is that of the instruments: what is hidden is not in it.
+    assert found.noise_bound_arcmin == pytest.approx(clean, rel=0.5)
+    (objection,) = [text for text in found.not_named or () if "all effects of the catalogue together" in text]
+    needed, explained = map(float, re.findall(r"have to be ([0-9.]+) arcmin, .* explain ([0-9.]+);", objection)[0])
+    assert explained == pytest.approx(found.noise_bound_arcmin, rel=0.01)
+    assert needed > explained
+    assert all(objection in said for said in first_words(found))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("change", [step_of_the_bias, swinging_bias, two_biases])
+def test_a_bias_that_is_not_constant_at_rest_is_said_in_the_verdict_and_is_no_noise(change, seed):
+    record, clean = (drawn_record(seed, which, filmed=False)[0] for which in (change, unchanged))
+    found, without = diagnose(record, rerun=False), carried_evidence(clean).head()["noise_bound_arcmin"]
+    assert (found.verdict, found.causes) == ("unexplained", ())
+    assert found.noise_bound_arcmin < 3.0 * without
+    assert all("not constant at rest" in said for said in first_words(found))
+    gyros = inspect_record(record).gyros
+    assert gyros is not None
+    assert (gyros.verdict, gyros.standing) == ("wandering", ())
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("filmed", [False, True])
+def test_gyros_with_flicker_noise_alone_are_constant_and_consistent(filmed, seed):
+    record, _ = drawn_record(seed, unchanged, filmed=filmed)
+    assert diagnose(record, rerun=False).verdict == "consistent"
+    gyros = inspect_record(record).gyros
+    assert gyros is not None
+    assert gyros.verdict == "constant"
+
+
+CATALOGUE = {
+    "latency": lambda time, rate, rng: np.vstack([np.repeat(rate[:1], 5, axis=0), rate[:-5]]),
+    "gyro-scale-misalignment": lambda time, rate, rng: rate @ (np.eye(3) + rng.uniform(-0.01, 0.01, (3, 3))).T,
+    "gyro-scale-asymmetry": lambda time, rate, rng: rate + 0.01 * np.abs(rate),
+}
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_what_is_in_the_catalogue_is_named_within_the_bound_of_the_instruments(name):
+    found = diagnose(drawn_record(7, CATALOGUE[name], filmed=True)[0], rerun=False)
+    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", [name])
+
+
+def test_without_a_rest_nothing_tells_the_noise_and_nothing_is_judged():
+    rng = np.random.default_rng(3)
+    time, rate, n, attitude = drawn_motion(rng, rest=0.3)
+    record = strapdown_record((time, rate_cubed(time, rate, rng), n), seed=3, rate_noise=WHITE)
+    found = diagnose(replace(record, attitude=seen_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
+    assert found.verdict == "insufficient"
+    assert "a rest" in str(found.missing)
+
+
+def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
+    """Sums of rates are no rotation vectors where the block turns by several radians in a window."""
+    rng = np.random.default_rng(2)
+    time, rate, n, attitude = drawn_motion(rng)
+    fast = 6.0
+    record = strapdown_record((time / fast, fast * rate, n), seed=2, rate_noise=WHITE)
+    found = diagnose(replace(record, attitude=seen_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
+    assert np.abs(record.rate).max() > 15.0
+    assert found.verdict in ("consistent", "insufficient")

@@ -1,0 +1,191 @@
+"""What gyros and accelerometers do at rest when nothing else acts: white noise, flicker noise, and whether that is all.
+
+The noise comes from within the rests, over the times at which it is least: what a bias does from one rest to the next,
+or slowly within one, is no noise, and is refused as such where the rests show more of it than flicker noise makes.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, f, norm
+
+from ...models.turntable import EARTH_RATE
+from ..records import StrapdownRecord
+from ..records.noise import SCATTER_FACTOR, allan_deviation
+from ..rounding import digits
+from .rests import Rests, rates_of
+
+FLICKER_TO_ALLAN = 2.0 * math.log(2.0)
+"""Square of flicker noise's Allan deviation over its coefficient: a mean over τ wanders about the mean over T by the
+coefficient times ln(T/τ), mean square."""
+ANY_BEYOND = 5e-3
+"""Probability that any of a record's errors of one kind is beyond its bound, were they Gaussian."""
+BY_CHANCE = 0.25
+"""Probability that the rests show less wandering than is taken for it."""
+UNSTEADY = 1e-3
+"""Probability that noise alone makes the means of rests differ as much as those that are called unsteady."""
+SPARE = 4
+"""So many rests more than terms are wanted."""
+OCTAVES, SHORTEST = 4, 0.1
+"""Averaging times at which noise is looked for: from half the median rest down, each half the one before, but not below
+this [s], where filters hide it."""
+LEAST_RATE = 1e-12
+"""Bounds of rates are not taken for less [rad/s]: arithmetic has errors too."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestNoise:
+    """Noise of three gyros, or accelerometers, at rest: white noise and flicker noise of each.
+
+    `white` (3,): mean square of a mean over one second [rad²/s²]; `flicker` (3,): square of the flat part of the Allan
+    deviation [rad²/s²]; `least` (3,): square of its least value, white noise included, and `count` (3,) its degrees of
+    freedom; `wander` (3,): mean square of what the means at rest differ by from one rest to the next beside white
+    noise [rad²/s²], NaN where it is not known or no noise; `span`: length of the record [s]; `unsteady`: of each gyro
+    whose means differ by more than noise makes, its number, by how much, and what noise makes, rms [rad/s].
+    """
+
+    white: NDArray[np.float64]
+    flicker: NDArray[np.float64]
+    least: NDArray[np.float64]
+    count: NDArray[np.float64]
+    wander: NDArray[np.float64]
+    span: float
+    unsteady: tuple[tuple[int, float, float], ...] = ()
+
+    def rate_square(self, seconds: NDArray) -> NDArray[np.float64]:
+        """Mean square (S, 3) of a mean rate's error over times (S,) [rad²/s²]."""
+        seconds = np.maximum(np.asarray(seconds, dtype=float), 1e-9)[:, None]
+        wandering = self.flicker * self._octaves(seconds)
+        slow = np.where(np.isfinite(self.wander), np.maximum(self.wander, self.flicker), wandering)
+        return np.maximum(self.white / seconds + slow, LEAST_RATE**2)
+
+    def angle_square(self, seconds: NDArray) -> NDArray[np.float64]:
+        """Mean square (S,) of the turn about any axis over times (S,) that is noise [rad²]."""
+        return self.rate_square(seconds).max(axis=1) * np.asarray(seconds, dtype=float) ** 2
+
+    def judged(self, scatter: NDArray, free: int, seconds: NDArray) -> "RestNoise":
+        """The noise, given the mean squares (3,) by which means over times (K,) differ, of so many degrees of freedom.
+
+        Such means of white noise and flicker noise differ by no more than the least Allan deviation and the length of
+        the record say, and Earth's rate in poses of unknown heading, but for chance (an F test). What is more is no
+        noise.
+        """
+        white = self.white * float(np.mean(1.0 / seconds))
+        made = white + self.least * float(np.mean(self._octaves(seconds))) + EARTH_RATE**2
+        refused = scatter > made * f.isf(UNSTEADY, free, self.count)
+        # So few rests may show too little of it by chance.
+        surely = free / float(chi2.ppf(BY_CHANCE, free))
+        # Where one gyro wanders, what the others do is not taken for noise either.
+        wander = np.full(3, np.nan) if refused.any() else np.maximum(surely * scatter - white, 0.0)
+        apart = zip(np.sqrt(scatter).tolist(), np.sqrt(made).tolist(), strict=True)
+        unsteady = tuple((k + 1, *pair) for k, pair in enumerate(apart) if refused[k])
+        return replace(self, wander=wander, unsteady=unsteady)
+
+    @property
+    def said(self) -> str | None:
+        """That the gyros are not constant at rest; None where they are but for noise."""
+        if not self.unsteady:
+            return None
+        gyros = ", ".join(
+            f"gyro {gyro} by {digits(found, 2)} rad/s rms, where noise makes {digits(made, 2)}"
+            for gyro, found, made in self.unsteady
+        )
+        return (
+            "the gyros are not constant at rest: beside what time, temperature and gravity explain, their means differ "
+            f"from rest to rest, {gyros}"
+        )
+
+    def _octaves(self, seconds: NDArray) -> NDArray[np.float64]:
+        """Mean square of means over times within the record, of flicker noise whose Allan deviation is one."""
+        return np.maximum(1.0, np.log(np.maximum(self.span / seconds, 1.0)) / FLICKER_TO_ALLAN)
+
+
+def factor_for(rows: int) -> float:
+    """A bound over its standard deviation such that hardly one of so many errors exceeds it; at least three."""
+    return max(SCATTER_FACTOR, float(norm.isf(0.5 * ANY_BEYOND / max(rows, 1))))
+
+
+def gyro_noise(
+    record: StrapdownRecord, rests: Rests, period: float, up: NDArray[np.float64] | None = None
+) -> RestNoise | None:
+    """Noise of the gyros from the rests; None where these are too few or too short to tell.
+
+    What differs between the rests' means, and no drift, no dependence on gravity or on temperature explains, counts as
+    noise too, as far as flicker noise makes it; `up` (K, 3) are the directions of gravity at the rests, where known.
+    """
+    noise = rest_noise(rates_of(record), record.time_s, rests, period)
+    scatter = None if noise is None else rest_scatter(rests, up)
+    if noise is None or scatter is None:
+        return noise
+    return noise.judged(*scatter, rest_lengths(rests, period))
+
+
+def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) -> RestNoise | None:
+    """Noise of readings (N, 3) at rest but for what wanders from one rest to the next; None where it cannot be told.
+
+    White noise falls with the averaging time and flicker noise does not: two Allan deviations an octave apart tell them
+    apart, the least one and that before it. Slow errors, which grow with the time, are behind these.
+    """
+    pieces = [readings[rows] for rows in rests.rows]
+    rows = int(np.median([len(piece) for piece in pieces])) if pieces else 0
+    if rows < 8:
+        return None
+    sizes = [rows >> octave for octave in range(1, OCTAVES + 2)]
+    sizes = np.array(sizes[:2] + [size for size in sizes[2:] if size * period >= SHORTEST])
+    squares, counts = map(np.array, zip(*(allan_square(pieces, size) for size in sizes.tolist()), strict=True))
+    channels, at = np.arange(3), np.argmin(squares[:-1], axis=0)
+    half, quarter = squares[at, channels], squares[at + 1, channels]
+    # At half the time white noise has twice the mean square.
+    part = np.clip(2.0 * (quarter - half), 0.0, quarter)
+    white, flicker = part * sizes[at + 1] * period, np.maximum(half - 0.5 * part, 0.0)
+    span, unknown = float(time_s[-1] - time_s[0]), np.full(3, np.nan)
+    return RestNoise(white, flicker, half, counts[at, channels], unknown, span)
+
+
+def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Square (3,) of the Allan deviation of averages over `size` rows, and its degrees of freedom (3,).
+
+    Rests (n, 3) that scatter as no noise of the others does are left out: something happened there.
+    """
+    long = [piece for piece in pieces if len(piece) >= 2 * size]
+    square = np.array([deviation**2 for piece in long if (deviation := allan_deviation([piece], size)) is not None])
+    count = np.array([len(piece) - 2 * size + 1 for piece in long], dtype=float)
+    # Of overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
+    free = np.maximum(1.5 * np.array([len(piece) for piece in long]) / size - 2.0, 1.0)
+    usual = np.median(square / (chi2.median(free) / free)[:, None], axis=0)
+    kept = square <= usual * (chi2.isf(UNSTEADY, free) / free)[:, None]
+    weight = kept * count[:, None]
+    return (square * weight).sum(axis=0) / weight.sum(axis=0), (kept * free[:, None]).sum(axis=0)
+
+
+def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
+    """Length (K,) of each rest [s]."""
+    return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
+
+
+def rest_scatter(rests: Rests, up: NDArray | None) -> tuple[NDArray[np.float64], int] | None:
+    """Mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if it cannot be told.
+
+    Everything that an effect could do at rest is fitted and taken away: what grows with time, with temperature, with
+    gravity and, where there are enough rests, with its products.
+    """
+    columns = [np.ones(len(rests)), rests.time_s - rests.time_s[0]]
+    if rests.temperature is not None:
+        columns.append(rests.temperature)
+    if up is not None:
+        columns += list(up.T)
+        products = [up[:, i] * up[:, j] for i in range(3) for j in range(i, 3)]
+        # One product follows from the others and the constant.
+        if len(rests) < len(columns) + len(products) - 1 + SPARE:
+            return None
+        columns += products
+    design = np.stack(columns, axis=1)
+    design = design / np.maximum(np.abs(design).max(axis=0), 1e-300)
+    free = len(design) - int(np.linalg.matrix_rank(design, tol=1e-6))
+    if free < SPARE:
+        return None
+    left = rests.rate - design @ np.linalg.lstsq(design, rests.rate, rcond=1e-8)[0]
+    return (left**2).sum(axis=0) / free, free
