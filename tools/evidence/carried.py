@@ -300,10 +300,10 @@ class Carried(CarriedRecord):
         part = self.parts[self.quoted]
         bound = float(np.median(part.bound)) / ARCMIN
         return (
-            f"all effects of the catalogue together leave errors of {residual(least)} bounds: over {part.label} the bound "
-            f"would have to be {downwards(least * bound, 3)} arcmin, and noise and reference at rest explain "
-            f"{upwards(bound, 3)}; "
-            "something that is not in the catalogue acts, or the true attitude errs more in motion than at rest"
+            f"all effects of the catalogue together leave errors of {residual(least)} bounds: over {part.label} the "
+            f"bound would have to be {downwards(least * bound, 3)} arcmin, and noise and reference at rest explain "
+            f"{upwards(bound, 3)}; something that is not in the catalogue acts, or the true attitude errs more in "
+            "motion than at rest"
         )
 
     def channels(self) -> Sequence[Channel]:
