@@ -78,10 +78,16 @@ def diagnosed(
         return _result("insufficient", told, missing)
     told |= of_lengths(evidence)
     if not evidence.falsified:
-        excluded = excluded_sizes(evidence, evidence.baseline)
-        model = evidence.of_model(centred(evidence, evidence.baseline), excluded)
-        return _result("insufficient" if "missing" in model else "consistent", told, model, excluded=excluded)
-    objections = evidence.objections()
+        excluded, fit = excluded_sizes(evidence, evidence.baseline), centred(evidence, evidence.baseline)
+        model = evidence.of_model(fit, excluded)
+        if said := _not_named(evidence):
+            return _unexplained(evidence, told | {"baseline": model["baseline"]}, said)
+        verdict = "insufficient" if "missing" in model else "consistent"
+        if evidence.read_off and verdict == "consistent":
+            finding = Finding(causes_of(evidence, fit), fit)
+            return _result("explained", told | {"findings": [finding]} | _named(finding), model, excluded=excluded)
+        return _result(verdict, told, model, excluded=excluded)
+    objections = (*evidence.objections(), *_not_named(evidence))
     found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
     told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
     if not found.fits:
@@ -110,7 +116,7 @@ def diagnosed(
     if not isinstance(judgement, Witness):
         # What is needed most comes first.
         heard = sorted(judgement, key=lambda witness: -witness.rms_without)
-        best = best.in_order([witness.place for witness in heard])
+        best = best.in_order([*(read.place for read in evidence.read_off), *(witness.place for witness in heard)])
         objections = tuple(text for witness in heard for text in witness.objections)
         objections += only_at_one_length(evidence, best.fit, told["lengths"])
         told |= {"judgement": heard}
@@ -148,6 +154,11 @@ def _heard(judgement: Witness | list[EffectWitness]) -> Sequence[Witness | Effec
     return [judgement] if isinstance(judgement, Witness) else judgement
 
 
+def _not_named(evidence: Evidence) -> tuple[str, ...]:
+    """Why effects that readings show by themselves are not named."""
+    return tuple(effect.objection for effect in evidence.read_off if effect.objection)
+
+
 def _named(finding: Finding) -> dict[str, Any]:
     return {"causes": finding.causes, "extended": {"radius": finding.fit.radius}}
 
@@ -170,8 +181,11 @@ def centred(evidence: Evidence, fit: Fit) -> Fit:
 
 
 def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
-    """A set of effects as causes: what is stated of each, inside what the record leaves possible."""
-    causes = []
+    """A set of effects as causes: what is stated of each, inside what the record leaves possible.
+
+    What the readings show by themselves stands before them.
+    """
+    causes = [Cause.found(read.place, (), read.values, read.ends) for read in evidence.read_off]
     intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
     for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
         parameters, ends = place.definition.parameters, evidence.told(place, possible)

@@ -24,7 +24,7 @@ from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
 from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
 from ..rounding import digits, downwards, residual, upwards
-from .evidence import Channel, Evidence, Trial, estimated, rms_size
+from .evidence import Channel, Evidence, ReadOff, Trial, estimated, rms_size
 from .extension import Extension, Sized, Start, elements_of
 from .fit import ARCMIN, Fit, Gain, coefficient_count, extended_fmus, gain_of
 from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
@@ -96,7 +96,7 @@ class Carried(CarriedRecord):
     `own` is the gyros' part of the model's parameters; about `model` the rows are linear, and `attitude` (N, 4) was
     carried with it. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s], None
     where the bias is free; `bounds_from` says in words what the bounds come from; `least_radius` is what all effects
-    together leave, where that is more than one bound.
+    together leave, where that is more than one bound; `limits` are those that the accelerometers show in rests.
     """
 
     own: tuple[EffectPlace, ...]
@@ -107,6 +107,12 @@ class Carried(CarriedRecord):
     at_rest: NDArray[np.float64] | None
     bounds_from: str = ""
     least_radius: float | None = None
+    limits: tuple[ReadOff, ...] = ()
+
+    @property
+    def read_off(self) -> tuple[ReadOff, ...]:
+        """Accelerometers' limits that the model cannot do without."""
+        return self.limits
 
     @property
     def of_forces(self) -> int:
@@ -127,7 +133,8 @@ class Carried(CarriedRecord):
     def not_seen(self) -> tuple[EffectPlace, ...]:
         """Effects on the block that this record could not show at any possible size."""
         every = (p for e in CATALOGUE.values() if e.component in COMPONENTS for p in e.places)
-        others = [place for place in every if place not in (*self.own, *self.places)]
+        told = (*self.own, *self.places, *(effect.place for effect in self.read_off))
+        others = [place for place in every if place not in told]
         return (*(place for place in self.places if place not in self.seen), *others)
 
     def quantities(self) -> dict[str, NDArray[np.float64]]:
@@ -250,7 +257,8 @@ class Carried(CarriedRecord):
             | dict(zip(("low", "high"), map(finite_or_none, pair), strict=True))
             for (name, unit), value, pair in zip(self.names, values, ends, strict=True)
         ]
-        return {"radius": self.baseline.radius, "falsified": self.falsified, "parameters": parameters}
+        radius = max([self.baseline.radius, *(effect.radius for effect in self.read_off)])
+        return {"radius": radius, "falsified": self.falsified or radius > self.limit, "parameters": parameters}
 
     def _left_open(
         self, parameters: Sequence[Mapping[str, Any]], excluded: Sequence[Mapping[str, Any]]

@@ -23,6 +23,7 @@ from ..records import StrapdownRecord
 from .carried import BIAS, LATENCY, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .evidence import estimated
 from .fit import are_possible, blocks_of, coefficient_count
+from .limited import with_limits
 from .references import (
     FEWEST_WINDOWS,
     LENGTHS,
@@ -90,7 +91,7 @@ def carried_evidence(
     block = baseline or ("nominal" if has_truth(found) else "calibrated")
     if lacks := missing_things(found):
         return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
-    return judged(about_main_effect(linear_evidence(found, block, rates)))
+    return with_limits(judged(about_main_effect(linear_evidence(found, block, rates))))
 
 
 def warnings_of(found: Inspection) -> tuple[str, ...]:

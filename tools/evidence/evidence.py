@@ -117,6 +117,21 @@ class Worst:
     allowed: float
 
 
+@dataclass(frozen=True)
+class ReadOff:
+    """An effect that readings show by themselves: its place, what is stated of its parameters, and what is possible.
+
+    `radius` is that of the model without it, where the readings that show it count as well; `objection` says why it is
+    not named all the same.
+    """
+
+    place: EffectPlace
+    values: tuple[float, ...]
+    ends: tuple[Interval, ...]
+    radius: float
+    objection: str = ""
+
+
 Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -150,6 +165,9 @@ class Evidence:
     names: tuple[tuple[str, str], ...]
     point: NDArray[np.float64]
     places: tuple[EffectPlace, ...]
+
+    read_off: ClassVar[Sequence[ReadOff]] = ()
+    """Effects that readings show by themselves; what they change is left out of the rows."""
 
     @cached_property
     def residual(self) -> NDArray[np.float64]:

@@ -179,8 +179,8 @@ class Rests(Result):
     force_bound, rate_bound : (K, 3) array or None
         bound of each mean's error [m/s²], [rad/s], three times the Allan deviation at the length of the rests, and what
         steps of the readings leave; None where the rests are too few or too short to tell
-    rows : tuple of slice
-        the rows that are averaged, of each rest
+    rows, clipped_rows : tuple of slice
+        the rows that are averaged, of each rest; of each with an accelerometer at its limit
     force, rate : (K, 3) array
         mean readings [m/s²], [rad/s]
     temperature : (K,) array or None
@@ -198,6 +198,7 @@ class Rests(Result):
     force_bound: Array | None = Field(alias="force_bound_mps2")
     rate_bound: Array | None = Field(alias="rate_bound_radps")
     rows: tuple[slice, ...] = Field(default=(), exclude=True)
+    clipped_rows: tuple[slice, ...] = Field(default=(), exclude=True)
     force: Array = Field(default=ABSENT, exclude=True)
     rate: Array = Field(default=ABSENT, exclude=True)
     temperature: Array | None = Field(default=None, exclude=True)
@@ -220,7 +221,7 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     size = max(8, round(WINDOW / sampling.period))
     lag = max(1, min(round(LAG / sampling.period), size // 4))
     if len(record) < 2 * size:
-        return _averaged(record, sampling, (), np.zeros(6), turning=0, clipped=0)
+        return _averaged(record, sampling, (), np.zeros(6), turning=0)
     noise = np.empty(6)
     quiet = np.ones(len(record) - size + 1, dtype=bool)
     # One channel after the other: sums over an hour at 1 kHz are large.
@@ -243,10 +244,11 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     turns = _steady_turns(rate, record.specific_force, kept, noise[:3])
     turning += int(turns.sum())
     kept = [rows for rows, out in zip(kept, turns, strict=True) if not out]
-    clipped = clipped_rests(sampling.limits, kept)
-    rows = tuple(rows for rows, out in zip(kept, clipped, strict=True) if not out)
+    at_limit = clipped_rests(sampling.limits, kept)
+    rows = tuple(rows for rows, out in zip(kept, at_limit, strict=True) if not out)
+    clipped = tuple(rows for rows, out in zip(kept, at_limit, strict=True) if out)
     seen = np.where(np.isfinite(noise), noise, 0.0)
-    return _averaged(record, sampling, rows, seen, turning=turning, clipped=int(clipped.sum()))
+    return _averaged(record, sampling, rows, seen, turning=turning, clipped=clipped)
 
 
 def _noise(values: NDArray, size: int, lag: int) -> float:
@@ -316,7 +318,13 @@ def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDAr
 
 
 def _averaged(
-    record: StrapdownRecord, sampling: Sampling, rows: tuple[slice, ...], noise: NDArray, *, turning: int, clipped: int
+    record: StrapdownRecord,
+    sampling: Sampling,
+    rows: tuple[slice, ...],
+    noise: NDArray,
+    *,
+    turning: int,
+    clipped: tuple[slice, ...] = (),
 ) -> Rests:
     def means(values: NDArray) -> NDArray:
         return np.array([values[r].mean(axis=0) for r in rows]).reshape(len(rows), *values.shape[1:])
@@ -335,7 +343,8 @@ def _averaged(
     return Rests(
         count=len(rows),
         slow_turns_left_out=turning,
-        clipped_left_out=clipped,
+        clipped_left_out=len(clipped),
+        clipped_rows=clipped,
         reading_step_mps2=step,
         time_s=means(record.time_s),
         length_s=length * sampling.period,

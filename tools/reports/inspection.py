@@ -126,7 +126,7 @@ def record_sections(found: Inspection, warnings: Sequence[str] = (), *, forces: 
     size, *more = sampling_lines(found)
     lines = [size.removeprefix(f"{found.record.path.name}: "), *more, *rest_lines(found)]
     lines += ["true attitude: in the record"] if found.record.attitude is not None else []
-    lines += [f"warning: {warning}" for warning in warnings]
+    lines += [f"warning: {warning}" for warning in warnings if warning not in lines]
     first = Section(
         "What was measured",
         list(map(sentence, dict.fromkeys(lines))),

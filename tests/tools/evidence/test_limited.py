@@ -1,0 +1,89 @@
+"""Accelerometers at their limit in rests: named where the model cannot do without the limit, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown_records import POSES, G, strapdown_record, true_motion
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.records import StrapdownRecord
+
+BIAS = np.array([0.01, -0.02, 0.015])
+GAMMA = np.array([[0.004, 0.0, 0.0], [-0.003, 0.006, 0.0], [0.002, -0.005, -0.004]])
+
+
+def drawn(seed: int, **more) -> StrapdownRecord:
+    return strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS, force_noise=0.01, **more)
+
+
+def clipped(record: StrapdownRecord, axis: int, least: float, most: float, digits: int = 7) -> StrapdownRecord:
+    """A record whose accelerometer reads from `least` to `most` [g], as it is written."""
+    force = np.array(record.specific_force)
+    force[:, axis] = np.clip(force[:, axis], least * G, most * G)
+    return replace(record, specific_force=np.round(force, digits))
+
+
+def named(result: Diagnosis) -> list[EffectPlace]:
+    return [cause.place for cause in result.causes]
+
+
+@pytest.mark.parametrize(("axis", "level"), [(0, 0.95), (1, 0.8), (2, 0.75), (1, 0.9)])
+def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, level):
+    """Clipped in the two rests where it points up or down, whatever the noise; the level is in its interval."""
+    result = diagnose(clipped(drawn(axis), axis, -level, level), rerun=False)
+    assert result.verdict == "explained"
+    assert named(result) == [EffectPlace("saturation", f"accelerometer-{axis + 1}")]
+    (parameter,) = result.causes[0].parameters
+    assert parameter.low <= level <= parameter.high
+    assert parameter.high - parameter.low < 1e-7
+    assert result.baseline.falsified
+    assert result.baseline.radius > 1.0 > result.extended.radius
+    assert f"accelerometer {axis + 1} saturates at" in str(result)
+    assert "rests with an accelerometer at its limit: 2, left out" in result.warnings
+    assert EffectPlace("saturation", f"accelerometer-{axis + 1}") not in [e.place for e in result.cannot_be_seen]
+
+
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_a_limit_that_is_reached_on_one_side_alone_is_saturation_where_the_other_side_is_nearer(turned):
+    """One rest is clipped; no reading is beyond the limit on the other side."""
+    poses = np.delete(POSES, 3 if turned > 0.0 else 2, axis=0)
+    record = drawn(5, motion=true_motion(poses))
+    result = diagnose(clipped(record, 1, -0.85, 0.85), rerun=False)
+    assert named(result) == [EffectPlace("saturation", "accelerometer-2")]
+
+
+def test_a_limit_on_one_side_of_two_is_not_named_and_said():
+    """The catalogue's saturation has two sides; the reading is beyond the limit on the other."""
+    result = diagnose(clipped(drawn(6), 1, -0.8, 9.0), rerun=False)
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
+    assert result.baseline.falsified
+    assert any("a limit of 0.8 g on one side alone" in text for text in result.not_named)
+
+
+def test_two_accelerometers_at_their_limits_are_both_named():
+    result = diagnose(clipped(clipped(drawn(7), 0, -0.9, 0.9), 2, -0.8, 0.8), rerun=False)
+    assert result.verdict == "explained"
+    assert named(result) == [EffectPlace("saturation", f"accelerometer-{p}") for p in (1, 3)]
+
+
+def test_a_limit_that_the_model_can_do_without_is_a_warning():
+    """In moves alone, or within the noise of a rest: nothing is falsified, so nothing is named."""
+    record = drawn(9)
+    pushed = np.array(record.specific_force)
+    pushed[320:440, 0] += 30.0 * np.sin(np.linspace(0.0, np.pi, 120))
+    for hurt in (
+        replace(record, specific_force=np.clip(pushed, -2.0 * G, 2.0 * G)),
+        clipped(record, 1, -5.0, float(np.sort(record.specific_force[:, 1])[-10]) / G, digits=9),
+    ):
+        result = diagnose(hurt, rerun=False)
+        assert result.verdict == "consistent"
+        assert any("rows are saturated" in text for text in result.warnings)
+
+
+def test_no_sound_record_shows_a_limit():
+    for seed in range(4):
+        assert carried_evidence(drawn(20 + seed)).read_off == ()
