@@ -5,8 +5,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trihedron.models.bench import ELEMENTARY, elementary_reading
+from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading
 from trihedron.tools.calibration import Calibration
+from trihedron.tools.calibration.correction import Correction, corrected
 from trihedron.tools.calibration.result import Estimate
 from trihedron.tools.records import PositionRecord
 
@@ -89,3 +90,16 @@ def misses(result: Calibration, truth: Iterable[float]) -> list[str]:
         if not (held and abs(e.estimate - x) <= e.error_bound and abs(e.a_priori_estimate - x) <= guaranteed(e)):
             missed.append(e.symbol)
     return missed
+
+
+def tilt_left(correction: Correction, truth: Iterable[float], seed: int = 1) -> float:
+    """Error of the vertical [rad], root mean square over attitudes, that corrected readings of the true block give."""
+    n = np.random.default_rng(seed).normal(size=(500, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    x = dict(zip(TARGETS, truth, strict=True))
+    scale = np.where(n > 0, [x["X4"], x["X9"], x["X14"]], [x["X5"], x["X10"], x["X15"]])
+    reading = n * (1.0 + scale) + [x["X16"], x["X17"], x["X18"]]
+    reading[:, 1] += x["X6+X8"] * n[:, 0]
+    reading[:, 2] += x["X7+X12"] * n[:, 0] + x["X11+X13"] * n[:, 1]
+    better = corrected(correction, GRAVITY * reading) / GRAVITY
+    return float(np.sqrt(np.mean(np.sum(np.cross(better, n) ** 2, axis=1))))
