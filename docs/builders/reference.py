@@ -285,7 +285,7 @@ def interval_picture() -> str:
         look: dict[str, Any] = {"solid_capstyle": "butt"}
         below.plot([estimate - error, estimate + error], [0.0, 0.0], color=BAND.light, linewidth=15.0, **look)
         below.plot([low, high], [0.0, 0.0], color=FIRST.light, linewidth=4.0, label="low to high", **look)
-        below.plot([estimate], [0.0], "o", mfc="white", mec=INK.light, markersize=4.5, label="a priori")
+        below.plot([estimate], [0.0], "o", mfc="none", mec=INK.light, markersize=4.5, label="a priori")
         centre = analytic_centre(Bounded(READINGS, reading, np.ones(len(reading))))
         assert centre is not None
         above.plot(*centre, "o", color=INK.light, markersize=4.5)
