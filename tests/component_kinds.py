@@ -40,6 +40,7 @@ EXTENDED = {
         EffectPlace("lever-arm", "accelerometer-2"),
         EffectPlace("dead-zone", "accelerometer-1"),
         EffectPlace("quantisation", "accelerometer-3"),
+        EffectPlace("exchanged-readings", "accelerometer-1", axes=(2,)),
     ],
     "AccelerometerCompensation": [],
     "AttitudeComputer": [EffectPlace("undersampling", "attitude-computer")],

@@ -45,8 +45,8 @@ PICTURE_SEED = 2026
 
 POINTS = 181
 COLUMNS = 4
-SHOWN_LEVELS = {"dead-zone": 0.2, "saturation": 0.8, "quantisation": 0.2}
-"""Levels [g] at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
+SHOWN_LEVELS = {"dead-zone": 0.2, "saturation": 0.8, "quantisation": 0.2, "exchanged-readings": 0.5}
+"""Levels [g], or times [h], at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
 SHOWN_ORDER = 2
 READINGS = np.array([[1.0, 0.15], [0.25, 1.0], [0.75, -0.85]])
 """How three readings depend on two parameters."""
@@ -186,7 +186,7 @@ def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
     # At α = 90° the first input is sin β; a tilted table shows turns of every kind.
     alpha, beta, label = 0.5 * math.pi * ones, math.asin(1.0) * (2.0 * steps - 1.0), "input [g]"
     along = np.sin(beta)
-    if effect.name.endswith("drift"):
+    if effect.name.endswith("drift") or effect.name == "exchanged-readings":
         hours, label, along = steps, "time [h]", steps
         alpha, beta = 1.1 * ones, 0.6 * ones
     elif "temperature" in effect.needs:

@@ -6,19 +6,30 @@ saturation
     an accelerometer reads no more than a level
 quantisation, gyro_quantisation
     an accelerometer's reading, the gyros' readings are rounded to a step
+exchanged_readings
+    from a time on the sign of a channel is reversed, or two channels are exchanged
 outlier
     a single reading that went wrong: it marks a row and has no kernel
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..restricted import INPUT, Vector
-from .definition import GYRO_BLOCK, Effect, EffectParameter, EffectPlace, all_coefficients, last_stage_effect, said
+from ..restricted import HOURS, INPUT, Vector
+from .definition import (
+    ACCELEROMETERS,
+    GYRO_BLOCK,
+    Effect,
+    EffectParameter,
+    EffectPlace,
+    all_coefficients,
+    last_stage_effect,
+    said,
+)
 from .rows import MotionRows, Rows, Variant
 
 
@@ -365,6 +376,75 @@ GYRO_QUANTISATION = last_stage_effect(
 )
 
 
+LAST_HOUR = 1e4
+SURELY = 0.1
+"""No bench reads an input wrong by so much [g], so that what fits another channel and not its own is exchanged."""
+FEWEST_EXCHANGED = 2
+"""So many readings on each side of a time must surely be exchanged, or surely not."""
+
+
+def exchanged_readings(context: Vector, own: Vector, p: int, i: int, start: float, reading: Vector) -> None:
+    """After `start` hours exchange the readings of p and i, or reverse that of p where i is p; 0 stands for none."""
+    if start > 0.0 and context[HOURS] > start:
+        if i == p:
+            reading[p] = -reading[p]
+        else:
+            kept = reading[p]
+            reading[p] = reading[i]
+            reading[i] = kept
+
+
+def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+    """Each time between two rows before which no reading is surely exchanged, and after which none surely is not.
+
+    An aligned bench reads each input to a few hundredths of g, whatever its errors: that tells most rows.
+    """
+    matrix = _exchange(place)
+    straight = np.abs(reading - rows.n).max(axis=1)
+    other = np.abs(reading - rows.n @ matrix.T).max(axis=1)
+    after = np.flatnonzero((other < SURELY) & (straight > 2.0 * SURELY))
+    before = np.flatnonzero((straight < SURELY) & (other > 2.0 * SURELY))
+    if min(len(before), len(after)) < FEWEST_EXCHANGED or before[-1] > after[0]:
+        return []
+    found = []
+    for row in range(before[-1] + 1, after[0] + 1):
+        mixed = np.where((np.arange(len(reading)) >= row)[:, None, None], matrix, np.eye(3))
+        limits = ((float(rows.hours[row - 1]), float(rows.hours[row])),)
+        found.append(variant(rows.n.shape, limits, mixed=mixed))
+    return found
+
+
+def _exchange(place: EffectPlace) -> NDArray[np.float64]:
+    """What becomes of the three readings (3, 3) when channels are exchanged."""
+    p, i = place.index, place.axes[0] - 1
+    if p == i:
+        return np.diag([-1.0 if k == p else 1.0 for k in range(3)])
+    order = [i if k == p else p if k == i else k for k in range(3)]
+    return np.eye(3)[order]
+
+
+def exchanged_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
+    """Which channel is reversed, or which two are exchanged."""
+    p, i = place.index + 1, place.axes[0]
+    what = f"the sign of accelerometer {p} is reversed" if p == i else f"accelerometers {p} and {i} are exchanged"
+    return f"{what} from {values['start']:.4g} h on"
+
+
+EXCHANGED_READINGS = last_stage_effect(
+    exchanged_readings,
+    EffectParameter(
+        "start", "h", "time after which channels are exchanged, or a sign reversed", LAST_HOUR, smallest=0.0
+    ),
+    exchanged_variants,
+    exchanged_sentence,
+    places=tuple(
+        EffectPlace("exchanged-readings", where, axes=(i,))
+        for p, where in enumerate(ACCELEROMETERS, start=1)
+        for i in range(p, 4)
+    ),
+)
+
+
 def place_of(position: int, accelerometer: int) -> EffectPlace:
     """The place of an outlier: the row's index from 1 in the record, and the accelerometer from 1."""
     return EffectPlace("outlier", f"position-{position}", axes=(accelerometer,))
@@ -386,4 +466,4 @@ OUTLIER = Effect(
     formula="Δf_{i}/g = {size} 'at position' {p}",
 )
 
-EFFECTS = (DEAD_ZONE, SATURATION, QUANTISATION, GYRO_QUANTISATION, OUTLIER)
+EFFECTS = (DEAD_ZONE, SATURATION, QUANTISATION, GYRO_QUANTISATION, EXCHANGED_READINGS, OUTLIER)

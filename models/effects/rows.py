@@ -142,6 +142,8 @@ class Variant:
     stands : callable
         rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
         would change these readings there, and no others
+    mixed : (N, 3, 3) or None
+        what becomes of the three readings where channels are exchanged: matrix times readings; None where they are not
     undecided : callable
         other rows, σ [g] -> (N, 3) of bool: readings of which the limits of the parameters leave open what the effect
         does to them
@@ -156,5 +158,12 @@ class Variant:
     limits: tuple[tuple[float, float], ...]
     lost: NDArray[np.bool_]
     fixed: NDArray[np.bool_]
+    mixed: NDArray[np.float64] | None = None
     stands: Callable[[Rows, NDArray[np.float64]], bool] = lambda rows, coefficients: True
     undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """Readings (N, 3) that the effect changes, but for what widens their bounds."""
+        changed = self.lost | self.fixed | (self.offset != 0.0) | np.any(self.columns != 0.0, axis=2)
+        return changed if self.mixed is None else changed | np.any(self.mixed != np.eye(3), axis=2)

@@ -1,9 +1,11 @@
 """Effects that are not linear act as one of their variants; the step of rounded readings is found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from effect_readings import G, readings, true_bench
+from effect_readings import HOURS, G, readings, true_bench
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
 from trihedron.models.effects.last_stage import LEAST_STEP, common_step, noisy_step
 
@@ -97,3 +99,20 @@ def test_no_step_below_the_least_is_sought_however_small_the_noise():
     """To try them all would fill the memory, and the catalogue has none so small."""
     values = 0.2 * LEAST_STEP * np.random.default_rng(3).integers(-(10**7), 10**7, 60).astype(np.float64)
     assert noisy_step(values, 1e-10) is None
+
+
+@pytest.mark.parametrize("place", CATALOGUE["exchanged-readings"].places, ids=lambda place: place.title)
+def test_exchanged_readings_are_one_of_the_variants_from_its_time_on(place):
+    start = 0.5 * (HOURS[2] + HOURS[3])
+    rows, seen = true_bench()[1], readings({place: (start,)})
+    rows = replace(rows, hours=HOURS)
+    variants = CATALOGUE["exchanged-readings"].variants
+    assert variants is not None
+    found = [v for v in variants(place, rows, seen, 1e-9) if v.limits[0][0] <= start <= v.limits[0][1]]
+    assert len(found) == 1
+    assert found[0].limits == ((HOURS[2], HOURS[3]),)
+    assert found[0].mixed is not None
+    changed = np.einsum("nij,nj->ni", found[0].mixed, rows.prediction)
+    assert changed == pytest.approx(seen, abs=1e-14)
+    assert np.array_equal(found[0].touched.any(axis=1), np.arange(7) > 2)
+    assert not variants(place, rows, rows.prediction, 1e-9)

@@ -29,6 +29,7 @@ CONTRACT = {
     "dead-zone": ["width"],
     "saturation": ["level"],
     "quantisation": ["step"],
+    "exchanged-readings": ["start"],
     "hysteresis": ["width"],
     "bias-drift": ["rate"],
     "scale-drift": ["rate"],

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
-from ...models.effects.last_stage import place_of
+from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
 from ..bounded.programmes import Interval, column_space
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.calibration import (
@@ -28,6 +28,7 @@ from ..records import PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
 from .bench_model import (
+    LARGEST_OF_BENCH,
     MAX_LEVERAGE,
     ROUNDS,
     Cast,
@@ -57,9 +58,6 @@ from .fit import Classes, Fit, Gain
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
-LARGEST_OF_BENCH = 0.5
-"""No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
-are no bench with an effect."""
 FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
 """Every fifth position is left out in turn, and every quarter of the time."""
 FEWEST_SCORED = 6
@@ -70,6 +68,8 @@ UNIFORM = 3.0**-0.5
 LEAST_SLACK = 0.05
 SECOND_ORDER = 5.0
 """The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
+LOOSE = 10.0
+"""A bound [g] within which a reading says nothing."""
 TOO_MUCH = 0.3
 """With more slack than this, effects that stand out are fitted before others are sought."""
 MOST_ANCHORS = 3
@@ -159,8 +159,8 @@ class Bench(Evidence):
 
     @cached_property
     def centre(self) -> Fit:
-        """The nominal model where few readings cannot draw it."""
-        return centre_of(self.readings, (), self.here.point)
+        """The nominal model where few readings, and channels that are exchanged, cannot draw it."""
+        return usual_centre(self.readings, self.here.point)
 
     @cached_property
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
@@ -545,6 +545,18 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
     return Bench((), names, here.point, places, nominal, here, readings, record.position, asked.bounds)
 
 
+def usual_centre(readings: Readings, start: NDArray) -> Fit:
+    """The nominal model where few readings, and channels that are exchanged, cannot draw it; from a start (P,) on."""
+    aligned = np.zeros(len(start))
+    rows, bound = readings.rows(aligned), readings.bound
+    for place in EXCHANGED_READINGS.places:
+        for variant in readings.variants(place, rows):
+            bound = np.where(variant.touched.ravel(), LOOSE, bound)
+    if bound is readings.bound:
+        return centre_of(readings, (), start)
+    return centre_of(replace(readings, bound=bound), (), aligned)
+
+
 def with_usual_signs(
     here: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
 ) -> Linearisation:
@@ -553,8 +565,7 @@ def with_usual_signs(
     σ is a fraction of g, the bounds are u^max and v^0max of (1.7).
     """
     p, at = here.parametrisation, here.positions
-    readings = Readings.of(here, circumstances)
-    point = centre_of(readings, (), here.point).point
+    point = usual_centre(Readings.of(here, circumstances), here.point).point
     sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
     if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):
         return here

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.rows import Variant
-from ...models.restricted import CONTEXT_SIZE, INPUT
+from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT
 from ..bounded.programmes import Growth, chebyshev_radius, least_squares
 from ..bounded.sets import Work
 from ..calibration.model import (
@@ -30,6 +30,9 @@ INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
 MOVED = 1e-4
 """An axis whose reading changes by less [rad] from row to row has not moved."""
+LARGEST_OF_BENCH = 0.5
+"""No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
+are no bench with an effect."""
 COMPLEX_STEP = 1e-30
 Sized = Sequence[tuple[EffectPlace, NDArray]]
 """Effects, each with its linear coefficients."""
@@ -315,7 +318,7 @@ def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, 
     seen = reading.copy()
     for row in range(len(seen)):
         context = np.zeros(CONTEXT_SIZE)
-        context[INPUT : INPUT + 3] = rows.n[row]
+        context[HOURS], context[INPUT : INPUT + 3] = rows.hours[row], rows.n[row]
         for place, values in bent:
             effect = place.definition
             if effect.kernel is not None:
@@ -397,9 +400,7 @@ class Readings(Visits):
             variants = self.variants(place, rows)
             if not variants:
                 continue
-            touched = np.any(
-                [v.lost | v.fixed | (v.offset != 0.0) | np.any(v.columns != 0.0, axis=2) for v in variants], axis=0
-            )
+            touched = np.any([variant.touched for variant in variants], axis=0)
             widening = np.max([variant.widening for variant in variants], axis=0)
             nothing = np.zeros((touched.size, 0)), np.zeros(touched.size)
             found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), *nothing))
@@ -468,7 +469,17 @@ class Cast:
             else:
                 columns[place][fixed.ravel()] = 0.0
         jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in self.places)])
+        for variant in variants:
+            if variant is not None and variant.mixed is not None:
+                # Channels are exchanged last, with all that they read.
+                reading, jacobian = _mixed(variant.mixed, reading), _mixed(variant.mixed, jacobian)
+                bound, rate = (_mixed(np.abs(variant.mixed), values) for values in (bound, rate))
         return Model(reading, jacobian, bound, rate, variants, rows)
+
+
+def _mixed(matrix: NDArray, values: NDArray) -> NDArray:
+    """Values (3 N,) or (3 N, K) of the readings multiplied by the matrix (N, 3, 3) of each row."""
+    return (matrix @ values.reshape(len(matrix), 3, -1)).reshape(values.shape)
 
 
 def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Variant, slopes: NDArray) -> NDArray:

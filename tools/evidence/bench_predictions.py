@@ -29,6 +29,7 @@ from ..calibration.model import (
 )
 from ..orchestrator import simulate
 from .bench_model import (
+    LARGEST_OF_BENCH,
     MAX_LEVERAGE,
     Cast,
     Circumstances,
@@ -346,7 +347,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
     errors = []
     for places in ((), fit.places):
         trained = fitted_like(others, places, start, fit)
-        if trained is None:
+        if trained is None or np.abs(trained.point).max() > LARGEST_OF_BENCH:
             return None
         errors.append(readings.reading[out] - simulate_rows(readings, trained, out, gravity))
         scored = scored & ~undecided(readings, trained)[out]

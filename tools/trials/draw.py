@@ -48,6 +48,8 @@ from .sizes import Hidden, SureSizes, level_margins, sure_sizes
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
+HIDDEN_EFFECTS = tuple(name for name in POSITION_EFFECTS if name != "exchanged-readings")
+"""What a suite of a table's positions hides: exchanged channels have no size that could be near that of detection."""
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
 MOST_ABOVE = 30.0
@@ -139,8 +141,8 @@ class Options:
         if self.noise not in (*NOISES, "all"):
             raise InputError(f"--noise {self.noise}: {nearest(self.noise, (*NOISES, 'all'))}")
         for name in self.effects:
-            if name not in POSITION_EFFECTS:
-                raise InputError(f"--effects {name}: {nearest(name, tuple(POSITION_EFFECTS))}")
+            if name not in HIDDEN_EFFECTS:
+                raise InputError(f"--effects {name}: {nearest(name, HIDDEN_EFFECTS)}")
         low, high = self.positions
         if not 6 <= low <= high <= 1000:
             raise InputError(f"--positions {low} {high}: must be two whole numbers from 6 to 1000, the lesser first")
@@ -236,7 +238,7 @@ class _Drawing:
         seen, alone = {place.effect for place in self.linear}, self.options.mode != "pairs"
         names = [
             effect.name
-            for effect in POSITION_EFFECTS.values()
+            for effect in (POSITION_EFFECTS[name] for name in HIDDEN_EFFECTS)
             if effect.name in seen or effect.name == "outlier" or (effect.variants is not None and alone)
         ]
         return tuple(name for name in names if not self.options.effects or name in self.options.effects)

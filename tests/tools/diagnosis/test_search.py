@@ -251,3 +251,25 @@ def test_readings_in_steps_are_named_where_noise_at_its_bound_came_after_the_rou
     assert [cause.place for cause in result.causes] == [EffectPlace("quantisation", f"accelerometer-{p + 1}")]
     low, high = result.causes[0].intervals[0]
     assert low <= step <= high
+
+
+@pytest.mark.parametrize(("seed", "exchanged"), [(1, (0, 0)), (2, (1, 2)), (3, (2, 2)), (6, (0, 1))])
+def test_channels_that_are_exchanged_from_a_time_on_are_named_with_the_gap_between_two_rows(seed, exchanged):
+    rng = np.random.default_rng([seed, 9])
+    count = int(rng.integers(20, 40))
+    row = int(count * rng.uniform(0.6, 0.85))
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (count, 3))
+    reading = simulated(random_bench(rng), alpha, beta, noise).specific_force / GRAVITY
+    first, second = exchanged
+    if first == second:
+        reading[row:, first] *= -1.0
+    else:
+        reading[row:, [first, second]] = reading[row:, [second, first]]
+    record = position_record(reading, alpha, beta)
+    result = diagnose(record, noise_bound=NOISE_BOUND)
+    assert result.verdict == "explained"
+    place = EffectPlace("exchanged-readings", f"accelerometer-{first + 1}", axes=(second + 1,))
+    assert [cause.place for cause in result.causes] == [place]
+    hours = record.time_s / 3600.0
+    assert result.causes[0].intervals[0] == pytest.approx((hours[row - 1], hours[row]))
