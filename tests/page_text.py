@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from shown_bounds import Watched
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
@@ -76,12 +77,17 @@ MAKERS: dict[str, Callable[[], tuple[Result, Any]]] = {
 }
 
 
+WATCHED: dict[str, Watched] = {name: Watched() for name in MAKERS}
+"""What was rounded for each document."""
+
+
 @cache
 def shown(name: str) -> tuple[Any, Any, Document]:
     """A result, its record where it has one, and its document."""
     result, record = MAKERS[name]()
     assert getattr(result, "verdict", "") in name
-    return result, record, document_of(result, record)
+    with WATCHED[name]():
+        return result, record, document_of(result, record)
 
 
 @cache
@@ -89,7 +95,8 @@ def page_of(name: str) -> Page:
     """What stands on its page."""
     make = shown(name)[2].page
     assert make is not None
-    return make()
+    with WATCHED[name]():
+        return make()
 
 
 @cache

@@ -15,6 +15,7 @@ from ..calibration.result import OpenTarget, Reading
 from ..evidence.evidence import Trial
 from ..evidence.fit import Fit, Gain
 from ..result import Result, Told, finite_or_none
+from ..rounding import downwards, upwards
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -243,7 +244,8 @@ class Witness(Result):
             where = f"{self.largest.position}/{self.largest.accelerometer}"
             said.append(
                 f"{title} would do, but the reading at position/accelerometer {where}, left out, misses by "
-                f"{self.largest.error:.1f} times its bound; noise makes {self.largest.allowed:.1f} at most"
+                f"{downwards(self.largest.error, 3)} times its bound; noise makes {upwards(self.largest.allowed, 3)} "
+                "at most"
             )
         return tuple(said)
 

@@ -44,9 +44,7 @@ def _computed_lines(item: Mapping[str, Any]) -> list[str]:
         head = f"{item['rate']} is {told_values(item)}"
         if "against" not in item:
             return [f"{head}: {rate_text(result[0])}"]
-        rows = [
-            f"  {digits(r['low'], 4):>10} to {digits(r['high'], 4):>10}  {rate_text(r)}" for r in result if r["cases"]
-        ]
+        rows = [f"  {exactly(r['low']):>10} to {exactly(r['high']):>10}  {rate_text(r)}" for r in result if r["cases"]]
         return _cut([f"{head}, by {item['against']}:", *rows])
     if "confusion" in item:
         told = {true: sorted(row.items(), key=lambda pair: -pair[1]) for true, row in result.items()}

@@ -20,7 +20,7 @@ from ..document.notation import (
     symbol_text,
     unit_text,
 )
-from ..rounding import digits, downwards, interval, residual, to_bound, upwards
+from ..rounding import digits, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
@@ -47,8 +47,10 @@ def residual_sections(result: Diagnosis) -> list[Section]:
     """Residuals of readings without and with the effects, over the angles and over the inputs."""
     nominal = result.evidence.calibration
     here, fit = nominal.linearised, result.findings[0].fit if result.findings else None
-    least = downwards(nominal.radius, 3, above=1.0)
-    said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least} σ."
+    least = residual(nominal.radius)
+    said = f"The nominal model explains every reading within {least} σ."
+    if nominal.radius > 1.0:
+        said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least} σ."
     if fit is not None:
         which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
         said += f" With {first_words(result)}{which} it leaves {residual(fit.radius)} σ."
@@ -98,9 +100,7 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
         else "The simulation carries the attitude over windows, and the true attitude says how far it is wrong"
     )
     radius = result.baseline.radius or 0.0
-    least = (
-        f"Whatever the block's parameters, the largest error is at least {downwards(radius, 3, above=1.0)} of its bound"
-    )
+    least = f"With the best parameters of the block the largest error is {residual(radius)} of its bound"
     if result.bias_at_rest is not None:
         least = f"The largest error of the block as delivered is {residual(radius)} of its bound"
     if result.causes and result.extended is not None:
@@ -297,8 +297,9 @@ def judgement_section(result: Diagnosis) -> Section | None:
         header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
         for name, score in (("every fifth position", told.folds), ("every quarter of the time", told.blocks)):
             if score is not None:
-                figures = (score.rms_before, score.rms_after, score.max_before, score.max_after)
-                rows.append([name, score.scored, *(digits(figure, 2) for figure in figures)])
+                rms = (digits(figure, 2) for figure in (score.rms_before, score.rms_after))
+                largest = map(upwards, (score.max_before, score.max_after))
+                rows.append([name, score.scored, *rms, *largest])
         if told.shuffles:
             said.append(
                 f"Shuffled, the effects predicted what was left out as well in {told.shuffles.as_good} of "

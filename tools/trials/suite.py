@@ -22,7 +22,7 @@ from ..files import write_text
 from ..progress import tracked
 from ..records import PositionRecord, write_record
 from ..result import ABSENT, Result, Told
-from ..rounding import digits
+from ..rounding import digits, exactly
 from ..workers import completed, started
 from .bench import RECORD_DECIMALS
 from .draw import Case, Options, draw_alone, draw_case
@@ -301,7 +301,7 @@ def _row(o: Outcome) -> dict[str, object]:
         above = digits(excluded / detected, 4)
     sizes = {"hidden": o.titles(named=False), "size_over_detection": "" if size is None else digits(size, 4)}
     judgement = {
-        "radius": "" if o.radius is None else digits(o.radius, 6),
+        "radius": "" if o.radius is None else exactly(o.radius),
         "verdict": o.verdict,
         "outcome": o.outcome,
         "named": o.titles(named=True),

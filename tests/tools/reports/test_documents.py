@@ -12,7 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from page_text import MAKERS, bent, clean, few, html_of, page_of, shown, text_of
+from page_text import MAKERS, WATCHED, bent, clean, few, html_of, page_of, shown, text_of
+from shown_bounds import shown_too_well
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
@@ -89,6 +90,7 @@ def test_what_every_document_says(name):
     assert f"<strong>{escape(document.lines[0])}</strong>" in notebook(document) == result._repr_html_()
     page, html = page_of(name), text_of(name)
     titles = [section.title for section in page.sections]
+    assert shown_too_well(result.to_json(), WATCHED[name]) == []
     assert in_order(SECTIONS[name], titles), titles
     assert len(set(titles)) == len(titles)
     headings = [unescape(heading) for heading in re.findall(r"<h2>([^<]*)</h2>", html)]

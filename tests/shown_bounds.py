@@ -1,0 +1,94 @@
+"""What a document shows of the bounds of its result: each is rounded to its own side, wherever it stands.
+
+Whatever is shown goes through `trihedron.tools.rounding`; `Watched` takes down what goes in and what comes out while a
+document is made. Bounds of the result are known by their keys in its JSON.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from typing import Any
+from unittest import mock
+
+from trihedron.tools import rounding
+
+UP = {
+    *("guaranteed_error", "error_bound", "noise_bound", "noise_bound_arcmin", "above", "high", "limit"),
+    *("cost", "gap", "costs", "optima", "ratio", "worst_ratio", "mean_ratio", "worst", "largest_error_deg", "planned"),
+    *("bias", "compensated", "solved", "force_bound", "rate_bound", "distance_at_most", "max_arcmin", "clearance"),
+    *("held_out_max_before", "held_out_max_after", "max_before", "max_after", "maximum"),
+}
+"""Keys of what is at most so much."""
+DOWN = {"low", "lower_bound", "distance_before", "distance_after", "apart_g"}
+"""Keys of what is at least so much."""
+BOTH = {"radius"}
+"""Up to 1 at most, above 1 at least."""
+UNITS = (1.0, 100.0, 60.0, 3600.0, 180.0 / math.pi, 10800.0 / math.pi, 648000.0 / math.pi)
+"""In what multiples a figure of the JSON may be shown."""
+
+
+@dataclass
+class Watched:
+    """What was rounded: the number, the way, the text."""
+
+    seen: list[tuple[float, str, str]] = field(default_factory=list)
+
+    @contextmanager
+    def __call__(self) -> Iterator[None]:
+        """Take down every number that is rounded."""
+        names = ("_significant", "_placed")
+
+        def watched(make: Any) -> Any:
+            def made(value: float | None, *rest: Any) -> rounding.Number:
+                text = make(value, *rest)
+                if value is not None and math.isfinite(value):
+                    self.seen.append((float(value), rest[-1], str(text)))
+                return text
+
+            return made
+
+        with mock.patch.multiple(rounding, **{name: watched(getattr(rounding, name)) for name in names}):
+            yield
+
+
+def bounds_of(content: Any, key: str = "") -> Iterator[tuple[str, float]]:
+    """Every number of a JSON object that is a bound, with its key; numbers in lists and maps have the key of these."""
+    if isinstance(content, dict):
+        for name, value in content.items():
+            yield from bounds_of(value, name if not isinstance(value, int | float) or name in UP | DOWN | BOTH else key)
+    elif isinstance(content, list):
+        for value in content:
+            yield from bounds_of(value, key)
+    elif isinstance(content, float) and math.isfinite(content) and content != 0.0:
+        yield key, content
+
+
+def _key(value: float) -> str:
+    """The same for figures that differ by the rounding of a conversion."""
+    return f"about {value:.12e}"
+
+
+def shown_too_well(content: Any, watched: Watched) -> list[str]:
+    """Bounds that are shown on their wrong side, and texts that are on the wrong side of their number."""
+    found = list(bounds_of(json.loads(json.dumps(content))))
+    others = {value for key, value in found if key not in UP | DOWN | BOTH}
+    wanted: dict[float, set[str]] = {}
+    for key, value in found:
+        up = key in UP or (key in BOTH and value <= 1.0)
+        if key in UP | DOWN | BOTH and value not in others:
+            for unit in UNITS:
+                # A figure that is a bound of two kinds may be shown as either.
+                shown_as = repr(value) if unit == 1.0 else _key(value * unit)
+                wanted.setdefault(shown_as, set()).add(ROUND_CEILING if up else ROUND_FLOOR)
+    wrong = []
+    for value, how, text in watched.seen:
+        exact, shown = Decimal(repr(value)), Decimal(text)
+        if (how == ROUND_CEILING and shown < exact) or (how == ROUND_FLOOR and shown > exact):
+            wrong.append(f"{text} of {value!r}")
+        ways = wanted.get(repr(value)) or wanted.get(_key(value), {how})
+        if how not in ways and shown != exact:
+            wrong.append(f"{text} is shown of the bound {value!r}, which is to be rounded by {ways}")
+    return wrong
