@@ -146,7 +146,7 @@ def table(every: list[Said]) -> str:
 
 
 def test_fresh_records_do_not_mislead(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No cause may be zero, nothing is stated outside its interval, no end is rounded inwards, no true size is left out."""
+    """No cause may be zero, nothing stands outside its interval, no end is rounded inwards, no true size left out."""
     every = []
     for kinds, make, count in (
         (POSITION_KINDS, position_record, OF_POSITIONS),
