@@ -8,6 +8,7 @@ same double), so that what is shown holds for what is stored, and 1e-5 stays 1e-
 """
 
 import math
+import re
 from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context, Decimal
 
 FIXED = range(-3, 6)
@@ -26,6 +27,44 @@ class Number(str):
 
 
 NONE = Number("")
+
+
+class Stated(float):
+    """An estimate with the interval that it is stated in: written in any format, it is not seen outside.
+
+    A format that would show it outside, were it read again, gets more digits. Multiples keep their interval.
+    """
+
+    low: float
+    high: float
+
+    def __new__(cls, value: float, low: float, high: float) -> "Stated":
+        """Join the value and its ends."""
+        stated = super().__new__(cls, value)
+        stated.low, stated.high = low, high
+        return stated
+
+    def __mul__(self, factor: float) -> "Stated":
+        return Stated(float(self) * factor, *sorted((self.low * factor, self.high * factor)))
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> "Stated":
+        return self * -1.0
+
+    def __format__(self, form: str) -> str:
+        text = format(float(self), form)
+        if not self.low <= self <= self.high or _within(text, self.low, self.high) or "." not in form:
+            return text
+        more = re.sub(r"\.(\d+)", lambda places: f".{int(places[1]) + 1}", form)
+        return format(self, more) if int(more.partition(".")[2][:-1]) <= MOST_DIGITS else text
+
+
+def _within(text: str, low: float, high: float) -> bool:
+    try:
+        return low <= float(text) <= high
+    except ValueError:
+        return True
 
 
 def upwards(value: float | None, count: int = 2) -> Number:

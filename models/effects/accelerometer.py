@@ -297,7 +297,7 @@ LEVER_ARM = accelerometer_effect(
     size_effect,
     lambda place, values: (
         f"accelerometer {place.index + 1} is off the block's centre: "
-        + ", ".join(f"{1e3 * value:+.1f}" for value in values.values())
+        + ", ".join(f"{1e3 * value:+.3g}" for value in values.values())
         + " mm along the axes"
     ),
     in_motion=True,

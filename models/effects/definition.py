@@ -235,6 +235,10 @@ def turned(rows: Rows, turns: NDArray[np.float64]) -> NDArray[np.float64]:
     return slopes @ turns
 
 
+ARCSECONDS = math.degrees(1.0) * 3600.0
+"""In a radian."""
+
+
 def said(template: str) -> Sentence:
     """A sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
 
@@ -245,7 +249,7 @@ def said(template: str) -> Sentence:
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:
         known: dict[str, object] = dict(zip("ij", place.axes, strict=False))
         known |= {"axis": place.where.replace("-", " "), "times": f"{place.order} time{'s' * (place.order != 1)}"}
-        known |= {f"{name}_arcsec": math.degrees(value) * 3600.0 for name, value in values.items()}
+        known |= {f"{name}_arcsec": value * ARCSECONDS for name, value in values.items()}
         if place.where in ACCELEROMETERS:
             known["p"] = place.index + 1
         return template.format_map({**known, **values})

@@ -255,9 +255,9 @@ LATENCY = gyro_effect(
     EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),
     lambda place, rows: ((rows.rate_before - rows.rate) / rows.step[:, None])[..., None],
     lambda place, values: (
-        f"the gyros lag by {1e3 * values['delay']:.3f} ms"
+        f"the gyros lag by {1e3 * values['delay']:.4g} ms"
         if values["delay"] >= 0.0
-        else f"the gyros lead by {-1e3 * values['delay']:.3f} ms"
+        else f"the gyros lead by {-1e3 * values['delay']:.4g} ms"
     ),
     formula="ω_read(t) = ω(t − ({delay}) 's')",
 )
@@ -293,7 +293,7 @@ JITTER = gyro_effect(
     EffectParameter("share", "1", "part of the time stamps' jitter that the sampling does not have", 1.5, smallest=0.0),
     jitter_signature,
     lambda place, values: (
-        f"the time stamps jitter more than the sampling: {100.0 * values['share']:.0f} % of their jitter is the log's"
+        f"the time stamps jitter more than the sampling: {100.0 * values['share']:.3g} % of their jitter is the log's"
     ),
     formula="Δω = {share} ω (τ/T − k), τ 'the interval by the time stamps, of' k 'whole periods' T",
 )
@@ -315,7 +315,7 @@ UNDERSAMPLING = gyro_effect(
     EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),
     # The attitude computer adds what the readings lack.
     lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
-    "the attitude computer leaves coning out: {coefficient:+.3f} of the product of two increments",
+    "the attitude computer leaves coning out: {coefficient:+.3g} of the product of two increments",
     places=(EffectPlace("undersampling", "attitude-computer"),),
     component="AttitudeComputer",
     stage="increment_effects",

@@ -174,7 +174,7 @@ SATURATION = last_stage_effect(
     saturation,
     EffectParameter("level", "g", "largest reading", LARGEST_LEVEL, smallest=LEAST_LEVEL),
     saturation_variants,
-    "accelerometer {p} saturates at {level:.5f} g",
+    "accelerometer {p} saturates at {level:.6g} g",
     formula="|f_{p}|/g ≤ {level}",
 )
 

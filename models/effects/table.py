@@ -52,7 +52,7 @@ ENCODER_HARMONIC = table_effect(
         EffectParameter("phase", "rad", "phase of the harmonic", math.pi),
     ),
     encoder_harmonic_turns,
-    "the encoder of the {axis} errs by {amplitude_arcsec:.1f} arcsec, {times} a turn",
+    "the encoder of the {axis} errs by {amplitude_arcsec:.4g} arcsec, {times} a turn",
     stage="encoder_effects",
     places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in (1, 2, 3, 4, 5, 6)),
     formula="{angle}_read = {angle} + {amplitude} sin({order} {angle} + ({phase}))",
@@ -75,7 +75,7 @@ BACKLASH = table_effect(
     backlash,
     EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),
     backlash_turns,
-    "the {axis} has {width_arcsec:.1f} arcsec of backlash",
+    "the {axis} has {width_arcsec:.4g} arcsec of backlash",
     stage="encoder_effects",
     formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
 )
@@ -133,7 +133,7 @@ OUTER_WOBBLE = table_effect(
         EffectParameter("phase", "rad", "its phase", math.pi),
     ),
     axis_wobble_turns,
-    lambda place, values: said("the {axis} wobbles by {most_arcsec:.1f} arcsec, {times} a turn")(
+    lambda place, values: said("the {axis} wobbles by {most_arcsec:.4g} arcsec, {times} a turn")(
         place, {"most": max(v for name, v in values.items() if name.endswith("amplitude"))}
     ),
     stage="geometry_effects",
@@ -197,7 +197,7 @@ SAG = table_effect(
         EffectParameter("phase", "rad", "phase of the elastic turn", math.pi),
     ),
     sag_turns,
-    "weight turns the table elastically about the {axis}, by up to {amplitude_arcsec:.1f} arcsec",
+    "weight turns the table elastically about the {axis}, by up to {amplitude_arcsec:.4g} arcsec",
     stage="geometry_effects",
     open_argument=open_sine,
     formula="'elastic outer turn' = {amplitude} sin(α + ({phase}))",
@@ -227,8 +227,8 @@ BASE_DRIFT = table_effect(
         EffectParameter("alpha_star_rate", "rad/h", "growth of α* with time", 1e-2),
     ),
     base_drift_turns,
-    "the base tilts with time: κ by {kappa_rate_arcsec:+.1f} arcsec an hour, "
-    "α* by {alpha_star_rate_arcsec:+.1f} arcsec an hour",
+    "the base tilts with time: κ by {kappa_rate_arcsec:+.4g} arcsec an hour, "
+    "α* by {alpha_star_rate_arcsec:+.4g} arcsec an hour",
     stage="geometry_effects",
     places=(EffectPlace("base-drift", "base"),),
     formula="Δκ = {kappa_rate} t, Δα* = {alpha_star_rate} t, t 'in hours'",

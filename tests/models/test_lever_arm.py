@@ -64,6 +64,6 @@ def test_it_is_of_the_accelerometers_in_motion_alone():
     assert "lever-arm" not in STRAPDOWN_EFFECTS
     effect = CATALOGUE["lever-arm"]
     assert effect.sentence(PLACES[1], {"r_1": 0.012, "r_2": -0.003, "r_3": 0.0}) == (
-        "accelerometer 2 is off the block's centre: +12.0, -3.0, +0.0 mm along the axes"
+        "accelerometer 2 is off the block's centre: +12, -3, +0 mm along the axes"
     )
     assert not effect.parameters[0].possible(math.inf)

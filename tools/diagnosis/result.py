@@ -15,7 +15,7 @@ from ..calibration.result import OpenTarget, Reading
 from ..evidence.evidence import Trial
 from ..evidence.fit import Fit, Gain
 from ..result import Result, Told, finite_or_none
-from ..rounding import downwards, upwards
+from ..rounding import Stated, downwards, upwards
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -121,7 +121,8 @@ class Cause(NamedEffect):
     def sentence(self) -> str:
         """What an engineer is told."""
         effect = self.place.definition
-        return effect.sentence(self.place, {parameter.name: parameter.estimate for parameter in self.parameters})
+        stated = zip(self.parameters, self.intervals, strict=True)
+        return effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
 
 
 @dataclass(frozen=True)
