@@ -9,6 +9,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.procedure import is_stable
@@ -16,6 +18,7 @@ from trihedron.tools.diagnosis.result import OrderOfEffects
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import write_text
 from trihedron.tools.records import StrapdownRecord, read_record
+from trihedron.tools.rounding import digits, interval, residual, upwards
 
 BROAD = "broad-03"
 MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
@@ -43,17 +46,12 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
 
 
-def figure(value: float, digits: int = 3) -> str:
-    """A number with so many digits."""
-    return f"{value:.{digits}g}"
-
-
 def order_text(order: OrderOfEffects | None) -> str:
     """An order of effects with the errors that are left, arcminutes."""
     if order is None:
         return "–"
-    steps = [f"{step.effect} → {figure(step.held_out_rms_arcmin)}" for step in order.steps]
-    return f"{figure(order.held_out_rms_arcmin)}: " + (", ".join(steps) or "nothing helps")
+    steps = [f"{step.effect} → {digits(step.held_out_rms_arcmin)}" for step in order.steps]
+    return f"{digits(order.held_out_rms_arcmin)}: " + (", ".join(steps) or "nothing helps")
 
 
 def picture_lines(written: Sequence[Path], stem: str) -> str:
@@ -73,7 +71,8 @@ def gain_table(result: Diagnosis) -> str:
         [
             row["over"],
             row["pieces"],
-            *(figure(row[f"held_out_{kind}"]) for kind in ("rms_before", "rms_after", "max_before", "max_after")),
+            *(digits(row[f"held_out_rms_{when}"]) for when in ("before", "after")),
+            *(upwards(row[f"held_out_max_{when}"], 3) for when in ("before", "after")),
         ]
         for row in [summary, *summary["others"]]
     ]
@@ -87,7 +86,7 @@ def excluded_table(result: Diagnosis) -> str:
         if entry["where"] in ("gyro-block", "attitude-computer"):
             key = (entry["effect"], entry["unit"])
             largest[key] = max(largest.get(key, 0.0), entry["above"])
-    rows = [[effect, f"{above:.2g}", "" if unit == "1" else unit] for (effect, unit), above in largest.items()]
+    rows = [[effect, upwards(above), "" if unit == "1" else unit] for (effect, unit), above in largest.items()]
     return table(["effect", "excluded above", "unit"], rows)
 
 
@@ -99,17 +98,17 @@ def broad_page(result: Diagnosis, pictures: str) -> str:
     steps = middle.order.steps if middle.order is not None else ()
     helps = " and ".join(step.effect for step in steps) or "nothing"
     bias = (
-        ", ".join(f"{math.degrees(value):+.3f}" for value in result.bias_at_rest.radps)
+        ", ".join(digits(math.degrees(value)) for value in result.bias_at_rest.radps)
         if result.bias_at_rest is not None
         else ""
     )
-    left_in = figure((result.bias_at_rest and result.bias_at_rest.rms_if_left_in_arcmin) or 0.0)
+    left_in = digits((result.bias_at_rest and result.bias_at_rest.rms_if_left_in_arcmin) or 0.0)
     rows = [
         [
             length.over,
             length.pieces,
-            figure(length.noise_bound_arcmin),
-            figure(length.radius),
+            upwards(length.noise_bound_arcmin, 3),
+            residual(length.radius),
             "; ".join(" + ".join(p.effect for p in places) for places in length.smallest_sets[:3]) or "none",
         ]
         for length in result.lengths or ()
@@ -122,12 +121,12 @@ def broad_page(result: Diagnosis, pictures: str) -> str:
     raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
     quoted = result.gain.to_json() if result.gain is not None else {}
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
-    fall = f"{' to '.join(figure(end) for end in ends)} arcmin rms"
+    fall = f"{' to '.join(digits(end) for end in ends)} arcmin rms"
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
     said = "\n".join(f"- {text};" for text in result.not_named or ())
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
-The record: {len(record)} rows, one every {1e3 * period:.4g} ms, {record.time_s[-1] - record.time_s[0]:.0f} s of slow
+The record: {len(record)} rows, one every {digits(1e3 * period, 4)} ms, {digits(float(np.ptp(record.time_s)))} s of slow
 rotation by hand with a rest before and after; the true attitude by cameras. Made by `make case-studies`; no number on
 this page is typed.
 
@@ -149,7 +148,7 @@ alone cannot tell them from an effect that is not in the catalogue.
 
 Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
 its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
-rest taken out, leaves a largest error of at least {figure(result.baseline.radius or math.nan)} bounds. The bounds:
+rest taken out, leaves a largest error of at least {residual(result.baseline.radius)} bounds. The bounds:
 {result.noise_bound_from}.
 
 Each length by itself, within these bounds:
@@ -188,9 +187,9 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
             r.verdict,
             len(r.evidence.found.rests),
             length.pieces,
-            figure(length.rms_arcmin),
-            figure(r.noise_bound_arcmin or math.nan),
-            figure(r.baseline.radius or math.nan),
+            digits(length.rms_arcmin),
+            upwards(r.noise_bound_arcmin, 3),
+            residual(r.baseline.radius),
         ]
         for name, r in zip(names, results, strict=True)
         for length in (r.lengths or ())[:1]
@@ -199,7 +198,9 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
     for number, parameter in enumerate(results[0].baseline.parameters or ()):
         values = [(r.baseline.parameters or ())[number] for r in results]
         cells = [
-            f"{p.estimate:+.4f} ({p.low:+.4f} to {p.high:+.4f})" if p.low is not None and p.high is not None else "–"
+            "{} ({} to {})".format(*interval(p.estimate, p.low, p.high))
+            if p.low is not None and p.high is not None
+            else "–"
             for p in values
         ]
         block.append([parameter.name, *cells, "" if parameter.unit == "1" else parameter.unit])
@@ -207,11 +208,11 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
         [
             name,
             n.verdict,
-            figure(n.baseline.radius or math.nan),
+            residual(n.baseline.radius),
             " + ".join(c.place.effect for c in n.causes)
             + (f" and {len(n.alternatives)} other sets" if n.alternatives else ""),
-            f"{figure(n.lengths[0].order.held_out_rms_arcmin)} → "
-            f"{figure(n.lengths[0].order.steps[0].held_out_rms_arcmin)}"
+            f"{digits(n.lengths[0].order.held_out_rms_arcmin)} → "
+            f"{digits(n.lengths[0].order.steps[0].held_out_rms_arcmin)}"
             if n.lengths and n.lengths[0].order is not None and n.lengths[0].order.steps
             else "–",
         ]
@@ -224,8 +225,8 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
     named = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
     return f"""# Case study: three MPU-9150 logs, no angles known
 
-Three specimens of a MEMS unit at {hertz:.0f} Hz, moved by hand from rest to rest; nothing is known of the poses. Made
-by `make case-studies`; no number on this page is typed.
+Three specimens of a MEMS unit at {digits(hertz)} Hz, moved by hand from rest to rest; nothing is known of the poses.
+Made by `make case-studies`; no number on this page is typed.
 
 **{verdicts}. {named}.**
 

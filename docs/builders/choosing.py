@@ -38,6 +38,7 @@ from trihedron.tools.reports.pictures import (
     power_of_ten,
     svg_text,
 )
+from trihedron.tools.rounding import downwards
 
 PAGE = "choose-an-attitude-algorithm.md"
 
@@ -275,7 +276,7 @@ def order_table() -> str:
     ]
     lines += [
         f"| `{a.name}` | {a.source} | {a.samples}{' and those before' if a.previous else ''} | {a.order} | "
-        f"{a.coning_order} | {a.max_increment:.2g} |"
+        f"{a.coning_order} | {downwards(a.max_increment)} |"
         for a in ALGORITHMS
     ]
     return "\n".join(lines)
