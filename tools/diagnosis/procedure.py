@@ -100,7 +100,7 @@ def diagnosed(
     idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
     if not findings:
         return _unexplained(evidence, told, idle)
-    best, judgement = findings[0], _judgement(evidence, findings[0].fit)
+    best, judgement = findings[0], judgement_of(evidence, findings[0].fit)
     told |= {"findings": findings, "judgement": judgement}
     objections = tuple(text for witness in _heard(judgement) for text in witness.objections)
     if len(groups) > 1 or not found.complete:
@@ -142,12 +142,12 @@ def _finding(evidence: Evidence, group: Sequence[Fit]) -> Finding:
     return first if first.acts else next((finding for finding in findings if finding.acts), first)
 
 
-def _judgement(evidence: Evidence, fit: Fit) -> Witness | list[EffectWitness]:
+def judgement_of(evidence: Evidence, fit: Fit) -> Witness | list[EffectWitness]:
     """What was left out says of the effects of a fit: of all together, or of each."""
-    trials = list(evidence.trials(fit))
-    if trials and trials[0].jointly:
-        return Witness.of(trials[0])
-    return [EffectWitness.of(trial) for trial in trials]
+    # Each trial is heard before the next begins: its shuffles are made as they are asked for.
+    heard = [Witness.of(trial) if trial.jointly else EffectWitness.of(trial) for trial in evidence.trials(fit)]
+    each = [witness for witness in heard if isinstance(witness, EffectWitness)]
+    return next((w.model_copy(update={"each": tuple(each)}) for w in heard if isinstance(w, Witness)), each)
 
 
 def _heard(judgement: Witness | list[EffectWitness]) -> Sequence[Witness | EffectWitness]:

@@ -218,6 +218,7 @@ class Witness(Result):
     blocks: Score | None
     shuffles: Shuffles | None
     largest: LargestError | None
+    each: "tuple[EffectWitness, ...]" = ()
     place_titles: tuple[str, ...] = Field(default=(), exclude=True)
 
     @staticmethod
@@ -228,7 +229,8 @@ class Witness(Result):
         shuffles = tried if tried is not None and tried.tried else None
         largest = None if trial.worst is None else LargestError(**vars(trial.worst))
         titles = tuple(place.title for place in trial.places)
-        return Witness(folds=folds, blocks=blocks, shuffles=shuffles, largest=largest, place_titles=titles)
+        scores: dict[str, Any] = {"folds": folds, "blocks": blocks, "shuffles": shuffles, "largest": largest}
+        return Witness(**scores, place_titles=titles)
 
     @property
     def objections(self) -> tuple[str, ...]:
@@ -236,6 +238,8 @@ class Witness(Result):
         title, said = " and ".join(self.place_titles), []
         if self.folds is not None and not self.folds.improves:
             said.append(f"{title} would do, but does not improve positions that were left out")
+        if self.blocks is not None and not self.blocks.improves:
+            said.append(f"{title} would do, but does not improve parts of the record, in time, that were left out")
         if self.shuffles is not None and self.shuffles.objects:
             said.append(
                 f"{title} would do, but {self.shuffles.as_good} of {self.shuffles.tried} shuffles over the record "
@@ -248,7 +252,7 @@ class Witness(Result):
                 f"{downwards(self.largest.error, 3)} times its bound; noise makes {upwards(self.largest.allowed, 3)} "
                 "at most"
             )
-        return tuple(said)
+        return (*said, *(text for witness in self.each for text in witness.objections))
 
     @property
     def not_judged(self) -> str | None:

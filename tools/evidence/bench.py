@@ -27,9 +27,9 @@ from ..calibration.model import Linearisation, linearise, predicted_input
 from ..records import PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
+from .bench_left_out import Linear, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
-    MAX_LEVERAGE,
     ROUNDS,
     Cast,
     Circumstances,
@@ -43,8 +43,6 @@ from .bench_model import (
     least_radius,
     left_open,
     model_work,
-    predicted_errors,
-    readings_at,
     signature_columns,
     untold_readings,
     usual_misfit,
@@ -52,19 +50,12 @@ from .bench_model import (
 )
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
-from .evidence import Channel, Errors, Evidence, Trial, Worst
+from .evidence import Channel, Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
-FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
-"""Every fifth position is left out in turn, and every quarter of the time."""
-FEWEST_SCORED = 6
-SURE_NOISE = 4.0
-"""So many standard deviations of a prediction no noise within the bounds makes, in all readings of a record."""
-UNIFORM = 3.0**-0.5
-"""Standard deviation of noise that is uniform within its bound, over it; noise at its very bound has one."""
 LEAST_SLACK = 0.05
 SECOND_ORDER = 5.0
 """The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
@@ -75,9 +66,6 @@ TOO_MUCH = 0.3
 MOST_ANCHORS = 3
 STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
-
-Split = tuple[NDArray, NDArray, tuple[NDArray, NDArray] | None]
-"""Readings that are left out, those that are kept, and the errors of the former by the nominal model, if any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -420,98 +408,8 @@ class Bench(Evidence):
         ]
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
-        """Positions left out in turn, and blocks in time, with the whole set; its signatures at other positions.
-
-        Every model is the one linearised at the fit to the whole record.
-        """
-        count, bench, named = len(self.here.reading), len(fit.point), tuple(map(self.named, fit.places))
-        turns = [np.arange(first, count, FOLDS) for first in range(FOLDS)]
-        blocks = [part for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
-        # Readings that no outlier of the set moves, and columns that are no outlier's.
-        lasting = np.ones(len(fit.at), dtype=bool)
-        for place, block, _ in fit.ways:
-            lasting[bench:][block] = place.effect != "outlier"
-        used = np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
-        if lasting.sum() == bench:
-            yield Trial(named, None, None, jointly=True)
-            return
-        jacobian = fit.jacobian[:, lasting]
-        own = jacobian[:, bench:]
-        # With the effects taken out at their sizes, a shuffle begins where the nominal model does.
-        whole = fit.residual + own @ fit.coefficients[lasting[bench:]]
-
-        turned, in_time = self._split(turns, used), self._split(blocks, used)
-
-        def shuffles() -> Iterator[NDArray[np.float64]]:
-            rng = np.random.default_rng(count)
-            for _ in range(SHUFFLES):
-                order = rng.permutation(count)
-                moved = own.reshape(count, 3, -1)[order].reshape(3 * count, -1)
-                tried = self._left_out(np.hstack((jacobian[:, :bench], moved)), whole, fit.allowed, turned)
-                if tried is not None:
-                    yield tried.with_effects
-
-        folds, parts = (self._left_out(jacobian, fit.residual, fit.allowed, split) for split in (turned, in_time))
-        tried = shuffles() if folds is not None and fit.linear else ()
-        left = [part.worst(fit, self.numbers) for part in (folds, parts) if part is not None]
-        worst = max(left, key=lambda one: one.error / one.allowed, default=None)
-        yield Trial(named, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst)
-
-    def _split(self, parts: Sequence[NDArray], used: NDArray) -> list[Split]:
-        """Readings of each part (rows) that are left out, those that are kept, and what the nominal model predicts."""
-        split = []
-        for out in parts:
-            held = np.intersect1d(readings_at(out), used)
-            kept = np.setdiff1d(used, held)
-            split.append((held, kept, predicted_errors(self.nominal, self.residual, self.bound, kept, held)))
-        return split
-
-    def _left_out(
-        self, jacobian: NDArray, residual: NDArray, bound: NDArray, split: Sequence[Split]
-    ) -> "LeftOut | None":
-        """Errors of each part left out in turn, by the nominal model and with effects.
-
-        None where the others would not do, or tell too few of them.
-        """
-        found: list[tuple[NDArray, ...]] = []
-        for held, kept, without in split:
-            with_effects = predicted_errors(jacobian, residual, bound, kept, held) if without else None
-            if without is None or with_effects is None:
-                return None
-            wanted = (without[1] <= MAX_LEVERAGE) & (with_effects[1] <= MAX_LEVERAGE)
-            found.append(tuple(part[wanted] for part in (held, without[0], *with_effects)))
-        told = LeftOut(*(np.concatenate(part) for part in zip(*found, strict=True)))
-        return told if len(told.readings) >= FEWEST_SCORED else None
-
-
-@dataclass(frozen=True, eq=False)
-class LeftOut:
-    """Readings (R,) that were left out, their errors (R,) without and with effects, and the leverages (R,) of these."""
-
-    readings: NDArray[np.int_]
-    without: NDArray[np.float64]
-    with_effects: NDArray[np.float64]
-    leverage: NDArray[np.float64]
-
-    @property
-    def errors(self) -> Errors:
-        """Errors (R,) without and with the effects."""
-        return self.without, self.with_effects
-
-    def worst(self, fit: Fit, numbers: NDArray) -> Worst:
-        """The error with the effects that is farthest beyond what noise within the bounds makes of it.
-
-        `numbers` (N,) are the record's own of its rows.
-        A reading is off by its bound at most; its prediction by as many standard deviations of the others' noise as no
-        sum of independent errors has. How large these are, what the fit leaves says: as uniform noise, up to the bound.
-        """
-        free = max(1, len(fit.left) - len(fit.at))
-        usual = float(np.sqrt(np.sum((fit.left / fit.allowed) ** 2) / free))
-        error = np.abs(self.with_effects) / fit.allowed[self.readings]
-        allowed = 1.0 + SURE_NOISE * min(1.0, max(UNIFORM, usual)) * self.leverage
-        worst = int(np.argmax(error / allowed))
-        row, accelerometer = divmod(int(self.readings[worst]), 3)
-        return Worst(int(numbers[row]), accelerometer + 1, float(error[worst]), float(allowed[worst]))
+        """Positions left out in turn, and blocks in time, with the whole set, then without each of several effects."""
+        return trials(Linear(self.nominal, self.residual, self.bound), fit, self.named, self.numbers)
 
 
 def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[EffectPlace]:

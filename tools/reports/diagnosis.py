@@ -1,6 +1,7 @@
 """What a diagnosis says, whatever the record: lines for a terminal, and the page."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,9 @@ def lines(result: Diagnosis) -> list[str]:
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
     if result.verdict == "unexplained" and result.cut_off_at is not None:
         said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
-    said += [f"not named: {text}" for text in result.not_named or ()]
+    why = result.not_named or ()
+    said += [f"not named: {text}" for text in why[:MOST_SETS]]
+    said += [f"not named: {len(why) - MOST_SETS} sets more"] if len(why) > MOST_SETS else []
     said += [f"against the first set: {text}" for text in result.objections or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     for position in result.next_positions or ():
@@ -129,11 +132,7 @@ def _carried_lines(result: Diagnosis) -> list[str]:
         f"{upwards(gain.held_out_max_before, 3)} -> {upwards(gain.held_out_max_after, 3)}"
         for gain in ([] if result.gain is None else [result.gain, *(result.gain.others or ())])
     ]
-    said += [
-        f"left out: rms {digits(w.rms_without)} -> {digits(w.rms_with)} of the bound by {w.title}; as good when "
-        f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
-        for w in witnesses_of(result)
-    ]
+    said += _each_lines(witnesses_of(result))
     return [*said, *_why_lines(result), *_structure_lines(result, "error about axis", 4)]
 
 
@@ -158,7 +157,17 @@ def _witness_lines(told: Witness) -> list[str]:
     ]
     if told.shuffles:
         said.append(f"as good when shuffled: {told.shuffles.as_good} of {told.shuffles.tried}")
-    return said + ([] if told.not_judged is None else [told.not_judged])
+    said += [] if told.not_judged is None else [told.not_judged]
+    return said + _each_lines(told.each)
+
+
+def _each_lines(witnesses: Sequence[EffectWitness]) -> list[str]:
+    """What was left out says of each of several effects."""
+    return [
+        f"left out: rms {digits(w.rms_without)} -> {digits(w.rms_with)} of the bound by {w.title}; as good when "
+        f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
+        for w in witnesses
+    ]
 
 
 def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:

@@ -306,6 +306,12 @@ def judgement_section(result: Diagnosis) -> Section | None:
                 f"{told.shuffles.tried} trials."
             )
         said += [] if told.not_judged is None else [sentence(told.not_judged)]
+        said += [
+            f"Beside the others, {w.title} brings what was left out from {digits(w.rms_without)} to "
+            f"{digits(w.rms_with)} of its bound (rms), and {w.shuffles.as_good} of {w.shuffles.tried} of its shuffles "
+            "do as well."
+            for w in told.each
+        ]
     else:
         header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
         for w in told or ():

@@ -10,7 +10,7 @@ from other_solver import farthest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.procedure import excluded_sizes
+from trihedron.tools.diagnosis.procedure import excluded_sizes, judgement_of
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import predicted_errors
@@ -31,7 +31,7 @@ def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None)
     case = draw_alone(seed, effects=["quadratic", "encoder-harmonic", "cross-product"] if place is None else [])
     record = case.measured()
     evidence = bench_evidence(record if rows is None else record.selected(np.arange(rows)), noise_bound=NOISE_BOUND)
-    return Witness.of(next(evidence.trials(evidence.refit(case.places if place is None else [place]))))
+    return judgement_of(evidence, evidence.refit(case.places if place is None else [place]))
 
 
 def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not():
@@ -51,6 +51,39 @@ def test_an_effect_that_is_not_there_is_objected_to():
     assert witness.folds.rms_after > 0.9 * witness.folds.rms_before
     assert witness.shuffles.objects
     assert any("shuffles" in objection for objection in witness.objections)
+
+
+def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to():
+    quadratic, cubic = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("cubic", "accelerometer-2")
+    record = bench_case(511, quadratic, (2e-4,)).measured()
+    evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
+    witness = judgement_of(evidence, evidence.refit([quadratic, cubic]))
+    there, none = witness.each
+    assert (there.place, none.place) == (quadratic, cubic)
+    assert there.objections == ()
+    assert there.rms_with < 1.0 < there.rms_without
+    assert none.objections
+    assert witness.objections == none.objections
+
+
+def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_wrong():
+    """Noise at its very bound is no objection; a reading that is off by six bounds is one, where it fits by chance."""
+    place = EffectPlace("quadratic", "accelerometer-1")
+    record = bench_case(512, place, (2e-4,)).measured()
+    rng = np.random.default_rng(512)
+    here = bench_evidence(record, noise_bound=NOISE_BOUND)
+    exact = 9.80665 * (here.readings.reading.ravel() - here.refit([place]).left).reshape(-1, 3)
+    noise = 9.80665 * NOISE_BOUND * rng.choice([-1.0, 1.0], exact.shape)
+
+    def largest(force):
+        evidence = bench_evidence(replace(record, specific_force=force), noise_bound=NOISE_BOUND)
+        return Witness.of(next(evidence.trials(evidence.refit([place])))).largest
+
+    assert not largest(exact + noise).objects
+    off = exact + noise
+    off[7, 2] += 6.0 * 9.80665 * NOISE_BOUND
+    found = largest(off)
+    assert (found.objects, found.position, found.accelerometer) == (True, 8, 3)
 
 
 def test_too_few_positions_cannot_be_judged_and_that_is_said():
