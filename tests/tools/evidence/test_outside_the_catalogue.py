@@ -10,6 +10,7 @@ from strapdown_records import drawn_motion, seen_attitude, slow_noise, strapdown
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.motion.rest_noise import RestNoise, allan_square
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.reports.diagnosis import lines, page
 
@@ -139,3 +140,21 @@ def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
     found = diagnose(replace(record, attitude=seen_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
     assert np.abs(record.rate).max() > 15.0
     assert found.verdict in ("consistent", "insufficient")
+
+
+def test_means_of_flicker_noise_differ_over_a_record_as_the_allan_deviation_within_short_pieces_says():
+    rows, size, unknown = 2**14, 2**8, np.full(3, np.nan)
+    measured, predicted = [], []
+    for seed in range(12):
+        noise = slow_noise(np.random.default_rng(seed), rows, 1.0)
+        pieces = list(noise.reshape(-1, 2 * size, 3))
+        square, count = allan_square(pieces, size)
+        model = RestNoise(np.zeros(3), square, square, count, unknown, float(rows))
+        means = noise.reshape(-1, size, 3).mean(axis=1)
+        measured.append(means.var(axis=0))
+        predicted.append(model.rate_square(np.array([size]))[0])
+        # Means that differ by three times as much are called unsteady, these are not.
+        lengths = np.full(len(means), float(size))
+        assert not model.judged(means.var(axis=0, ddof=1), len(means) - 1, lengths).unsteady
+        assert model.judged(9.0 * means.var(axis=0, ddof=1), len(means) - 1, lengths).unsteady
+    assert np.mean(predicted) == pytest.approx(np.mean(measured), rel=0.2)
