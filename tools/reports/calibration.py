@@ -39,6 +39,7 @@ def page(result: Calibration, record: PositionRecord) -> Page:
         bench.bench_section(result, bench.calibrated_values(result)),
         residual_section(result, record.position),
         target_section(result),
+        beside_section(result),
         bench.proof_section(result, record.position),
         bench.next_section(result.linearised, result.next_positions),
         levelling_section(result),
@@ -183,13 +184,26 @@ def calibration_section(
 def target_section(result: Calibration) -> Section:
     """The targets on a page of their own."""
     said = [sentence(line) for line in estimator_lines(result)]
-    if result.verdict == "falsified":
-        said.append("No error is guaranteed either. `trihedron diagnose` says what the model lacks.")
     if result.missing:
         said.append(
             "Where there is no number the readings determine none: measure more, or say what is known by `--prior`."
         )
+    if result.verdict == "falsified":
+        said += [sentence(line) for line in beside_words(result)]
+        said.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
+        return Section("Targets", said, table=beside_table(result))
     return Section("Targets", said, table=target_table(result))
+
+
+def beside_section(result: Calibration) -> Section | None:
+    """The other estimates beside the one that is stated; those of a falsified model stand in their place."""
+    if result.verdict == "falsified" or not stands_beside(result):
+        return None
+    return Section(
+        "Beside the estimates",
+        [sentence(line) for line in beside_words(result)],
+        table=beside_table(result),
+    )
 
 
 ESTIMATORS = {
@@ -207,15 +221,18 @@ BESIDE = (
 
 
 def estimator_lines(result: Calibration) -> list[str]:
-    """What the estimates are, or why there are none; what stands beside them, and why it may be outside an interval."""
-    said = []
-    if result.estimator is not None:
-        said.append(ESTIMATORS[result.estimator])
+    """What the estimates are, or why there are none."""
+    said = [] if result.estimator is None else [ESTIMATORS[result.estimator]]
     if result.no_estimate:
         said.append(f"no estimate{' of those' if result.estimator is not None else ''}: {result.no_estimate}")
-    if result.estimator == "a priori":
-        return said
-    said.append(BESIDE if result.estimator is not None else BESIDE.replace("beside them", "what stands in their place"))
+    return said
+
+
+def beside_words(result: Calibration) -> list[str]:
+    """What stands beside the estimates, and why it may be outside an interval."""
+    if not stands_beside(result):
+        return []
+    said = [BESIDE if result.estimator is not None else BESIDE.replace("beside them", "what stands in their place")]
     for title, key, why in (
         ("the a-priori estimate", "a_priori_estimate", "it is a promise made before the data, which now say more"),
         ("least squares", "least_squares", "it knows no bound of the readings' errors"),
@@ -226,6 +243,12 @@ def estimator_lines(result: Calibration) -> list[str]:
     return said
 
 
+def stands_beside(result: Calibration) -> list[Estimate]:
+    """The targets of which other estimates are known; a file of the first schema has no others."""
+    known = [e for e in result.parameters if e.a_priori_estimate is not None]
+    return known if result.estimator != "a priori" else []
+
+
 def few(symbols: Sequence[str]) -> str:
     """The symbols, or how many they are."""
     return ", ".join(symbols) if len(symbols) <= bench.MOST_NAMED else f"{len(symbols)} targets"
@@ -234,7 +257,6 @@ def few(symbols: Sequence[str]) -> str:
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
     """Each target with its interval, drawn in units of σ about its estimate; columns that say nothing are left out."""
     known, sigma = truth or {}, result.noise_bound
-    falsified = result.verdict == "falsified"
 
     def over(value: float | None, estimate: float | None) -> float | None:
         return None if value is None or estimate is None else (value - estimate) / sigma
@@ -251,18 +273,29 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     )
     rows: list[list[Cell]] = []
     for e, bar in zip(result.parameters, drawn, strict=True):
-        estimate, low, high, a_priori, squares = numbers_of(e)
-        # Of a model that the readings contradict nothing is guaranteed.
-        guaranteed = NONE if falsified else upwards(e.guaranteed_error)
+        estimate, low, high, *_ = numbers_of(e)
         row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, upwards(e.error_bound)]
-        row += [bar, low, high, a_priori, guaranteed, squares, digits(e.standard_error, 2)]
-        rows.append([*row, unit_text(e.unit), to_bound(known.get(e.symbol), e.error_bound)])
-    header = ["target", "meaning", "estimate", "to within", "interval", "low", "high", "a priori", "guaranteed error"]
-    header += ["least squares", "standard error", "unit", "truth"]
+        rows.append([*row, bar, low, high, unit_text(e.unit), to_bound(known.get(e.symbol), e.error_bound)])
+    header = ["target", "meaning", "estimate", "to within", "interval", "low", "high", "unit", "truth"]
     marks = "band: a-priori estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
     marks += "; bar: truth" if known else ""
     drawn_from = f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. {sentence(marks)}"
-    return Table(header, rows, "" if falsified or reach == 0.0 else drawn_from).told()
+    return Table(header, rows, "" if reach == 0.0 else drawn_from).told()
+
+
+def beside_table(result: Calibration) -> Table:
+    """Each target's estimates by the a-priori weights and by least squares; columns that say nothing are left out."""
+    rows: list[list[Cell]] = []
+    for e in result.parameters:
+        estimate, _, _, a_priori, squares = numbers_of(e)
+        # Of a model that the readings contradict nothing is guaranteed.
+        guaranteed = NONE if result.verdict == "falsified" else upwards(e.guaranteed_error)
+        row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, a_priori, guaranteed]
+        beside = (("a priori", e.a_priori_estimate), ("least squares", e.least_squares))
+        outside = " and ".join(name for name, value in beside if not e.possible(value))
+        rows.append([*row, squares, digits(e.standard_error, 2), unit_text(e.unit), outside or None])
+    header = ["target", "meaning", "estimate", "a priori", "guaranteed error", "least squares", "standard error"]
+    return Table([*header, "unit", "outside the interval"], rows).told()
 
 
 def numbers_of(e: Estimate) -> tuple[Number, Number, Number, Number, Number]:
@@ -284,8 +317,9 @@ def lines(result: Calibration) -> list[str]:
         f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
         f"({result.noise_bound_basis}), radius {residual(result.radius)}",
         *estimator_lines(result),
+        *beside_words(result),
         *([] if result.verdict == "falsified" else target_lines(result)),
-        *([] if result.estimator == "a priori" else beside_lines(result)),
+        *beside_lines(result),
     ]
     said += [*levelling_lines(result), *bench.proof_lines(result), *bench.missing_lines(result)]
     said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
@@ -306,7 +340,7 @@ def target_lines(result: Calibration) -> list[str]:
 
 def beside_lines(result: Calibration) -> list[str]:
     """Each target's estimates by the a-priori weights and by least squares; beside the central one, where there is."""
-    known = [e for e in result.parameters if e.a_priori_estimate is not None]
+    known = stands_beside(result)
     falsified = result.verdict == "falsified"
     first = f"{'name':<34}" if falsified else f"{'estimate':>13}"
     others = f"{'a priori':>14} {'guaranteed':>11} {'least squares':>14} {'standard error':>15}"

@@ -242,7 +242,7 @@ def test_readings_written_too_coarsely_for_the_noise_bound_are_said_to_be():
     result = calibrate(record(force / 9.80665, ALPHA, BETA, resolution=0.005), noise_bound=SIGMA)
     assert result.verdict == "consistent"
     assert result.radius > 1.0
-    assert "half a last digit is 0.00051 g" in result.warnings[-1]
+    assert "half a last digit is 5.1e-4 g" in result.warnings[-1]
 
 
 def positions_with_inputs_at_zero(bench, rng) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,7 @@
 """What a calibration states is possible: one point, within every interval, near the truth; what stands beside it."""
 
 import json
+from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from trihedron.tools.calibration import Calibration, apply_calibration, calibrat
 from trihedron.tools.calibration.correction import correction_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
-from trihedron.tools.reports.calibration import ESTIMATORS, lines
+from trihedron.tools.reports.calibration import ESTIMATORS, lines, page
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)
@@ -209,3 +210,34 @@ def test_an_estimate_that_was_edited_out_of_its_interval_is_refused():
     entry["estimate"] = entry["high"] + 0.01 * (entry["high"] - entry["low"])
     with pytest.raises(ValueError, match="X4: its estimate, low and high exclude one another; was it edited"):
         calibrated_block(content)
+
+
+def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exclude():
+    _, measured = random_record(3, 100)
+    result = calibrated(3, 100)[1]
+    shown = {section.title: section for section in page(result, measured).sections}
+    stated, beside = shown["Targets"].table, shown["Beside the estimates"].table
+    assert stated is not None
+    assert beside is not None
+    assert stated.header == ["target", "meaning", "estimate", "to within", "interval", "low", "high", "unit"]
+    for e, row, other in zip(result.parameters, stated.rows, beside.rows, strict=True):
+        told, more = (dict(zip(t.header, r, strict=True)) for t, r in ((stated, row), (beside, other)))
+        assert told["estimate"] == more["estimate"]
+        assert Decimal(str(told["low"])) <= Decimal(str(told["estimate"])) <= Decimal(str(told["high"]))
+        assert float(str(told["to within"])) >= (e.error_bound or np.inf)
+        assert float(str(more["guaranteed error"])) >= (e.guaranteed_error or np.inf)
+        wrong = [name for name in ("a priori", "least squares") if name in (more["outside the interval"] or "")]
+        values = (e.a_priori_estimate, e.least_squares)
+        assert wrong == [
+            name for name, x in zip(("a priori", "least squares"), values, strict=True) if not e.possible(x)
+        ]
+    truth, bad = random_record(3, 100)
+    assert len(truth) == 18
+    bad.specific_force[5, 0] += 1e-2
+    falsified = calibrate(bad, noise_bound=SIGMA)
+    assert falsified.verdict == "falsified"
+    shown = {section.title: section for section in page(falsified, bad).sections}
+    table = shown["Targets"].table
+    assert table is not None
+    assert table.header == ["target", "meaning", "a priori", "least squares", "standard error", "unit"]
+    assert "No estimate: no parameters of the model keep every reading" in shown["Targets"].paragraphs[0]
