@@ -112,10 +112,14 @@ class Cause(NamedEffect):
 
     @property
     def acts(self) -> bool:
-        """Whether the effect cannot be nothing: some parameter, phases aside, is not zero, and cannot be."""
+        """Whether the effect cannot be nothing: some parameter, phases aside, is not zero, and cannot be.
+
+        Of a gyro's vector or matrix no component need be so: the smallest set shows that not all of them are zero.
+        """
         sizes = [parameter for parameter in self.parameters if not parameter.name.endswith("phase")]
         ends = [ends for p, ends in zip(self.parameters, self.intervals, strict=True) if p in sizes]
-        return any(not low <= 0.0 <= high for low, high in ends)
+        several = self.place.definition.in_motion and len(ends) > 1
+        return several or any(not low <= 0.0 <= high for low, high in ends)
 
     @property
     def sentence(self) -> str:
