@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,13 @@ import pytest
 
 from page_text import clean
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well
-from strapdown_records import strapdown_record
+from strapdown_records import drawn_motion, strapdown_record
 from trihedron.tools import library
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.reports import document_of
+from trihedron.tools.reports.calibration import levelled
 from trihedron.tools.result import Result
-from trihedron.tools.rounding import digits, exactly, interval, upwards
+from trihedron.tools.rounding import Stated, digits, exactly, interval, upwards
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 TOOLS = Path(library.__file__).parent
@@ -121,6 +122,62 @@ def test_lines_show_no_bound_better_than_it_is(kind):
     assert lines
     assert watched.seen
     assert shown_too_well(result.to_json(), watched) == []
+
+
+def figures(pattern: str, lines: Iterable[str]) -> list[float]:
+    """The numbers that a pattern finds in lines."""
+    (found,) = [match for line in lines if (match := re.search(pattern, line))]
+    return [float(text) for text in found.groups()]
+
+
+def test_a_small_attitude_error_has_its_digits_and_its_unit():
+    """3.9e-7 rad is 2.2e-5 degrees, not 0.000."""
+    small = {"rms": 3.9e-7, "maximum": 1.2345e-6, "final": 5e-8, "drift": -2e-10, "bridged_bound": 7.77e-7}
+    *motion, attitude = drawn_motion(np.random.default_rng(3), moves=2)
+    run = library.attitude_of_record(strapdown_record(motion, attitude=attitude)).model_copy(update=small)
+    lines = document_of(run).lines
+    shown = figures(r"(\S+) deg rms, (\S+) deg at most, (\S+) deg at the end, drift (\S+) deg/min", lines)
+    true = np.degrees([small["rms"], small["maximum"], small["final"], 60.0 * small["drift"]])
+    assert shown == pytest.approx(true, rel=5e-3)
+    assert shown[1] >= true[1]
+    (bridged,) = figures(r"by at most (\S+) deg", lines)
+    assert np.degrees(small["bridged_bound"]) <= bridged <= 1.01 * np.degrees(small["bridged_bound"])
+    assert not re.search(r"(?<![0-9.])0\.0+ ", " ".join(lines))
+
+
+def test_levelling_is_told_in_arcseconds_rounded_up():
+    result = calibrate(clean(), noise_bound=NOISE_BOUND)
+    found = levelled(result)
+    assert found is not None
+    shown = figures(r"wrong by up to (\S+) arcsec, corrected by at most (\S+) \(", document_of(result).lines)
+    for text, true in zip(shown, np.degrees(found[2].worst) * 3600.0, strict=True):
+        assert true <= text <= 1.01 * true + 1.0
+
+
+def test_bounds_of_means_at_rest_are_told_in_their_units_rounded_up():
+    found = library.inspect(strapdown_record())
+    assert found.rests.force_bound is not None
+    assert found.rests.rate_bound is not None
+    shown = figures(r"3 Allan deviations: (\S+) g, (\S+) deg/s", document_of(found).lines)
+    force = np.median(found.rests.force_bound, axis=0).max() / found.gravity
+    rate = np.degrees(np.median(found.rests.rate_bound, axis=0).max())
+    for text, true in zip(shown, (force, rate), strict=True):
+        assert true <= text <= 1.1 * true
+
+
+@pytest.mark.parametrize(
+    ("stated", "form", "shown"),
+    [
+        (Stated(1.23456e-3, 1.23450e-3, 1.23461e-3), "+.2e", "+1.2346e-03"),
+        (1e3 * Stated(1.23456e-3, 1.23450e-3, 1.23461e-3), ".1f", "1.2346"),
+        (-Stated(1.23456e-3, 1.23450e-3, 1.23461e-3), ".3g", "-0.0012346"),
+        (Stated(2e-3, 1e-3, 3e-3), ".2e", "2.00e-03"),
+        (Stated(5.0, 1.0, 2.0), ".2e", "5.00e+00"),
+        (Stated(0.1, 0.1, 0.1), ".2g", "0.1"),
+    ],
+)
+def test_what_a_sentence_states_is_not_seen_outside_its_interval(stated: Stated, form: str, shown: str):
+    assert format(stated, form) == shown
 
 
 @pytest.mark.parametrize(
