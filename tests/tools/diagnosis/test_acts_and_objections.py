@@ -1,0 +1,53 @@
+"""A cause acts, and each kind of witness can object by itself."""
+
+import numpy as np
+import pytest
+
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis.result import Cause, Witness
+from trihedron.tools.evidence.evidence import Trial, Worst
+
+HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
+BASE = EffectPlace("base-drift", "base")
+HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
+
+
+@pytest.mark.parametrize(
+    ("place", "ends", "acts"),
+    [
+        (HYSTERESIS, [(0.0, 9e-5)], False),
+        (HYSTERESIS, [(1e-9, 9e-5)], True),
+        (HYSTERESIS, [(-np.inf, np.inf)], False),
+        (BASE, [(-2e-5, 1e-5), (-1e-5, 0.0)], False),
+        (BASE, [(-2e-5, 1e-5), (-1e-5, -1e-9)], True),
+        # The phase of an amplitude that may be zero says nothing.
+        (HARMONIC, [(0.0, 1e-5), (0.5, 1.0)], False),
+        (HARMONIC, [(1e-7, 1e-5), (-1.0, 1.0)], True),
+    ],
+)
+def test_an_effect_acts_where_zero_is_outside_the_interval_of_some_size(place, ends, acts):
+    values = [min(max(5e-6, low), high) for low, high in ends]
+    assert Cause.found(place, (), values, ends).acts is acts
+
+
+GOOD, BAD = (np.full(8, 2.0), np.full(8, 0.5)), (np.full(8, 2.0), np.full(8, 2.5))
+SHUFFLED = tuple(np.full(8, 1.5) for _ in range(60))
+AS_GOOD = (*SHUFFLED[:-4], *(np.full(8, 0.4),) * 4)
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"folds": GOOD, "blocks": GOOD, "shuffled": SHUFFLED, "worst": Worst(3, 1, 1.9, 2.0)}, None),
+        ({"folds": GOOD, "blocks": GOOD, "shuffled": AS_GOOD[1:4] + AS_GOOD[-3:] + SHUFFLED[6:]}, None),
+        ({"folds": BAD, "blocks": GOOD, "shuffled": ()}, "positions that were left out"),
+        ({"folds": GOOD, "blocks": BAD, "shuffled": SHUFFLED}, "in time"),
+        ({"folds": GOOD, "blocks": GOOD, "shuffled": AS_GOOD}, "4 of 60 shuffles"),
+        ({"folds": GOOD, "blocks": None, "shuffled": (), "worst": Worst(3, 1, 2.1, 2.0)}, "position/accelerometer 3/1"),
+        ({"folds": None, "blocks": None, "shuffled": ()}, None),
+    ],
+)
+def test_each_kind_of_witness_objects_by_itself(told, said):
+    objections = Witness.of(Trial((HYSTERESIS,), jointly=True, **told)).objections
+    assert len(objections) == (said is not None)
+    assert said is None or (said in objections[0] and HYSTERESIS.title in objections[0])
