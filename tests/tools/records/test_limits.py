@@ -144,6 +144,19 @@ def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):
     assert missed <= (5 if kind in ("coarse", "steps") else 0)
 
 
+@pytest.mark.parametrize(("rows", "is_limit"), [(1, False), (2, False), (4, True), (5, True)])
+def test_a_few_rows_in_a_row_are_a_limit_where_noise_does_not_repeat(rows, is_limit):
+    """A shock that is clipped once; two equal rows may be chance."""
+    for seed in range(6):
+        record = smooth_motion(200 + seed, "noisy").record()
+        rate = np.array(record.rate)
+        rate[1200 : 1200 + rows, 1] = -1.2 * np.abs(rate[:, 1]).max()
+        found = limits_of(StrapdownRecord(record.time_s, rate, None, record.specific_force))
+        assert {name: np.flatnonzero(mask).tolist() for name, mask in found.rows.items()} == (
+            {"w2": list(range(1200, 1200 + rows))} if is_limit else {}
+        )
+
+
 @pytest.mark.parametrize("jitter", [0.0, 2e-4])
 def test_increments_are_judged_as_they_were_measured(jitter):
     """Over logged times that jitter equal increments make rates that differ."""
