@@ -6,7 +6,7 @@ ones. What is refused is refused by a ValueError that does not name the file: wh
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from math import isfinite
+from math import isfinite, isnan, nan
 from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..models.bench import SYMMETRIC_PAIRS, checked_rotation
+from ..models.bench import SYMMETRIC_PAIRS, TARGETS, checked_rotation
 from .component import Component
 from .units import UNITS, Unit, base_unit, number
 
@@ -102,6 +102,37 @@ def calibrated_block(calibration: Any) -> Parameters:
     content = _consistent(calibration)
     with _complete():
         return _block(target_estimates(content), _gravity(content))
+
+
+def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
+    """Least and largest possible values of the block's scalars, as `gamma_21` or `bias[1]`, that a calibration tells.
+
+    Raises
+    ------
+    ValueError
+        for what is no consistent calibration
+    """
+    content = _consistent(calibration)
+
+    def side(end: str) -> dict[str, float]:
+        entries = [{"symbol": entry["symbol"], "estimate": entry[end]} for entry in content["parameters"]]
+        return elements_of(_block(target_estimates({**content, "parameters": entries}), 0.0))
+
+    with _complete():
+        low, high = side("low"), side("high")
+    told = elements_of(_block(dict.fromkeys(TARGETS, nan), 0.0))
+    return {name: (low[name], high[name]) for name, value in told.items() if isnan(value)}
+
+
+def elements_of(values: Parameters) -> dict[str, float]:
+    """Values of scalars by their names, `gamma_21` or `bias[1]`."""
+    found: dict[str, float] = {}
+    for name, value in values.items():
+        scalars = (
+            {name: value} if isinstance(value, int | float) else {f"{name}[{i}]": v for i, v in enumerate(value, 1)}
+        )
+        found |= scalars
+    return found
 
 
 def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:

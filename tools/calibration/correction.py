@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus import components
-from ...fmus.parameters import calibrated_block, checked_number, parameter_set
+from ...fmus.parameters import calibrated_block, calibrated_intervals, checked_number, parameter_set
 from ..errors import InputError, unreadable
 from ..files import whole_file
 from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
@@ -296,12 +296,12 @@ def apply_calibration(calibration: str | Path | Calibration, record: Path, *, no
 
 
 def write_parameter_set(result: Calibration, path: Path) -> None:
-    """Write the calibrated block as an .ssv file; both components have all of its parameters.
+    """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
 
     An InputError when the calibration is not consistent, or a value is beyond what the components take.
     """
     try:
-        block = calibrated_block(result.to_json())
+        block, intervals = calibrated_block(result.to_json()), calibrated_intervals(result.to_json())
     except ValueError as error:
         raise InputError(f"--ssv {path}: {error}") from error
     component = components()["AccelerometerBlock"]
@@ -318,4 +318,4 @@ def write_parameter_set(result: Calibration, path: Path) -> None:
         about = f"{result.provenance.record} (SHA-256 {result.provenance.sha256 or 'none'})"
     text = f"Calibration of {about}, noise bound {exactly(result.noise_bound)} g, case (A1)"
     with whole_file(path) as beside:
-        beside.write_bytes(parameter_set(component, block, text))
+        beside.write_bytes(parameter_set(component, block, text, intervals))

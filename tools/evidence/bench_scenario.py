@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...fmus.parameters import Parameters, component_parameters
+from ...fmus.parameters import Parameters, component_parameters, elements_of
 from ...models.bench import TARGETS
 from ..orchestrator.scenario import Scenario
 from .bench_model import Circumstances, Readings
-from .extension import Extension, Sized, Start, elements_of
+from .extension import Extension, Sized, Start
 from .fit import Fit
 
 FAST = 1e6

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...fmus.parameters import Parameters
+from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..motion.attitude import starting_attitude
 from ..motion.carry import GyroModel, Motion, carried_attitude, carried_scenario, reads
@@ -25,7 +25,7 @@ from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
 from ..rounding import digits, downwards, residual, upwards
 from .evidence import Channel, Evidence, ReadOff, Trial, estimated, rms_size
-from .extension import Extension, Sized, Start, elements_of
+from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Fit, Gain, coefficient_count, extended_fmus, gain_of
 from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
 

@@ -69,14 +69,3 @@ class Extension:
         for name, scenario in self.scenarios.items():
             files += write_scenario(scenario, folder / f"{name}.toml")
         return files
-
-
-def elements_of(values: Parameters) -> dict[str, float]:
-    """Values of scalars by their names, `gamma_21` or `bias[1]`."""
-    found: dict[str, float] = {}
-    for name, value in values.items():
-        scalars = (
-            {name: value} if isinstance(value, int | float) else {f"{name}[{i}]": v for i, v in enumerate(value, 1)}
-        )
-        found |= scalars
-    return found

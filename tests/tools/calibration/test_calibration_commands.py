@@ -10,6 +10,7 @@ import pytest
 from fmpy.ssp.ssd import read_ssv
 
 from page_text import html_of
+from parameter_intervals import intervals_in
 from simulated_bench import random_bench, simulated
 from table_runs import ARCSEC, PROGRAMME, Bench
 from trihedron.tools import cli
@@ -51,6 +52,13 @@ def test_a_calibration_is_written_applied_and_leaves_a_block_without_errors(fold
     assert content["provenance"]["record"] == "p.csv"
     assert re.fullmatch("[0-9a-f]{64}", content["provenance"]["record_sha256"])
     parameters = {p.name: float(p.value) for p in read_ssv("c.ssv").parameters}
+    of_targets = {p["symbol"]: (p["low"], p["high"]) for p in json.loads(Path("c.json").read_text())["parameters"]}
+    ends = intervals_in(Path("c.ssv"))
+    assert ends["bias[2]"] == of_targets["X17"]
+    assert ends["gamma_31"] == of_targets["X7+X12"]
+    assert ends["scale_error_minus[3]"] == of_targets["X15"]
+    assert all(ends[name][0] <= parameters[name] <= ends[name][1] for name in ends)
+    assert len(ends) == 12
     estimates = {entry["symbol"]: entry["estimate"] for entry in content["parameters"]}
     assert parameters["scale_error_minus[2]"] == estimates["X10"]
     assert parameters["gamma_31"] == estimates["X7+X12"]

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from fmpy.ssp.ssd import read_ssv
 
 from bench_cases import bench_case
+from parameter_intervals import intervals_in
 from simulated_bench import ALPHA, BETA, random_bench
 from simulated_bench import record as position_record
 from strapdown_records import strapdown_record
@@ -199,15 +199,6 @@ def test_nothing_is_written_where_nothing_is_explained_and_a_value_beyond_a_comp
     with pytest.raises(InputError, match=r"--export .*kappa = 0\.\d+ is beyond what TurntableMotion takes"):
         export_extended(result.model_copy(update={"findings": (far,)}), tmp_path / "far")
     assert not (tmp_path / "far").exists()
-
-
-def intervals_in(path: Path) -> dict[str, tuple[float, float]]:
-    """Ends of each parameter of an .ssv that has an interval."""
-    ends = {}
-    for parameter in ElementTree.parse(path).getroot().findall(".//{*}Parameter"):
-        for interval in parameter.iter("interval"):
-            ends[parameter.get("name")] = (float(interval.get("low", "-inf")), float(interval.get("high", "inf")))
-    return ends
 
 
 def with_fmpy(path: Path, times: np.ndarray, inputs: dict, output: str, values: dict) -> np.ndarray:
