@@ -248,7 +248,7 @@ def calibrate(
     targets: Sequence[str] = (),
     priors: Sequence[str] = (),
 ) -> "calibrations.Calibration":
-    """Solve the guaranteed linear programme: estimates, guaranteed errors, exact intervals, verdict.
+    """Calibrate the bench: one possible set of values with its error bounds, exact intervals, verdict.
 
     Parameters
     ----------
