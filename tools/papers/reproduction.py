@@ -23,7 +23,7 @@ from ..planning.forms import clearance, sheets, value
 from ..planning.plan import plan_targets
 from ..progress import progress_bar
 from ..result import Result
-from ..rounding import digits, exactly, upwards
+from ..rounding import digits, to_bound, upwards
 from .attitude import (
     ANGLES,
     CAUSES,
@@ -344,7 +344,9 @@ def check_published_calibration() -> PublishedCalibration:
         defect, negated = float(np.abs(sums - a).max()), float(np.abs(sums + a).max())
         remarks = []
         if abs(printed - total) > PRINTED_ROUNDING:
-            remarks.append(f"the accuracy is printed as {exactly(printed)}; its own weights give {digits(total, 5)}")
+            remarks.append(
+                f"the accuracy is printed as {to_bound(printed, 0.1)}; its own weights give {digits(total, 5)}"
+            )
         if defect > UNBIASED:
             remarks.append(
                 f"the weights estimate -{target}, as the paper's list of targets says, not {target}"

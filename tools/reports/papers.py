@@ -18,8 +18,11 @@ from ..papers.reproduction import (
     Reproduction,
     WordLength,
 )
-from ..rounding import digits, downwards, exactly, upwards
+from ..rounding import digits, downwards, exactly, to_bound, upwards
 from .pictures.suites import published_and_reproduced
+
+AS_PRINTED = 0.1
+"""The paper has two decimals, as of an accuracy that is known to so much."""
 
 
 def published_lines(found: PublishedCalibration) -> list[str]:
@@ -34,7 +37,7 @@ def published_lines(found: PublishedCalibration) -> list[str]:
     for row in rows:
         defect = min(row.defect, row.defect_negated)
         lines.append(
-            f"{row.target:<9} {row.readings:>8} {exactly(row.printed):>8} {upwards(row.total, 7):>9} "
+            f"{row.target:<9} {row.readings:>8} {to_bound(row.printed, AS_PRINTED):>8} {upwards(row.total, 7):>9} "
             f"{upwards(defect, 1):>8} | {upwards(row.best_tables, 11):>13} {upwards(row.gap, 1):>7} | "
             f"{upwards(row.best_paper, 11):>13}"
         )
