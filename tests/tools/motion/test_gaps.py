@@ -73,6 +73,16 @@ def test_the_bound_holds_and_is_not_far_from_what_happens(kind):
     assert np.median(part) > 0.1
 
 
+@pytest.mark.parametrize("lost", [1, 2, 3, 5, 10])
+def test_a_slow_turn_errs_by_half_of_the_bound(lost):
+    """Where motion bends as much in the gap as around it, all that the bound has to spare is its factor of two."""
+    time = PERIOD * np.arange(COUNT)
+    rate = np.outer(np.cos(2.0 * np.pi * 0.1 * (time - 1.5)), [0.0, 1.0, 0.0])
+    record = StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, 9.8], (COUNT, 1)))
+    bridged, (bridge,) = without_gaps(with_lost(record, (150 - lost // 2, lost)), lost)
+    assert angle_between(carried(bridged), carried(record))[0] / bridge.bound == pytest.approx(0.5, rel=0.02)
+
+
 def test_bounds_of_several_gaps_add_up_from_their_times_on(tmp_path):
     record, _ = drawn(3, "rates")
     hurt = with_lost(record, (60, 1), (180, 2))
