@@ -91,9 +91,10 @@ class Stand:
         share = rng.uniform(0.1, 1.0)
         u, v = 3e-3 * share, 1e-2 * share
         gamma = np.tril(rng.uniform(-v, v, (3, 3)), -1) / 2.0
-        scalars = rng.uniform(-1.0, 1.0, 6) * np.array([u, u, u / 2, u / 2, v / 4, v / 4])
-        scale = rng.uniform(-v, v, (2, 3)) / 2.0
-        return Stand(*scalars.tolist(), rng.uniform(-v, v, 3) / 3.0, gamma, *scale, rng.uniform(-v, v, 3))
+        kappa, epsilon, alpha, star, beta, g = rng.uniform(-1.0, 1.0, 6) * np.array([u, u, u / 2, u / 2, v / 4, v / 4])
+        plus, minus = rng.uniform(-v, v, (2, 3)) / 2.0
+        theta, bias = rng.uniform(-v, v, 3) / 3.0, rng.uniform(-v, v, 3)
+        return Stand(kappa, epsilon, alpha, star, beta, g, theta, gamma, plus, minus, bias)
 
     def inputs(self, alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
         """Specific force (N, 3) over the model's g at true readings of the encoders [rad]."""

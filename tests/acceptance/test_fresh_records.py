@@ -50,7 +50,8 @@ class Said:
 
 def judged(fresh: Fresh, seed: int) -> Said:
     """A record's diagnosis, and of one of positions its calibration, held against themselves and the truth."""
-    record, options = read_record(fresh.path), {}
+    record = read_record(fresh.path)
+    options: dict[str, Any] = {}
     positions = isinstance(record, PositionRecord)
     if positions:
         options = {"noise_bound": SIGMA}

@@ -398,7 +398,7 @@ class Carried(CarriedRecord):
         }
         found: dict[str, Parameters] = {"GyroBlock": gyros, "GyroCompensation": gyros, "AttitudeComputer": {}}
         if len(x):
-            gamma = dict(zip(NAMES, x.tolist(), strict=True))
+            gamma: dict[str, float] = dict(zip(NAMES, x.tolist(), strict=True))
             diagonal = [gamma[f"gamma_{p}{p}"] for p in (1, 2, 3)]
             block: Parameters = {
                 "gravity": self.found.gravity,

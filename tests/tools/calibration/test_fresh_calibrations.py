@@ -17,5 +17,8 @@ def test_every_interval_holds_the_truth_and_what_is_stated(seed, tmp_path):
     # What is written down with nine decimals, and the programmes' tolerance.
     room = 1e-9
     for entry in result.parameters:
+        assert entry.low is not None
+        assert entry.high is not None
+        assert entry.estimate is not None
         assert entry.low - room <= fresh.targets[entry.symbol] <= entry.high + room
         assert entry.low <= entry.estimate <= entry.high

@@ -23,8 +23,9 @@ from trihedron.tools.diagnosis.result import Diagnosis, Finding
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_predictions import undecided
+from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.references import turned
+from trihedron.tools.evidence.references import Gravity, turned
 from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.trials.bench import NOISE_BOUND
@@ -145,13 +146,13 @@ def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
         wanted["AccelerometerBlock"] |= {f"scale_error_{sign}[{i}]": targets[x] for i, x in enumerate(symbols, 1)}
     wanted["AccelerometerBlock"] |= {f"bias[{i}]": targets[f"X{15 + i}"] for i in (1, 2, 3)}
     for component, entries in wanted.items():
-        starts = {v.name: v.start for v in fmpy.read_model_description(tmp_path / f"{component}.fmu").modelVariables}
+        starts = starts_of(tmp_path / f"{component}.fmu")
         path = tmp_path / f"{component}.ssv"
         set_values = {p.name: float(p.value) for p in read_ssv(str(path)).parameters}
         ends = intervals_in(path)
         for name, entry in entries.items():
             assert entry["after"] != 0.0
-            assert float(starts[name]) == set_values[name] == entry["after"]
+            assert starts[name] == set_values[name] == entry["after"]
             assert entry["low"] <= entry["after"] <= entry["high"]
             assert ends[name] == (entry["low"], entry["high"])
         assert set(ends) <= set(set_values)
@@ -163,6 +164,8 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
     matrix = 2e-3 * np.array([[1.0, 0.2, -0.5], [0.3, -2.0, 0.4], [0.0, 0.3, 1.5]])
     record = strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3]), sensitivity=matrix)
     evidence = carried_evidence(record)
+    assert isinstance(evidence, Carried)
+    assert isinstance(evidence.reference, Gravity)
     result = found(evidence, place)
     runs = {}
     for flavour in ("native", "python"):
@@ -178,14 +181,13 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
     for number, moves in enumerate(evidence.reference.scored):
         error = evidence.reference.errors(number, turned(moves, attitude), up, up)
         assert np.abs(error / evidence.parts[evidence.scored[number]].bound).max() <= 1.0
-    compensation = fmpy.read_model_description(tmp_path / "native" / "GyroCompensation.fmu")
-    starts = {v.name: v.start for v in compensation.modelVariables}
+    starts = starts_of(tmp_path / "native" / "GyroCompensation.fmu")
     stated = {p["name"]: p["estimate"] for p in result.to_json()["baseline"]["parameters"]}
-    assert [float(starts[f"bias[{i}]"]) for i in (1, 2, 3)] == [stated[f"gyro bias_{i}"] for i in (1, 2, 3)]
+    assert [starts[f"bias[{i}]"] for i in (1, 2, 3)] == [stated[f"gyro bias_{i}"] for i in (1, 2, 3)]
     ends = intervals_in(tmp_path / "native" / "GyroCompensation.ssv")
     for parameter in result.causes[0].parameters:
         name = parameter_name(place, parameter.name)
-        assert float(starts[name]) == parameter.estimate
+        assert starts[name] == parameter.estimate
         assert ends[name] == (parameter.low, parameter.high)
 
 
@@ -199,6 +201,12 @@ def test_nothing_is_written_where_nothing_is_explained_and_a_value_beyond_a_comp
     with pytest.raises(InputError, match=r"--export .*kappa = 0\.\d+ is beyond what TurntableMotion takes"):
         export_extended(result.model_copy(update={"findings": (far,)}), tmp_path / "far")
     assert not (tmp_path / "far").exists()
+
+
+def starts_of(path: Path) -> dict[str, float]:
+    """Start values of an FMU's parameters, by name."""
+    variables = fmpy.read_model_description(path).modelVariables
+    return {str(v.name): float(v.start or "nan") for v in variables if v.causality == "parameter" and v.type == "Real"}
 
 
 def with_fmpy(path: Path, times: np.ndarray, inputs: dict, output: str, values: dict) -> np.ndarray:

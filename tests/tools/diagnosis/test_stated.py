@@ -1,5 +1,7 @@
 """What a diagnosis states is possible: sizes and targets together, within all bounds, each in its interval."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
 PRODUCT = EffectPlace("cross-product", "accelerometer-1", axes=(1, 3))
 
 
-def exact_misfit(result) -> float:
+def exact_misfit(result: Any) -> float:
     """Largest misfit over its bound of the exact model with what the result states."""
     finding = result.findings[0]
     evidence = result.evidence
@@ -28,6 +30,7 @@ def exact_misfit(result) -> float:
             values = np.stack((size * np.cos(phase), size * np.sin(phase)), axis=1).ravel()
         coefficients.append(values)
     model = Cast(finding.places).model(evidence.readings, point, np.concatenate(coefficients))
+    assert model is not None
     return float(np.abs((evidence.readings.reading.ravel() - model.reading) / model.bound).max())
 
 
@@ -44,7 +47,7 @@ def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
     errors = rng.choice([-1.0, 1.0], size=(len(record), 3)) if at_bound else rng.uniform(-1.0, 1.0, (len(record), 3))
     exact = (record.specific_force / 9.80665).ravel() - fit.residual
     record.specific_force[:] = 9.80665 * (exact.reshape(-1, 3) + NOISE_BOUND * errors)
-    result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+    result: Any = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
     assert result.verdict == "explained"
     assert exact_misfit(result) <= 1.0 + 1e-6
     for entry in (p for cause in result.causes for p in cause.parameters):
@@ -53,7 +56,7 @@ def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
 
 
 def test_a_strapdown_baseline_is_possible_as_it_is_stated():
-    result = diagnose(strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3])))
+    result: Any = diagnose(strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3])))
     assert result.verdict == "consistent"
     evidence = result.evidence
     step = np.array([p.estimate for p in result.baseline.parameters]) - evidence.point
