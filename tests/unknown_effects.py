@@ -11,7 +11,7 @@ from trihedron.models.effects import Rows
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.calibration.calibration import Asked, fit_record
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.evidence.bench_model import Visits, circumstances_of, signature_columns
+from trihedron.tools.evidence.bench_visits import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials.bench import NOISE_BOUND, classes_with
 from trihedron.tools.trials.draw import Case, Options, draw_case

@@ -20,7 +20,7 @@ from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, Effect, Effect
 from trihedron.tools.bounded.centre import Bounded, analytic_centre
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.evidence.bench_model import Circumstances, Visits, acted_on, signature_columns
+from trihedron.tools.evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns
 from trihedron.tools.files import write_text
 from trihedron.tools.reports.evidence import residual_sections
 from trihedron.tools.reports.pictures import (

@@ -32,24 +32,19 @@ from .bench_model import (
     LARGEST_OF_BENCH,
     ROUNDS,
     Cast,
-    Circumstances,
     Readings,
     Relaxation,
     centre_of,
-    circumstances_of,
     fitted,
     growths_of,
-    is_linear,
     least_radius,
-    left_open,
     model_work,
-    signature_columns,
-    untold_readings,
     usual_misfit,
     with_possible_sizes,
 )
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
+from .bench_visits import Circumstances, circumstances_of, is_linear, left_open, signature_columns, untold_readings
 from .evidence import Channel, Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain

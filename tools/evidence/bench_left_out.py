@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from .bench_model import MAX_LEVERAGE, predicted_errors, readings_at
+from .bench_model import MAX_LEVERAGE, predicted_errors
+from .bench_visits import readings_at
 from .evidence import Errors, Trial, Worst
 from .fit import Fit
 

@@ -28,22 +28,9 @@ from ..calibration.model import (
     table_position,
 )
 from ..orchestrator import simulate
-from .bench_model import (
-    LARGEST_OF_BENCH,
-    MAX_LEVERAGE,
-    Cast,
-    Circumstances,
-    Readings,
-    Visits,
-    acted_on,
-    fitted,
-    is_linear,
-    leverages,
-    readings_at,
-    signature_columns,
-    untold_readings,
-)
+from .bench_model import LARGEST_OF_BENCH, MAX_LEVERAGE, Cast, Readings, fitted, leverages
 from .bench_scenario import COMPONENTS, READINGS, Visited, can_be_run
+from .bench_visits import Circumstances, Visits, acted_on, is_linear, readings_at, signature_columns, untold_readings
 from .fit import Fit, Gain, gain_of, with_effects
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0

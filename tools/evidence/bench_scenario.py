@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ...fmus.parameters import Parameters, component_parameters, elements_of
 from ...models.bench import TARGETS
 from ..orchestrator.scenario import Scenario
-from .bench_model import Circumstances, Readings
+from .bench_model import Readings
+from .bench_visits import Circumstances
 from .extension import Extension, Sized, Start
 from .fit import Fit
 

@@ -26,7 +26,7 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Positions
 from ..errors import InputError, nearest
-from ..evidence.bench_model import Circumstances, Visits, is_linear, signature_columns
+from ..evidence.bench_visits import Circumstances, Visits, is_linear, signature_columns
 from ..orchestrator.stimuli import read_table
 from ..records.columns import LIMITS
 from ..result import Result

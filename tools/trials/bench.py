@@ -18,8 +18,8 @@ from ...models.bench import ELEMENTARY, elementary, elementary_reading
 from ...models.effects import POSITION_EFFECTS
 from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
-from ..evidence.bench_model import Circumstances, circumstances_of
 from ..evidence.bench_predictions import dense_spaces
+from ..evidence.bench_visits import Circumstances, circumstances_of
 from ..evidence.fit import Classes, composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario

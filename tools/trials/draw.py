@@ -16,7 +16,7 @@ from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
 from ..diagnosis.result import NamedEffect
 from ..errors import InputError, nearest
-from ..evidence.bench_model import Circumstances, Visits, senses_of, signature_columns
+from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Classes, coefficient_count

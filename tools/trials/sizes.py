@@ -22,7 +22,7 @@ from ..bounded.programmes import chebyshev_radius, column_space, spread_directio
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
 from ..diagnosis.result import NamedEffect
-from ..evidence.bench_model import Circumstances, Visits, acted_on, signature_columns, untold_readings
+from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""

@@ -13,7 +13,7 @@ from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.bounded.programmes import chebyshev_radius, spread_directions
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.model import Linearisation
-from trihedron.tools.evidence.bench_model import Circumstances, Visits, circumstances_of, signature_columns
+from trihedron.tools.evidence.bench_visits import Circumstances, Visits, circumstances_of, signature_columns
 from trihedron.tools.trials.sizes import DIRECTIONS, level_change, level_margins, sure_sizes
 
 SIGMA = 1e-5

@@ -1,0 +1,260 @@
+"""Visits of a bench's positions: their circumstances, where the table stands there, what signatures see of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.effects import EffectPlace, Rows
+from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT
+from ..calibration.model import (
+    Linearisation,
+    Parametrisation,
+    Positions,
+    predicted_input,
+    predicted_reading,
+    reading_jacobian,
+)
+from ..records import PositionRecord
+from .fit import Fit
+
+INPUT_CHANGE = 1e-4
+"""Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
+MOVED = 1e-4
+"""An axis whose reading changes by less [rad] from row to row has not moved."""
+COMPLEX_STEP = 1e-30
+Sized = Sequence[tuple[EffectPlace, NDArray]]
+"""Effects, each with its linear coefficients."""
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """The circumstances of each of N rows: what effects may depend on beside the angles.
+
+    `hours` (N,) [h]: time since the first row of the record; `temperature` (N,) [degC] where it is known;
+    `sense_alpha`, `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none;
+    `approached`: whether the senses are the record's own, not concluded from the row before.
+
+    `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
+    where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
+    [K]; `began`: time of the record's first row [s].
+    """
+
+    hours: NDArray
+    temperature: NDArray | None
+    sense_alpha: NDArray
+    sense_beta: NDArray
+    approached: bool
+    before: NDArray | None = None
+    temperature_resolution: float = 0.0
+    began: float = 0.0
+
+    def selected(self, rows: NDArray) -> "Circumstances":
+        """The circumstances of some rows (n,) of int."""
+        arrays = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **arrays)
+
+
+def circumstances_of(record: PositionRecord) -> Circumstances:
+    """The circumstances of a record's rows; without approach columns a sense is that of the shorter turn before."""
+    began = float(record.time_s[0])
+    hours = (record.time_s - began) / 3600.0
+    before = np.full((len(hours), 2), np.nan)
+    before[1:] = np.stack((record.alpha, record.beta), axis=1)[:-1]
+    if record.mounting is not None:
+        before[1:][np.array(record.mounting[1:]) != np.array(record.mounting[:-1])] = np.nan
+    told = record.approach_alpha is not None and record.approach_beta is not None
+    if told:
+        senses = np.asarray(record.approach_alpha, float), np.asarray(record.approach_beta, float)
+    else:
+        senses = senses_of(record.alpha), senses_of(record.beta)
+    return Circumstances(hours, record.temperature, *senses, told, before, record.temperature_resolution, began)
+
+
+def senses_of(angle: NDArray) -> NDArray:
+    """Senses (N,) of the shorter turns that lead to each of successive angles (N,) [rad]; 0 before the first move."""
+    turns = np.remainder(np.diff(angle) + np.pi, 2.0 * np.pi) - np.pi
+    senses = np.zeros(len(angle))
+    for row, turn in enumerate(turns, start=1):
+        senses[row] = np.sign(turn) if abs(turn) > 1e-6 else senses[row - 1]
+    return senses
+
+
+def is_linear(place: EffectPlace) -> bool:
+    """Whether an effect is linear in its coefficients, so that its signature says it all."""
+    return place.definition.variants is None
+
+
+@dataclass(frozen=True)
+class Visits:
+    """N positions of the table, by the encoders, that were or might be measured, and the circumstances there.
+
+    `resolution` is half a last digit of the readings, as a fraction of g.
+    """
+
+    parametrisation: Parametrisation
+    at: Positions
+    circumstances: Circumstances
+    resolution: float = 0.0
+
+    @staticmethod
+    def of(here: Linearisation, circumstances: Circumstances, resolution: float = 0.0) -> "Visits":
+        """The positions of a linearised record."""
+        return Visits(here.parametrisation, here.positions, circumstances, resolution)
+
+    def __len__(self) -> int:
+        return len(self.at.alpha)
+
+    def selected(self, rows: NDArray) -> Self:
+        """Some of them (n,) of int."""
+        at = Positions(self.at.alpha[rows], self.at.beta[rows], self.at.mounting[rows])
+        return replace(self, at=at, circumstances=self.circumstances.selected(rows))
+
+    def rows(self, point: NDArray, at: Positions | None = None) -> Rows:
+        """What signatures see at a point (P,), or where the table really stands; derivatives exact to rounding."""
+        p, at, circumstances = self.parametrisation, self.at if at is None else at, self.circumstances
+        n = predicted_input(p, point, at)
+
+        turned = replace(at, beta=at.beta + 1j * COMPLEX_STEP)
+        slopes = reading_jacobian(p, point, at)
+        kappa, outer, epsilon = (slopes[..., p.symbols.index(symbol)] for symbol in ("X1", "X2", "X3"))
+        input_sense, sense_told = self._input_senses(point, at, n)
+        targets = (p.selection @ point)[at.mounting]
+        plus, minus = (targets[:, [TARGETS.index(pair[k]) for pair in SYMMETRIC_PAIRS]] for k in (0, 1))
+        vertical = point[p.symbols.index("X2")]
+        return Rows(
+            hours=circumstances.hours,
+            alpha=at.alpha - vertical,
+            beta=at.beta,
+            n=n,
+            by_alpha=-outer,
+            by_beta=np.imag(predicted_reading(p, point, turned)) / COMPLEX_STEP,
+            by_kappa=kappa,
+            by_epsilon=epsilon,
+            temperature=circumstances.temperature,
+            sense_alpha=circumstances.sense_alpha,
+            sense_beta=circumstances.sense_beta,
+            input_sense=input_sense,
+            sense_told=sense_told,
+            own=n + np.where(n >= 0.0, plus, minus) * n,
+            prediction=predicted_reading(p, point, at),
+            resolution=self.resolution,
+            temperature_resolution=circumstances.temperature_resolution,
+            from_vertical=float(vertical),
+        )
+
+    def rows_with(self, fit: Fit) -> Rows:
+        """What signatures see where the table really stands with the effects of a fit."""
+        return self.rows(fit.point, self.disturbed(fit.point, fit.sized))
+
+    def _input_senses(self, point: NDArray, at: Positions, n: NDArray) -> tuple[NDArray, NDArray]:
+        """Senses (N, 3) of the last change of each input, 0 where not told, and whether (N, 3) the record tells them.
+
+        Without approach columns the sense is that of the change from the row before; the first row comes from no
+        input. With them it is told where both axes, or the only one that moved, change the input in the same way when
+        they come to the position: else it depends on which of them came last, which no record says.
+        """
+        p, circumstances = self.parametrisation, self.circumstances
+        if not circumstances.approached and circumstances.before is not None:
+            before = Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting)
+            change = n - np.nan_to_num(predicted_input(p, point, before))
+            return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0), np.ones(n.shape, dtype=bool)
+        outer, inner = self.moved_axes(at)
+        ways = []
+        for alpha, beta in ((outer * circumstances.sense_alpha, 0.0), (0.0, inner * circumstances.sense_beta)):
+            turning = replace(at, alpha=at.alpha + 1j * COMPLEX_STEP * alpha, beta=at.beta + 1j * COMPLEX_STEP * beta)
+            ways.append(np.sign(np.imag(predicted_input(p, point, turning)) / COMPLEX_STEP))
+        told = ways[0] * ways[1] >= 0.0
+        return np.where(told, np.sign(ways[0] + ways[1]), 0.0), told
+
+    def moved_axes(self, at: Positions | None = None) -> tuple[NDArray, NDArray]:
+        """Whether (N,) outer and inner axis turned on the way to each position; both where that is not known."""
+        at = self.at if at is None else at
+        if self.circumstances.before is None:
+            both = np.ones(len(at.alpha), dtype=bool)
+            return both, both
+        stayed = np.abs(np.stack((at.alpha, at.beta), axis=1) - self.circumstances.before) < MOVED
+        return ~stayed[:, 0], ~stayed[:, 1]
+
+    def _turns(self, at: Positions, point: NDArray, sized: Sized) -> NDArray:
+        """Turns (N, 4) [rad] that effects add to κ, about the outer axis, to ε and about the inner axis."""
+        nothing = np.zeros((len(at.alpha), 3))
+        rows = Rows(
+            hours=self.circumstances.hours,
+            alpha=at.alpha - point[self.parametrisation.symbols.index("X2")],
+            beta=at.beta,
+            n=nothing,
+            by_alpha=nothing,
+            by_beta=nothing,
+            sense_alpha=self.circumstances.sense_alpha,
+            sense_beta=self.circumstances.sense_beta,
+        )
+        turns = np.zeros((len(at.alpha), 4))
+        for place, coefficients in sized:
+            function = place.definition.turns
+            if function is not None:
+                turns += function(place, rows) @ coefficients
+        return turns
+
+    def true_angles(self, point: NDArray, sized: Sized) -> Positions:
+        """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
+        of_encoders = [entry for entry in sized if entry[0].definition.stage == "encoder_effects"]
+        there = self.at
+        for _ in range(6 if of_encoders else 0):
+            turns = self._turns(there, point, of_encoders)
+            there = replace(self.at, alpha=self.at.alpha + turns[:, 1], beta=self.at.beta + turns[:, 3])
+        return there
+
+    def disturbed(self, point: NDArray, sized: Sized) -> Positions:
+        """Where the table really stands: true angles, and the small turns of what gives way behind the encoders."""
+        at = self.true_angles(point, sized)
+        behind = [entry for entry in sized if entry[0].definition.stage != "encoder_effects"]
+        if not any(place.definition.turns for place, _ in behind):
+            return at
+        turns = self._turns(at, point, behind)
+        return replace(at, alpha=at.alpha + turns[:, 1], beta=at.beta + turns[:, 3], tilts=turns[:, [0, 2]])
+
+
+def readings_at(rows: NDArray) -> NDArray:
+    """Numbers (3 n,) of the readings at some positions (n,) of int."""
+    return (3 * rows[:, None] + np.arange(3)).ravel()
+
+
+def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
+    """Signatures (3 N, K) of all effects, side by side."""
+    columns = [place.definition.signature(place, rows).reshape(3 * len(rows.hours), -1) for place in places]
+    return np.hstack(columns) if columns else np.zeros((3 * len(rows.hours), 0))
+
+
+def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.bool_]:
+    """Readings (3 N,) of which the record does not tell what some linear effect does to them."""
+    untold = np.zeros(rows.n.shape, dtype=bool)
+    for place in places:
+        if place.definition.untold is not None:
+            untold |= place.definition.untold(place, rows) > 0.0
+    return untold.ravel()
+
+
+def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """By how much readings (3 N,) may differ per unit of an effect's size, as far as the record tells [g]."""
+    effect, found = place.definition, np.zeros(rows.n.shape)
+    for function in (effect.untold, effect.open_argument):
+        if function is not None:
+            found = found + function(place, rows)
+    return found.ravel()
+
+
+def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, reading: NDArray) -> NDArray:
+    """Readings (N, 3) after the kernels of effects that are not linear, with these parameters."""
+    seen = reading.copy()
+    for row in range(len(seen)):
+        context = np.zeros(CONTEXT_SIZE)
+        context[HOURS], context[INPUT : INPUT + 3] = rows.hours[row], rows.n[row]
+        for place, values in bent:
+            effect = place.definition
+            if effect.kernel is not None:
+                effect.kernel(context, rows.own[row], *effect.place_numbers(place), *values, seen[row])
+    return seen
