@@ -75,7 +75,7 @@ def shown_too_well(content: Any, watched: Watched) -> list[str]:
     """Bounds that are shown on their wrong side, and texts that are on the wrong side of their number."""
     found = list(bounds_of(json.loads(json.dumps(content))))
     others = {value for key, value in found if key not in UP | DOWN | BOTH}
-    wanted: dict[float, set[str]] = {}
+    wanted: dict[str, set[str]] = {}
     for key, value in found:
         up = key in UP or (key in BOTH and value <= 1.0)
         if key in UP | DOWN | BOTH and value not in others:
