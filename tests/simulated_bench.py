@@ -85,9 +85,9 @@ def misses(result: Calibration, truth: Iterable[float]) -> list[str]:
         low, high = interval(e)
         assert e.estimate is not None
         assert e.error_bound is not None
-        assert e.a_priori_estimate is not None
+        assert e.a_priori is not None
         held = low <= x <= high and low <= e.estimate <= high
-        if not (held and abs(e.estimate - x) <= e.error_bound and abs(e.a_priori_estimate - x) <= guaranteed(e)):
+        if not (held and abs(e.estimate - x) <= e.error_bound and abs(e.a_priori - x) <= guaranteed(e)):
             missed.append(e.symbol)
     return missed
 

@@ -138,7 +138,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         for t, row in zip(wanted, np.hstack((possible[: len(wanted)], *beside)), strict=True)
     ]
     _check_scale_factors(record, estimates)
-    missing = [estimate for estimate in estimates if estimate.a_priori_estimate is None]
+    missing = [estimate for estimate in estimates if estimate.a_priori is None]
     # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.
     falsified = contradicted and noise.complete
     unbounded = contradicted and not noise.complete

@@ -20,7 +20,7 @@ Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
 Accelerometer = Annotated[int, Field(ge=1, le=3)]
 NUMBERS = (
-    *("estimate", "error_bound", "low", "high", "a_priori_estimate", "guaranteed_error"),
+    *("estimate", "error_bound", "low", "high", "a_priori", "guaranteed_error"),
     *("least_squares", "standard_error"),
 )
 SINCE_SECOND = ("error_bound", "least_squares", "standard_error")
@@ -60,7 +60,7 @@ class Estimate(_Part):
         a posteriori: how far the estimate may be from the truth, the greater distance from an end of its interval
     low, high : float or None
         the exact ends of what the measurements leave possible; None where they falsify the model
-    a_priori_estimate, guaranteed_error : float or None
+    a_priori, guaranteed_error : float or None
         by the weights of the linear programme, which are best before anything is read, and what that is never wrong by
         more than: σ times the l1 norm of the weights; None where the measurements cannot determine it. The readings may
         prove the a-priori estimate itself impossible.
@@ -76,7 +76,7 @@ class Estimate(_Part):
     error_bound: Size | None
     low: Number | None
     high: Number | None
-    a_priori_estimate: Number | None
+    a_priori: Number | None
     guaranteed_error: Size | None
     least_squares: Number | None
     standard_error: Size | None
@@ -233,4 +233,4 @@ class Calibration(_Part):
 
 def _of_first(entry: dict[str, Any]) -> dict[str, Any]:
     """A target as the first schema wrote it."""
-    return {"a_priori_estimate": entry.get("estimate"), **dict.fromkeys(SINCE_SECOND), **entry}
+    return {"a_priori": entry.get("estimate"), **dict.fromkeys(SINCE_SECOND), **entry}

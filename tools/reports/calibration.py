@@ -234,7 +234,7 @@ def beside_words(result: Calibration) -> list[str]:
         return []
     said = [BESIDE if result.estimator is not None else BESIDE.replace("beside them", "what stands in their place")]
     for title, key, why in (
-        ("the a-priori estimate", "a_priori_estimate", "it is a promise made before the data, which now say more"),
+        ("the a-priori estimate", "a_priori", "it is a promise made before the data, which now say more"),
         ("least squares", "least_squares", "it knows no bound of the readings' errors"),
     ):
         outside = [e.symbol for e in result.parameters if not e.possible(getattr(e, key))]
@@ -245,7 +245,7 @@ def beside_words(result: Calibration) -> list[str]:
 
 def stands_beside(result: Calibration) -> list[Estimate]:
     """The targets of which other estimates are known; a file of the first schema has no others."""
-    known = [e for e in result.parameters if e.a_priori_estimate is not None]
+    known = [e for e in result.parameters if e.a_priori is not None]
     return known if result.estimator != "a priori" else []
 
 
@@ -266,7 +266,7 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
             Bar(
                 None if e.estimate is None or e.guaranteed_error is None else e.guaranteed_error / sigma,
                 *(over(value, e.estimate) for value in (e.low, e.high, known.get(e.symbol))),
-                about=over(e.a_priori_estimate, e.estimate) or 0.0,
+                about=over(e.a_priori, e.estimate) or 0.0,
             )
             for e in result.parameters
         ]
@@ -291,7 +291,7 @@ def beside_table(result: Calibration) -> Table:
         # Of a model that the readings contradict nothing is guaranteed.
         guaranteed = NONE if result.verdict == "falsified" else upwards(e.guaranteed_error)
         row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, a_priori, guaranteed]
-        beside = (("a priori", e.a_priori_estimate), ("least squares", e.least_squares))
+        beside = (("a priori", e.a_priori), ("least squares", e.least_squares))
         outside = " and ".join(name for name, value in beside if not e.possible(value))
         rows.append([*row, squares, digits(e.standard_error, 2), unit_text(e.unit), outside or None])
     header = ["target", "meaning", "estimate", "a priori", "guaranteed error", "least squares", "standard error"]
@@ -303,7 +303,7 @@ def numbers_of(e: Estimate) -> tuple[Number, Number, Number, Number, Number]:
     estimate, low, high = interval(e.estimate, e.low, e.high, e.error_bound)
     half = None if e.low is None or e.high is None or e.high == e.low else 0.5 * (e.high - e.low)
     place = half or e.guaranteed_error
-    return estimate, low, high, to_bound(e.a_priori_estimate, place), to_bound(e.least_squares, place)
+    return estimate, low, high, to_bound(e.a_priori, place), to_bound(e.least_squares, place)
 
 
 LATITUDE_DEG = 55.75
@@ -332,7 +332,7 @@ def target_lines(result: Calibration) -> list[str]:
     for e in result.parameters:
         estimate, low, high, *_ = numbers_of(e)
         if e.estimate is None:
-            estimate = "none" if e.a_priori_estimate is not None else "not determined"
+            estimate = "none" if e.a_priori is not None else "not determined"
         text = f"{e.symbol:<12} {e.name:<34} {estimate:>13} {upwards(e.error_bound):>11} {low:>13} {high:>13}"
         said.append(f"{text}  {unit_of(e.unit)}".rstrip() if low else text.rstrip())
     return said
@@ -350,10 +350,10 @@ def beside_lines(result: Calibration) -> list[str]:
         first = f"{e.name:<34}" if falsified else f"{estimate or 'none':>13}"
         # Of a model that the readings contradict nothing is guaranteed.
         guaranteed = NONE if falsified else upwards(e.guaranteed_error)
-        beyond = ["" if e.possible(value) else "*" for value in (e.a_priori_estimate, e.least_squares)]
+        beyond = ["" if e.possible(value) else "*" for value in (e.a_priori, e.least_squares)]
         text = f"{e.symbol:<12} {first} {a_priori + beyond[0]:>14} {guaranteed:>11} {squares + beyond[1]:>14}"
         said.append(f"{text} {digits(e.standard_error, 2):>15}".rstrip())
-    if not all(e.possible(e.a_priori_estimate) and e.possible(e.least_squares) for e in known):
+    if not all(e.possible(e.a_priori) and e.possible(e.least_squares) for e in known):
         said.append("* outside the interval")
     return [*said, ""] if known else []
 

@@ -84,7 +84,7 @@ def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFix
         bench = random_bench(rng)
         truth = target_values(bench, IDENTITY)
         exact = calibrate(simulated(bench), noise_bound=SIGMA)
-        biased = max(biased, float(np.abs(np.array([e.a_priori_estimate for e in exact.parameters]) - truth).max()))
+        biased = max(biased, float(np.abs(np.array([e.a_priori for e in exact.parameters]) - truth).max()))
         for kind, noise in (
             ("uniform", rng.uniform(-SIGMA, SIGMA, (24, 3))),
             ("two-valued", SIGMA * rng.choice([-1.0, 1.0], (24, 3))),
@@ -94,8 +94,8 @@ def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFix
             assert result.verdict == "consistent"
             for e, x in zip(result.parameters, truth, strict=True):
                 low, high = interval(e)
-                assert e.a_priori_estimate is not None
-                excess = abs(e.a_priori_estimate - x) - guaranteed(e)
+                assert e.a_priori is not None
+                excess = abs(e.a_priori - x) - guaranteed(e)
                 beyond = max(beyond, excess)
                 # the guaranteed error is of the linear programme; adversarial noise attains it, and what is then
                 # beyond it is the curvature of the model over that very distance
@@ -216,7 +216,7 @@ def test_too_little_is_insufficient_what_is_known_is_right_and_the_positions_men
             else:
                 assert e.low <= x <= e.high
                 assert e.low <= e.estimate <= e.high
-                assert abs(e.a_priori_estimate - x) <= e.guaranteed_error
+                assert abs(e.a_priori - x) <= e.guaranteed_error
         more = result.next_positions
         assert 1 <= len(more) <= 8
         mended_alpha = np.append(alpha, np.radians([p["alpha_deg"] for p in more]))

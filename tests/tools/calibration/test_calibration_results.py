@@ -101,7 +101,7 @@ def test_json_is_the_published_object_and_the_same_every_time():
     last = content["parameters"][-1]
     assert set(last) == {
         *("symbol", "name", "unit", "estimate", "error_bound", "low", "high"),
-        *("a_priori_estimate", "guaranteed_error", "least_squares", "standard_error"),
+        *("a_priori", "guaranteed_error", "least_squares", "standard_error"),
     }
     assert (content["estimator"], content["no_estimate"]) == ("analytic centre", "")
     assert (last["symbol"], last["name"], last["unit"]) == ("X4-X5", "scale-factor-asymmetry-1", "1")

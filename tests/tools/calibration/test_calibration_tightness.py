@@ -46,8 +46,8 @@ def test_a_worst_case_noise_attains_the_guaranteed_error():
         assert np.abs(noise).max() <= SIGMA * (1 + 1e-9)
         result = calibrate(record(reading + noise), noise_bound=SIGMA)
         estimate = result.parameters[k]
-        assert estimate.a_priori_estimate is not None
-        assert abs(estimate.a_priori_estimate - truth[k]) == pytest.approx(estimate.guaranteed_error, rel=1e-6)
+        assert estimate.a_priori is not None
+        assert abs(estimate.a_priori - truth[k]) == pytest.approx(estimate.guaranteed_error, rel=1e-6)
         assert all(e.low <= x <= e.high for e, x in zip(result.parameters, truth, strict=True))
 
 

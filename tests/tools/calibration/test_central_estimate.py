@@ -72,7 +72,7 @@ def test_the_estimate_is_possible_and_near_the_truth(count, noise, part_of_a_pri
     assert np.abs(measured.specific_force / GRAVITY - predicted).max() <= SIGMA * (1.0 + 1e-8)
     assert np.all(np.abs(truth - estimate) <= column(result, "error_bound"))
     np.testing.assert_allclose(column(result, "error_bound"), np.maximum(high - estimate, estimate - low), rtol=1e-9)
-    a_priori = column(result, "a_priori_estimate")
+    a_priori = column(result, "a_priori")
     assert np.all(np.abs(truth - a_priori) <= column(result, "guaranteed_error"))
     assert rms(estimate - truth) < part_of_a_priori * rms(a_priori - truth)
     # not a middle of its own for each target, but near to them
@@ -83,7 +83,7 @@ def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
     outside = {}
     for count in (100, 1000):
         result = calibrated(3, count)[1]
-        outside[count] = sum(not e.possible(e.a_priori_estimate) for e in result.parameters)
+        outside[count] = sum(not e.possible(e.a_priori) for e in result.parameters)
         said = "\n".join(lines(result))
         assert ESTIMATORS["analytic centre"] in said
         assert f"the a-priori estimate lies outside the interval of {outside[count]} targets: it is a promise" in said
@@ -173,9 +173,7 @@ def of_first_schema(result: Calibration) -> dict:
     content = json.loads(result.json_text())
     kept = ("symbol", "name", "unit", "guaranteed_error", "low", "high")
     content["schema"] = "trihedron.calibration/1"
-    content["parameters"] = [
-        {key: e[key] for key in kept} | {"estimate": e["a_priori_estimate"]} for e in content["parameters"]
-    ]
+    content["parameters"] = [{key: e[key] for key in kept} | {"estimate": e["a_priori"]} for e in content["parameters"]]
     return {key: value for key, value in content.items() if key not in ("estimator", "no_estimate")}
 
 
@@ -185,9 +183,9 @@ def test_a_file_of_the_first_schema_is_still_read(tmp_path: Path):
     old = of_first_schema(result)
     values = {e.symbol: e for e in result.parameters}
     block = calibrated_block(old)
-    assert block["bias"] == [values[s].a_priori_estimate for s in ("X16", "X17", "X18")]
+    assert block["bias"] == [values[s].a_priori for s in ("X16", "X17", "X18")]
     assert block["bias"] != calibrated_block(result.to_json())["bias"]
-    assert bench_parameters(old)["TurntableMotion"]["kappa"] == values["X1"].a_priori_estimate
+    assert bench_parameters(old)["TurntableMotion"]["kappa"] == values["X1"].a_priori
     path = tmp_path / "old.json"
     path.write_text(json.dumps(old, indent=1), encoding="utf-8")
     checked = check(path)
@@ -197,10 +195,10 @@ def test_a_file_of_the_first_schema_is_still_read(tmp_path: Path):
     assert apply_calibration(path, measured).bias_g == block["bias"]
     again = Calibration.model_validate_json(path.read_text(encoding="utf-8"))
     assert again.estimator == "a priori"
-    assert [e.estimate for e in again.parameters] == [e.a_priori_estimate for e in result.parameters]
+    assert [e.estimate for e in again.parameters] == [e.a_priori for e in result.parameters]
     assert [e.error_bound for e in again.parameters] == [None] * 18
     write_parameter_set(again, tmp_path / "old.ssv")
-    bias = values["X16"].a_priori_estimate
+    bias = values["X16"].a_priori
     assert str(bias) in (tmp_path / "old.ssv").read_text(encoding="utf-8")
 
 
@@ -227,7 +225,7 @@ def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exc
         assert float(str(told["to within"])) >= (e.error_bound or np.inf)
         assert float(str(more["guaranteed error"])) >= (e.guaranteed_error or np.inf)
         wrong = [name for name in ("a priori", "least squares") if name in (more["outside the interval"] or "")]
-        values = (e.a_priori_estimate, e.least_squares)
+        values = (e.a_priori, e.least_squares)
         assert wrong == [
             name for name, x in zip(("a priori", "least squares"), values, strict=True) if not e.possible(x)
         ]
