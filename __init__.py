@@ -41,11 +41,13 @@ def __dir__() -> list[str]:
     return [*__all__, *(name for name in globals() if name.startswith("__"))]
 
 
-def _shown(result: Any, medium: str) -> str:
-    """What a person sees of a result: text, or the page of a notebook."""
+def _shown(result: Any, medium: str) -> str | None:
+    """What a person sees of a result: text, or the page of a notebook; None of a part of one, which has its fields."""
     from .tools.document.blocks import notebook, text
-    from .tools.reports import document_of
+    from .tools.reports import MAKERS, document_of
 
+    if type(result).__name__ not in MAKERS:
+        return None
     return (text if medium == "text" else notebook)(document_of(result))
 
 

@@ -95,7 +95,8 @@ class Result(BaseModel):
         return json_text(self.to_json())
 
     def __str__(self) -> str:
-        return super().__str__() if tools.shown is None else tools.shown(self, "text")
+        said = None if tools.shown is None else tools.shown(self, "text")
+        return super().__repr__() if said is None else said
 
     def __repr__(self) -> str:
         return str(self)

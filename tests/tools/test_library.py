@@ -110,6 +110,17 @@ def test_results_show_themselves(run, hidden, tmp_path):
         assert all(f"<th>{name}</th>" in page for name in table.columns)
 
 
+def test_a_part_of_a_result_shows_its_fields(hidden):
+    cause = th.diagnose(hidden.record, noise_bound=1e-5).causes[0]
+    (parameter,) = cause.parameters
+    said = repr(parameter)
+    assert said == str(parameter)
+    assert said.startswith("SizedParameter(name=")
+    assert repr(parameter.low) in said
+    assert said in repr(cause)
+    assert parameter._repr_html_() is None
+
+
 def test_a_table_of_a_notebook_is_escaped_and_short():
     page = table_html(pl.DataFrame({"<b>": [f"<{k}>" for k in range(100)], "x": [None] * 100}))
     assert "&lt;b&gt;" in page

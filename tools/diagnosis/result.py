@@ -112,21 +112,27 @@ class Cause(NamedEffect):
 
     @property
     def acts(self) -> bool:
-        """Whether the effect cannot be nothing: some parameter, phases aside, is not zero, and cannot be.
+        """Whether the effect cannot be nothing: a size that is its only one is not zero, and cannot be.
 
-        Of a gyro's vector or matrix no component need be so: the smallest set shows that not all of them are zero.
+        Of several components none need be so: the smallest set shows that not all of them are zero.
         """
-        sizes = [parameter for parameter in self.parameters if not parameter.name.endswith("phase")]
-        ends = [ends for p, ends in zip(self.parameters, self.intervals, strict=True) if p in sizes]
-        several = self.place.definition.in_motion and len(ends) > 1
-        return several or any(not low <= 0.0 <= high for low, high in ends)
+        return len(self._may_be_zero) > 1 or not all(self._may_be_zero)
+
+    @property
+    def _may_be_zero(self) -> list[bool]:
+        """Of each parameter, phases aside, whether its interval holds zero."""
+        pairs = zip(self.parameters, self.intervals, strict=True)
+        return [low <= 0.0 <= high for p, (low, high) in pairs if not p.name.endswith("phase")]
 
     @property
     def sentence(self) -> str:
         """What an engineer is told."""
         effect = self.place.definition
         stated = zip(self.parameters, self.intervals, strict=True)
-        return effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
+        said = effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
+        if len(self._may_be_zero) == 1 or not all(self._may_be_zero):
+            return said
+        return f"{said}; each of these may be zero, but not all together"
 
 
 @dataclass(frozen=True)

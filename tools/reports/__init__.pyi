@@ -3,6 +3,7 @@ from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
 from .inspection import distrust as distrust
+from .makers import MAKERS as MAKERS
 from .makers import document_of as document_of
 from .makers import write_report as write_report
 from .papers import write_reproduction as write_reproduction

@@ -18,7 +18,8 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
         (HYSTERESIS, [(0.0, 9e-5)], False),
         (HYSTERESIS, [(1e-9, 9e-5)], True),
         (HYSTERESIS, [(-np.inf, np.inf)], False),
-        (BASE, [(-2e-5, 1e-5), (-1e-5, 0.0)], False),
+        # Not all components are zero together, though each may be.
+        (BASE, [(-2e-5, 1e-5), (-1e-5, 0.0)], True),
         (BASE, [(-2e-5, 1e-5), (-1e-5, -1e-9)], True),
         # The phase of an amplitude that may be zero says nothing.
         (HARMONIC, [(0.0, 1e-5), (0.5, 1.0)], False),
@@ -28,6 +29,20 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
 def test_an_effect_acts_where_zero_is_outside_the_interval_of_some_size(place, ends, acts):
     values = [min(max(5e-6, low), high) for low, high in ends]
     assert Cause.found(place, (), values, ends).acts is acts
+
+
+@pytest.mark.parametrize(
+    ("place", "ends", "said"),
+    [
+        (BASE, [(-2e-5, 1e-5), (-1e-5, 2e-5)], True),
+        (BASE, [(-2e-5, 1e-5), (1e-9, 1e-5)], False),
+        (HYSTERESIS, [(1e-9, 9e-5)], False),
+        (HARMONIC, [(0.0, 1e-5), (-1.0, 1.0)], False),
+    ],
+)
+def test_a_sentence_says_that_components_which_may_each_be_zero_are_not_all(place, ends, said):
+    cause = Cause.found(place, (), [max(5e-6, low) for low, _ in ends], ends)
+    assert cause.sentence.endswith("may be zero, but not all together") is said
 
 
 GOOD, BAD = (np.full(8, 2.0), np.full(8, 0.5)), (np.full(8, 2.0), np.full(8, 2.5))
