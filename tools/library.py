@@ -305,6 +305,7 @@ def diagnose(
     bounds: tuple[float, float] = (3e-3, 1e-2),
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    reference_bound: float | None = None,
     progress: bool = False,
 ) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
@@ -327,6 +328,9 @@ def diagnose(
         Name of a preset, or a TOML file with [name] matrix = [[...], ...].
     rates : str
         What a rate in a strapdown record means.
+    reference_bound : float, optional
+        Bound of the true attitude's error at any row of a strapdown record [arcmin], where you know it; without it the
+        true attitude is taken to err as at rest. What is named with it is as sure as it is.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -344,9 +348,14 @@ def diagnose(
     if isinstance(run, records.StrapdownRecord):
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-        return diagnosis.diagnose(run, gravity=gravity, baseline=baseline, rates=rates, progress=progress)
+        options = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
+        return diagnosis.diagnose(run, gravity=gravity, **options, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
+    if reference_bound is not None:
+        raise InputError(
+            f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
+        )
     return diagnosis.diagnose(
         run,
         noise_bound=noise_bound,

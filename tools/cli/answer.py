@@ -206,6 +206,7 @@ TYPES: dict[str, Any] = {
     "out": Folder,
     "positions": Whole,
     "priors": Annotated[tuple[str, ...], Parameter(name="--prior", allow_leading_hyphen=True)],
+    "reference_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
     "repeat": Whole,
     "reserve_deg": Annotated[float, Parameter(name="--reserve", allow_leading_hyphen=True)],
     "resolution_deg": Annotated[float | None, Parameter(name="--resolution", allow_leading_hyphen=True)],

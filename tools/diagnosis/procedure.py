@@ -453,10 +453,12 @@ def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[Eff
         place.definition.sentence(place, {p.name: v for p, v in zip(place.definition.parameters, values, strict=True)})
         for place, values in sizes.items()
     )
+    needed = evidence.would_need(places)
     return places, (
         f"{' and '.join(step.effect for step in order.steps)}, though of all effects the most help: over "
         f"{lengths[number].over} the errors that were left out fall from {digits(order.held_out_rms_arcmin)} to "
-        f"{digits(order.steps[-1].held_out_rms_arcmin)} arcmin rms, and not within their bounds ({said})",
+        f"{digits(order.steps[-1].held_out_rms_arcmin)} arcmin rms, and not within their bounds ({said})"
+        + (f"; {needed}" if needed else ""),
     )
 
 

@@ -473,6 +473,7 @@ class Diagnosis(Told):
     reference: Literal["gravity", "true attitude"] | None = None
     noise_bound_arcmin: Number | None = None
     noise_bound_from: str | None = None
+    reference_bound_arcmin: Number | None = None
     baseline_model: str
     baseline: Baseline
     causes: tuple[Cause, ...]

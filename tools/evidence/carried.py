@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
+from ..bounded.programmes import Growth, chebyshev_radius
 from ..motion.attitude import starting_attitude
 from ..motion.carry import GyroModel, Motion, carried_attitude, carried_scenario, reads
 from ..motion.inspect import Inspection
@@ -23,7 +24,7 @@ from ..orchestrator.load import usual_flavour
 from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
 from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
-from ..rounding import digits, downwards, residual, upwards
+from ..rounding import digits, downwards, exactly, residual, upwards
 from .evidence import Channel, Evidence, ReadOff, Trial, estimated, rms_size
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Fit, Gain, coefficient_count, extended_fmus, gain_of
@@ -214,12 +215,16 @@ class Carried(CarriedRecord):
     def head(self) -> Mapping[str, Any]:
         """The record, what it is held against, the bound, the baseline and what no record of this kind shows."""
         bias = {} if self.bias_at_rest is None else {"bias_at_rest": self._bias_at_rest(None)}
+        stated = {}
+        if isinstance(self.reference, Truth) and self.reference.stated is not None:
+            stated = {"reference_bound_arcmin": self.reference.stated / ARCMIN}
         return {
             **super().head(),
             "noise_bound_arcmin": float(np.median(self.parts[self.quoted].bound)) / ARCMIN,
             "noise_bound_from": self.bounds_from,
             "cannot_be_seen": [place.entry for place in self.not_seen],
             **bias,
+            **stated,
         }
 
     def _bias_at_rest(self, left_in: float | None) -> Mapping[str, Any]:
@@ -305,14 +310,45 @@ class Carried(CarriedRecord):
         return (*parameters, *wandering, *too_large)
 
     def _too_large(self, least: float) -> str:
-        part = self.parts[self.quoted]
+        assert isinstance(self.reference, Truth)
+        part, stated = self.parts[self.quoted], self.reference.stated
         bound = float(np.median(part.bound)) / ARCMIN
+        explained = "noise and reference at rest explain"
+        taken = f"at rest it scatters by {upwards(self.reference.at_rest / ARCMIN, 3)}"
+        if stated is not None:
+            explained = "noise at rest and the true attitude's error as stated explain"
+            taken = f"{exactly(stated / ARCMIN)} is stated, and {taken}"
         return (
             f"all effects of the catalogue together leave errors of {residual(least)} bounds: over {part.label} the "
-            f"bound would have to be {downwards(least * bound, 3)} arcmin, and noise and reference at rest explain "
-            f"{upwards(bound, 3)}; something that is not in the catalogue acts, or the true attitude errs more in "
-            "motion than at rest"
+            f"bound would have to be {downwards(least * bound, 3)} arcmin, and {explained} {upwards(bound, 3)}; "
+            "something that is not in the catalogue acts, or the true attitude errs more than that in motion: it would "
+            f"have to err by {upwards(self.needed(self.places), 3)} arcmin at a row; {taken}"
         )
+
+    def needed(self, places: Sequence[EffectPlace]) -> float:
+        """The least bound of the true attitude's error at any row [arcmin] with which these effects are enough."""
+        assert isinstance(self.reference, Truth)
+        pairs = zip(self.parts, self.reference.of_windows, strict=True)
+        others = np.concatenate([(part.bound - of_truth).ravel() for part, of_truth in pairs]) / ARCMIN
+        scale = np.concatenate([part.bound.ravel() for part in self.parts]) / ARCMIN
+        matrix, count = self.matrix(places) * scale[:, None], len(self.names)
+        low, high = self.limits_of(places)
+        free = np.full(count, np.inf)
+        # A window has an error at each end.
+        least, _, _ = chebyshev_radius(
+            matrix,
+            self.residual * scale,
+            np.full(len(scale), 2.0),
+            growth=Growth(others, np.zeros_like(matrix), np.append(-free, low), np.append(free, high)),
+        )
+        return max(least, self.reference.at_rest / ARCMIN)
+
+    def would_need(self, places: Sequence[EffectPlace]) -> str:
+        """By how much the true attitude would have to err where nothing acts but these effects."""
+        if not isinstance(self.reference, Truth):
+            return ""
+        needed = upwards(self.needed(places), 3)
+        return f"were that all, the true attitude would have to err by {needed} arcmin at a row"
 
     def channels(self) -> Sequence[Channel]:
         """The quoted errors about each axis, with what they may depend on."""

@@ -3,6 +3,7 @@
 The simulation is run about the calibrated block, and once more about one large effect.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -20,9 +21,10 @@ from ..motion.norm import LARGEST, NAMES, inputs_of
 from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
+from ..rounding import exactly
 from .carried import BIAS, LATENCY, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .evidence import estimated
-from .fit import are_possible, blocks_of, coefficient_count
+from .fit import ARCMIN, are_possible, blocks_of, coefficient_count
 from .limited import with_limits
 from .references import (
     FEWEST_WINDOWS,
@@ -36,6 +38,7 @@ from .references import (
     integrals,
     known_rows,
     means_at_rest,
+    truth_scatter,
     truth_windows,
     usable_in,
     windows_of,
@@ -62,6 +65,7 @@ LEAST_SHARE = 0.5
 """Part of the true turns that the gyros must show before a swap or a flip is believed."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
 WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
+AS_STATED = "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: {} arcmin"
 
 
 def carried_evidence(
@@ -70,6 +74,7 @@ def carried_evidence(
     gravity: float = STANDARD_GRAVITY,
     baseline: str | None = None,
     rates: str = "instantaneous",
+    reference_bound: float | None = None,
 ) -> CarriedRecord:
     """The evidence of a strapdown record; where nothing can be run, what it lacks.
 
@@ -79,19 +84,35 @@ def carried_evidence(
     `gravity` is the model's [m/s²]; `baseline`, "calibrated" or "nominal", says whether the gyros' bias, scale factors
     and misalignments are free. None: calibrated where gravity is the reference, nominal where the truth is known: the
     block as delivered, its mean at rest taken out. `rates`, "instantaneous" or "averaged", is what a rate in the record
-    means.
+    means. `reference_bound`: what the true attitude errs by at most at any row, as a person says [arcmin]; without it
+    it is taken to err as at rest.
 
     An InputError for a record whose gyros and accelerometers, or truth, cannot belong together: units, order or signs
-    of axes.
+    of axes; for a reference bound that is none, or without true attitude.
     """
     if baseline not in (None, *BASELINES):
         raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")
     found = inspect_record(record, gravity=gravity)
+    if reference_bound is not None:
+        check_reference_bound(reference_bound, found)
     check_record(found)
     block = baseline or ("nominal" if has_truth(found) else "calibrated")
     if lacks := missing_things(found):
         return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
-    return with_limits(judged(about_main_effect(linear_evidence(found, block, rates))))
+    made = judged(about_main_effect(linear_evidence(found, block, rates)))
+    return with_limits(made if reference_bound is None else as_stated(made, ARCMIN * reference_bound))
+
+
+def check_reference_bound(bound: float, found: Inspection) -> None:
+    """Refuse a stated bound [arcmin] of the true attitude's error that is none, or for a record without true attitude.
+
+    One line says why.
+    """
+    if not (math.isfinite(bound) and bound >= 0.0):
+        raise InputError(f"--reference-bound {bound:g}: must be finite and not below 0, in arcminutes")
+    if not has_truth(found):
+        path = found.record.path
+        raise InputError(f"{path}: --reference-bound is of a record with true attitude, and this one has none")
 
 
 def warnings_of(found: Inspection) -> tuple[str, ...]:
@@ -181,12 +202,14 @@ def gravity_reference(found: Inspection) -> Gravity:
 
 
 def truth_reference(found: Inspection) -> Truth:
-    """The true attitude of a record as the reference."""
+    """The true attitude of a record as the reference; it is taken to err as at rest."""
     assert found.record.attitude is not None
     up = found.rests.force / found.gravity if len(found.rests) else None
     noise = gyro_noise(found.record, found.rests, found.sampling.period, up)
-    attitude = found.record.attitude
-    return Truth(found.record.time_s, found.rests, noise, truth_windows(found), attitude)
+    attitude, time_s, windows = found.record.attitude, found.record.time_s, truth_windows(found)
+    seconds = [float(np.median(mine.durations(time_s))) for mine in windows]
+    scatter = [truth_scatter(attitude, found.rests, found.sampling.period, length) for length in seconds]
+    return Truth(time_s, found.rests, noise, windows, attitude, np.array(scatter))
 
 
 def rest_mean(found: Inspection) -> NDArray[np.float64]:
@@ -283,6 +306,23 @@ def judged(made: Carried) -> Carried:
             break
         made, least = about, radius
     return made if least <= made.limit else replace(made, least_radius=least)
+
+
+def as_stated(made: Carried, stated: float) -> Carried:
+    """Evidence that was judged, with the true attitude's error as a person states it, at any row [rad].
+
+    It enters the bounds and nothing else: about which effects the rows are linear, and which windows are left out, is
+    as without it.
+    """
+    before = made.reference
+    assert isinstance(before, Truth)
+    after = replace(before, stated=stated)
+    more = after.of_windows - before.of_windows
+    bounds = [part.bound + mine for part, mine in zip(made.parts, more, strict=True)]
+    said = AS_STATED.format(exactly(stated / ARCMIN))
+    made = replace(made.with_bounds(bounds), reference=after, bounds_from=said)
+    least = made.refit(made.places).radius
+    return replace(made, least_radius=None if least <= made.limit else least)
 
 
 def without_jumps(made: Carried) -> Carried:

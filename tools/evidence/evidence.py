@@ -371,6 +371,10 @@ class Evidence:
         """Why the record cannot be what it says."""
         return ()
 
+    def would_need(self, places: Sequence[EffectPlace]) -> str:
+        """What else would have to be true for these effects to be enough, in words; empty where nothing can be said."""
+        return ""
+
     def as_measured(self) -> "Evidence | None":
         """The evidence with nothing taken out beforehand; None where nothing is."""
         return None

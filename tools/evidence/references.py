@@ -321,9 +321,30 @@ def gravity_pieces(found: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple
 
 @dataclass(frozen=True, eq=False)
 class Truth(Reference):
-    """The true attitude (N, 4) is the reference, NaN where it is not known, over windows of several lengths."""
+    """The true attitude (N, 4) is the reference, NaN where it is not known, over windows of several lengths.
+
+    `scatter` (L,): for each length, the largest turn of the true attitude between rows so far apart at rest [rad];
+    `stated`: what a person says that it errs by at most, at any row [rad]; None where it is taken to err as at rest.
+    """
 
     attitude: NDArray[np.float64]
+    scatter: NDArray[np.float64]
+    stated: float | None = None
+
+    @property
+    def at_rest(self) -> float:
+        """By how much the true attitude errs at a row at rest, so that two rows differ as they do [rad]."""
+        return 0.5 * float(self.scatter.max(initial=0.0))
+
+    @property
+    def of_windows(self) -> NDArray[np.float64]:
+        """What its errors add to the bound of a window of each length (L,) [rad]; stated ones at both ends.
+
+        What is stated takes nothing from what the record shows.
+        """
+        if self.stated is None:
+            return self.scatter
+        return np.full(len(self.scatter), 2.0 * max(self.stated, self.at_rest))
 
     def errors(
         self, number: int, rotation: NDArray, up: NDArray, frame: NDArray, chosen: NDArray | slice = slice(None)
@@ -334,15 +355,13 @@ class Truth(Reference):
 
     def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace]) -> list[Part]:
         """A part for each length; it tells nothing of accelerometers."""
-        period = float(np.median(np.diff(self.time_s)))
         factor = factor_for(3 * sum(len(windows) for windows in self.scored))
         parts = []
-        for number, windows in enumerate(self.scored):
+        for number, (windows, of_truth) in enumerate(zip(self.scored, self.of_windows, strict=True)):
             limit = np.zeros(len(windows))
             if self.noise is not None:
                 seconds = windows.durations(self.time_s)
-                limit = factor * np.sqrt(self.spread(windows)) + EARTH_IN_MOTION * EARTH_RATE * seconds
-                limit = limit + truth_scatter(self.attitude, self.rests, period, float(np.median(seconds)))
+                limit = factor * np.sqrt(self.spread(windows)) + EARTH_IN_MOTION * EARTH_RATE * seconds + of_truth
             error = self.errors(number, turned(windows, run.attitude), x, x)
             bound, columns = np.repeat(limit[:, None], 3, axis=1), run.columns(windows)
             parts.append(Part(windows, error, bound, columns[..., : run.own], columns[..., run.own :], scored=True))

@@ -38,6 +38,16 @@ def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
     return result.findings if result.causes else ()
 
 
+def as_stated(result: Diagnosis) -> str:
+    """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
+    if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
+        return ""
+    stated = exactly(result.reference_bound_arcmin)
+    return (
+        f"this holds if the true attitude errs by {stated} arcmin at most at any row, as stated: the record cannot tell"
+    )
+
+
 def sentence_of(cause: Cause, result: Diagnosis) -> str:
     """What an engineer is told of a cause; latency also in samples."""
     if cause.place.effect == "latency":
@@ -56,6 +66,8 @@ def sentences_of(finding: Finding, result: Diagnosis) -> str:
 def lines(result: Diagnosis) -> list[str]:
     """Verdict, evidence, causes and gain."""
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
+    if proviso := as_stated(result):
+        said[0] += f"; {proviso}"
     if result.verdict == "unexplained" and result.cut_off_at is not None:
         said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
     why = result.not_named or ()
@@ -313,7 +325,12 @@ def cut_off(size: int) -> str:
 
 
 def verdict_sentence(result: Diagnosis) -> str:
-    """The verdict, with the cause when one is named."""
+    """The verdict, with the cause when one is named, and on whose word it rests."""
+    proviso = as_stated(result)
+    return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
+
+
+def _verdict(result: Diagnosis) -> str:
     lacks = "The simulation lacks something"
     if result.verdict == "explained":
         return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."

@@ -33,6 +33,11 @@ def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch
         (["hidden", "new.csv", "--seed", "-1"], "--seed -1"),
         (["hidden", "new.csv", "--clean", "--effect", "quadratic"], "--clean"),
         (["attitude", "RECORD"], "strapdown record"),
+        (["diagnose", "RECORD", "--reference-bound", "5"], "--reference-bound 5: is of a strapdown record"),
+        (
+            ["diagnose", "strapdown.csv", "--reference-bound", "-1"],
+            "--reference-bound -1: must be finite and not below 0",
+        ),
         (["calibrat"], 'Did you mean "calibrate"'),
         (["reproduce", "attitud"], 'Did you mean "attitude"'),
         (["calibrate", "r.csv", "--noise-bond", "1"], "Did you mean --noise-bound"),

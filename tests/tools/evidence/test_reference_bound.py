@@ -1,0 +1,130 @@
+"""A stated bound of the true attitude's error: what it lets through, what it takes for granted, and when it is none."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strapdown_records import drawn_motion, seen_attitude, slow_noise, strapdown_record
+from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.reports.diagnosis import lines, page
+
+ARCMIN = np.pi / 180.0 / 60.0
+PERIOD, ERROR = 0.02, 8.0
+"""Time between the rows [s], and what the cameras err by at most, in motion alone [arcmin]."""
+GAMMA = np.array([[8e-3, -6e-3, 4e-3], [5e-3, -9e-3, 7e-3], [-4e-3, 6e-3, 1e-2]])
+"""Errors of scale and misalignment of the gyros."""
+
+
+def filmed(*, in_motion: float = ERROR, seed: int = 4) -> StrapdownRecord:
+    """A record with errors of the gyros' scale, before cameras that err in motion: by so many arcmin at most."""
+    rng = np.random.default_rng(seed)
+    time, rate, n, attitude = drawn_motion(rng, moves=24, rest=3.0, period=PERIOD)
+    motion = (time, rate @ (np.eye(3) + GAMMA).T + slow_noise(rng, len(time), 2e-5), n)
+    record = strapdown_record(motion, seed=seed, gyro_bias=rng.uniform(-0.01, 0.01, 3), rate_noise=7e-4)
+    moving = np.minimum(1.0, np.linalg.norm(rate, axis=1, keepdims=True))
+    direction = rng.standard_normal((len(time), 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    cameras = attitude * Rotation.from_rotvec(in_motion * ARCMIN * moving * direction)
+    return replace(record, attitude=seen_attitude(rng, cameras, 0.1 * ARCMIN))
+
+
+@pytest.fixture(scope="module")
+def record() -> StrapdownRecord:
+    return filmed()
+
+
+@pytest.fixture(scope="module")
+def without(record) -> Diagnosis:
+    return diagnose(record, rerun=False)
+
+
+def too_large(found: Diagnosis) -> list[str]:
+    """What is said of errors that all effects together leave."""
+    return [text for text in found.not_named or () if "all effects of the catalogue together" in text]
+
+
+def needed(text: str) -> float:
+    return float(re.findall(r"have to err by ([0-9.]+) arcmin at a row", text)[0])
+
+
+def test_without_it_the_objection_says_what_the_true_attitude_would_have_to_err_by(without):
+    assert (without.verdict, without.causes) == ("unexplained", ())
+    (said,) = too_large(without)
+    scatter = float(re.findall(r"at rest it scatters by ([0-9.]+)", said)[0])
+    # The cameras err by this at most: no more is needed.
+    assert 0.1 < scatter < 0.25 * needed(said) < 0.25 * (ERROR + 0.5)
+    assert said in page(without).verdict
+    assert said in "\n".join(lines(without))
+    helps = (without.not_named or ())[-1]
+    assert needed(said) <= needed(helps) <= ERROR + 0.5
+    assert without.reference_bound_arcmin is None
+
+
+def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(record):
+    found = diagnose(record, rerun=False, reference_bound=ERROR + 0.5)
+    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-scale-misalignment"])
+    for (low, high), true in zip(found.causes[0].intervals, GAMMA.ravel(), strict=True):
+        assert low <= true <= high
+    assert found.noise_bound_from == (
+        "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: 8.5 arcmin"
+    )
+    assert found.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)
+    proviso = "his holds if the true attitude errs by 8.5 arcmin at most at any row, as stated"
+    assert proviso in page(found).verdict
+    assert proviso in lines(found)[0]
+
+
+def test_a_record_that_is_consistent_by_what_is_stated_says_so():
+    found = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=300.0)
+    assert found.verdict == "consistent"
+    assert "as stated" in page(found).verdict
+    assert "as stated" in lines(found)[0]
+
+
+@pytest.mark.parametrize("part", [1.0, 0.9])
+def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
+    (said,) = too_large(without)
+    stated = round(part * needed(said), 6)
+    found = diagnose(record, rerun=False, reference_bound=stated)
+    if part == 1.0:
+        assert too_large(found) == []
+        return
+    assert found.verdict == "unexplained"
+    (again,) = too_large(found)
+    assert needed(again) == needed(said)
+    assert f"{stated:g} is stated" in again
+    assert "as stated explain" in again
+
+
+def test_with_the_effects_that_help_what_they_need_is_enough(record, without):
+    stated = needed((without.not_named or ())[-1])
+    found = diagnose(record, rerun=False, reference_bound=stated)
+    assert not any("were that all" in text for text in found.not_named or ())
+    assert found.verdict == "explained"
+
+
+def test_it_enters_at_both_ends_of_each_window_and_takes_nothing_from_what_the_record_shows(record):
+    none, zero, five, nine = (
+        np.concatenate([part.bound for part in carried_evidence(record, reference_bound=bound).parts])
+        for bound in (None, 0.0, 5.0, 9.0)
+    )
+    np.testing.assert_allclose(nine - five, 2.0 * 4.0 * ARCMIN, rtol=1e-9)
+    assert (zero >= none).all()
+    assert (five > zero).all()
+
+
+@pytest.mark.parametrize("bound", [-1.0, float("nan"), float("inf")])
+def test_a_bound_that_is_none_is_refused(record, bound):
+    with pytest.raises(InputError, match=r"^--reference-bound .*: must be finite and not below 0, in arcminutes$"):
+        diagnose(record, reference_bound=bound)
+
+
+def test_a_record_without_true_attitude_has_no_error_of_it(record):
+    with pytest.raises(InputError, match=r"^[^\n]*--reference-bound is of a record with true attitude[^\n]*$"):
+        diagnose(replace(record, attitude=None), reference_bound=5.0)
