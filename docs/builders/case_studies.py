@@ -212,7 +212,8 @@ Whoever knows what his cameras err by in motion can say it: `--reference-bound`,
 every bound by twice as much, for a window has an error at each end. Three are tried: the least with which all effects
 together are enough (a set has three at most), the least with which {helps}
 are, and a fifth more. They show what one would have to believe, and no record can vouch for it: each verdict holds if
-the cameras err by no more than is stated. The wider the bounds, the less they tell effects apart.
+the cameras err by no more than is stated. With the least ones the intervals are too narrow; the wider the bounds, the
+less they tell effects apart.
 
 {stated_text(stated)}
 

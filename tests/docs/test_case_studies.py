@@ -65,6 +65,27 @@ def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
 
 
 @pytest.mark.acceptance
+def test_latency_and_scale_and_misalignment_are_named_in_broad_03_by_what_is_stated_of_the_cameras():
+    record = measured(BROAD)
+    needed = [
+        float(figure)
+        for text in diagnose(record, rerun=False).not_named or ()
+        for figure in re.findall(r"have to err by ([0-9.]+) arcmin or more at a row", text)
+    ]
+    assert needed == sorted(needed)
+    every, helping = needed
+    found = diagnose(record, rerun=False, reference_bound=helping)
+    assert (found.verdict, {cause.effect for cause in found.causes}) == (
+        "explained",
+        {"latency", "gyro-scale-misalignment"},
+    )
+    assert "as stated" in lines(found)[0]
+    less = diagnose(record, rerun=False, reference_bound=0.9 * every)
+    assert (less.verdict, less.causes) == ("unexplained", ())
+    assert "is stated" in (less.not_named or ("",))[0]
+
+
+@pytest.mark.acceptance
 def test_the_pages_are_what_the_records_say(tmp_path):
     if not (DATA / f"{BROAD}.strapdown.csv").exists():
         pytest.skip("the real records are not there; set TRIHEDRON_DATA to their folder")

@@ -322,7 +322,7 @@ class Carried(CarriedRecord):
             f"all effects of the catalogue together leave errors of {residual(least)} bounds: over {part.label} the "
             f"bound would have to be {downwards(least * bound, 3)} arcmin, and {explained} {upwards(bound, 3)}; "
             "something that is not in the catalogue acts, or the true attitude errs more than that in motion: it would "
-            f"have to err by {upwards(self.needed(self.places), 3)} arcmin at a row; {taken}"
+            f"have to err by {upwards(self.needed(self.places), 3)} arcmin or more at a row; {taken}"
         )
 
     def needed(self, places: Sequence[EffectPlace]) -> float:
@@ -348,7 +348,7 @@ class Carried(CarriedRecord):
         if not isinstance(self.reference, Truth):
             return ""
         needed = upwards(self.needed(places), 3)
-        return f"were that all, the true attitude would have to err by {needed} arcmin at a row"
+        return f"were that all, the true attitude would have to err by {needed} arcmin or more at a row"
 
     def channels(self) -> Sequence[Channel]:
         """The quoted errors about each axis, with what they may depend on."""

@@ -38,16 +38,6 @@ def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
     return result.findings if result.causes else ()
 
 
-def as_stated(result: Diagnosis) -> str:
-    """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
-    if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
-        return ""
-    stated = exactly(result.reference_bound_arcmin)
-    return (
-        f"this holds if the true attitude errs by {stated} arcmin at most at any row, as stated: the record cannot tell"
-    )
-
-
 def sentence_of(cause: Cause, result: Diagnosis) -> str:
     """What an engineer is told of a cause; latency also in samples."""
     if cause.place.effect == "latency":
@@ -66,7 +56,7 @@ def sentences_of(finding: Finding, result: Diagnosis) -> str:
 def lines(result: Diagnosis) -> list[str]:
     """Verdict, evidence, causes and gain."""
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
-    if proviso := as_stated(result):
+    if proviso := evidence.as_stated(result):
         said[0] += f"; {proviso}"
     if result.verdict == "unexplained" and result.cut_off_at is not None:
         said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
@@ -326,7 +316,7 @@ def cut_off(size: int) -> str:
 
 def verdict_sentence(result: Diagnosis) -> str:
     """The verdict, with the cause when one is named, and on whose word it rests."""
-    proviso = as_stated(result)
+    proviso = evidence.as_stated(result)
     return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
 
 

@@ -20,7 +20,7 @@ from ..document.notation import (
     symbol_text,
     unit_text,
 )
-from ..rounding import digits, interval, residual, to_bound, upwards
+from ..rounding import digits, exactly, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
@@ -71,6 +71,18 @@ def residual_sections(result: Diagnosis) -> list[Section]:
             "Residuals of each accelerometer against its own input.",
         ),
     ]
+
+
+def as_stated(result: Diagnosis) -> str:
+    """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
+    if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
+        return ""
+    places = result.findings[0].fit.places if result.causes else ()
+    return (
+        f"this holds if the true attitude errs by {exactly(result.reference_bound_arcmin)} arcmin at most at any row, "
+        f"as stated, which no record tells; less than {upwards(result.evidence.needed(places), 3)} would not do, and "
+        "near that the intervals are too narrow"
+    )
 
 
 def quoted_words(result: Diagnosis) -> str:
