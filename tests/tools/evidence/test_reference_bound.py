@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 from strapdown_records import drawn_motion, seen_attitude, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.references import Truth
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.reports.diagnosis import lines, page
 
@@ -64,7 +66,7 @@ def test_without_it_the_objection_says_what_the_true_attitude_would_have_to_err_
     assert 0.1 < scatter < 0.25 * needed(said) < 0.25 * (ERROR + 0.5)
     assert said in page(without).verdict
     assert said in "\n".join(lines(without))
-    helps = (without.not_named or ())[-1]
+    helps = (without.not_named or ("",))[-1]
     assert needed(said) <= needed(helps) <= ERROR + 0.5
     assert without.reference_bound_arcmin is None
 
@@ -80,7 +82,7 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
     assert found.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)
     proviso = "his holds if the true attitude errs by 8.5 arcmin at most at any row, as stated"
     # Less would be enough, and then the intervals would miss what is true.
-    least = needed((without.not_named or ())[-1])
+    least = needed((without.not_named or ("",))[-1])
     assert least < 0.7 * ERROR
     assert f"less than {least:.2f} would not do" in lines(found)[0]
     narrow = diagnose(record, rerun=False, reference_bound=least)
@@ -113,7 +115,7 @@ def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
 
 
 def test_with_the_effects_that_help_what_they_need_is_enough(record, without):
-    stated = needed((without.not_named or ())[-1])
+    stated = needed((without.not_named or ("",))[-1])
     found = diagnose(record, rerun=False, reference_bound=stated)
     assert not any("were that all" in text for text in found.not_named or ())
     assert found.verdict == "explained"
@@ -133,10 +135,13 @@ def test_what_it_scatters_by_at_rest_is_of_one_row():
     """Of two rows each errs by half of what they differ by, at least."""
     exact = filmed(in_motion=0.0, cameras=0.0)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(exact.time_s))
+    assert exact.attitude is not None
     turned = Rotation.from_quat(np.roll(exact.attitude, -1, axis=1)) * Rotation.from_rotvec(
         np.outer(signs, [1.5 * ARCMIN, 0.0, 0.0])
     )
     evidence = carried_evidence(replace(exact, attitude=np.roll(turned.as_quat(), 1, axis=1)))
+    assert isinstance(evidence, Carried)
+    assert isinstance(evidence.reference, Truth)
     assert evidence.reference.at_rest == pytest.approx(1.5 * ARCMIN, rel=1e-6)
 
 
