@@ -33,6 +33,7 @@ EXTENDED = {
     "AccelerometerBlock": [
         EffectPlace("quadratic", "accelerometer-3"),
         EffectPlace("bias-drift", "accelerometer-1"),
+        EffectPlace("bias-step", "accelerometer-3"),
         EffectPlace("scale-asymmetry", "accelerometer-2"),
         EffectPlace("cross-product", "accelerometer-1", axes=(2, 3)),
         EffectPlace("temperature-scale", "accelerometer-2"),

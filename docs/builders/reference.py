@@ -45,8 +45,14 @@ PICTURE_SEED = 2026
 
 POINTS = 181
 COLUMNS = 4
-SHOWN_LEVELS = {"dead-zone": 0.2, "saturation": 0.8, "quantisation": 0.2, "exchanged-readings": 0.5}
-"""Levels [g], or times [h], at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
+SHOWN_LEVELS = {
+    "dead-zone": (0.2,),
+    "saturation": (0.8,),
+    "quantisation": (0.2,),
+    "exchanged-readings": (0.5,),
+    "bias-step": (1.0, 0.5),
+}
+"""Levels [g], and times [h], at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
 SHOWN_ORDER = 2
 READINGS = np.array([[1.0, 0.15], [0.25, 1.0], [0.75, -0.85]])
 """How three readings depend on two parameters."""
@@ -186,7 +192,7 @@ def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
     # At α = 90° the first input is sin β; a tilted table shows turns of every kind.
     alpha, beta, label = 0.5 * math.pi * ones, math.asin(1.0) * (2.0 * steps - 1.0), "input [g]"
     along = np.sin(beta)
-    if effect.name.endswith("drift") or effect.name == "exchanged-readings":
+    if effect.name.endswith(("drift", "step")) or effect.name == "exchanged-readings":
         hours, label, along = steps, "time [h]", steps
         alpha, beta = 1.1 * ones, 0.6 * ones
     elif "temperature" in effect.needs:
@@ -214,7 +220,7 @@ def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
     rows = Visits(here.parametrisation, sweep.at, sweep.circumstances).rows(here.point)
     if effect.variants is not None:
         clean = rows.prediction
-        return acted_on([(place, (SHOWN_LEVELS[effect.name],))], rows, clean) - clean
+        return acted_on([(place, SHOWN_LEVELS[effect.name])], rows, clean) - clean
     if effect.name == "hysteresis":
         # One axis moves, and the way there and back of the input is known.
         rows = replace(rows, input_sense=np.repeat(sweep.circumstances.sense_beta[:, None], 3, axis=1))

@@ -167,3 +167,10 @@ class Variant:
         """Readings (N, 3) that the effect changes, but for what widens their bounds."""
         changed = self.lost | self.fixed | (self.offset != 0.0) | np.any(self.columns != 0.0, axis=2)
         return changed if self.mixed is None else changed | np.any(self.mixed != np.eye(3), axis=2)
+
+    @property
+    def adds(self) -> bool:
+        """Whether it adds its columns and does no more: then it is linear."""
+        return self.mixed is None and not any(
+            values.any() for values in (self.offset, self.widening, self.lost, self.fixed)
+        )

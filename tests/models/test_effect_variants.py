@@ -1,6 +1,7 @@
 """Effects that are not linear act as one of their variants; the step of rounded readings is found."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -116,3 +117,22 @@ def test_exchanged_readings_are_one_of_the_variants_from_its_time_on(place):
     assert changed == pytest.approx(seen, abs=1e-14)
     assert np.array_equal(found[0].touched.any(axis=1), np.arange(7) > 2)
     assert not variants(place, rows, rows.prediction, 1e-9)
+
+
+@pytest.mark.parametrize("place", CATALOGUE["bias-step"].places, ids=lambda place: place.title)
+def test_a_bias_step_is_one_of_the_variants_from_its_time_on(place):
+    start, size = 0.5 * (HOURS[2] + HOURS[3]), 3e-3
+    rows, seen = true_bench()[1], readings({place: (size, start)})
+    variants = CATALOGUE["bias-step"].variants
+    assert variants is not None
+    every = variants(place, rows, rows.prediction, 1e-5)
+    found = [v for v in every if v.limits[1][0] <= start <= v.limits[1][1]]
+    assert len(found) == 1
+    assert found[0].limits[1] == (HOURS[2], HOURS[3])
+    assert found[0].adds
+    assert rows.prediction + found[0].columns @ np.array([size]) == pytest.approx(seen, abs=1e-14)
+    assert found[0].values(np.array([size])) == pytest.approx((size, start))
+    # Two rows at least on each side.
+    assert [v.limits[1] for v in every] == list(pairwise(HOURS[1:-1]))
+    within = replace(rows, hours=np.linspace(HOURS[2], HOURS[3], len(HOURS)))
+    assert np.array_equal(found[0].undecided(within, 1e-5).any(axis=1), [0, 1, 1, 1, 1, 1, 0])

@@ -32,6 +32,7 @@ CONTRACT = {
     "exchanged-readings": ["start"],
     "hysteresis": ["width"],
     "bias-drift": ["rate"],
+    "bias-step": ["size", "start"],
     "scale-drift": ["rate"],
     "temperature-bias": ["coefficient"],
     "temperature-scale": ["coefficient"],

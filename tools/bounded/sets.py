@@ -12,7 +12,6 @@ out; -1 stands for none. Deleting reading a of weight w_a, residual r and levera
 sum of squares, and the others' weights then sum to 1 - w_a; two readings have a formula of order two.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -67,26 +66,38 @@ class Problem:
     """A linear fit in units of the bounds, with the columns of candidate effects.
 
     `residual` (M,), `nominal` (M, P): columns that are always there; `columns` (M, C): of all candidates, `blocks`: the
-    columns of each.
+    columns of each. Of the last `alike` candidates a set has one at most: they are one effect at different times.
     """
 
     residual: NDArray
     nominal: NDArray
     columns: NDArray
     blocks: tuple[slice, ...]
+    alike: int = 0
 
     @staticmethod
-    def of(residual: NDArray, nominal: NDArray, columns: Sequence[NDArray]) -> "Problem":
+    def of(residual: NDArray, nominal: NDArray, columns: Sequence[NDArray], alike: int = 0) -> "Problem":
         """The problem with the columns (M, k) of each candidate."""
         ends = np.cumsum([0, *(block.shape[1] for block in columns)]).tolist()
         blocks = tuple(slice(start, stop) for start, stop in pairwise(ends))
-        return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), blocks)
+        return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), blocks, alike)
 
     @cached_property
     def layout(self) -> tuple[NDArray, NDArray]:
         """First columns (n,) of the candidates, and their numbers of columns (n,)."""
         ends = np.array([(block.start, block.stop) for block in self.blocks], dtype=np.int64).reshape(-1, 2)
         return ends[:, 0].copy(), ends[:, 1] - ends[:, 0]
+
+    def choices(self, size: int) -> NDArray[np.int64]:
+        """Every choice (n, 3) of so many candidates that may be in one set; -1 stands for none."""
+        apart = len(self.blocks) - self.alike
+        every = _combinations(apart, size)
+        if self.alike and size:
+            fewer = _combinations(apart, size - 1)
+            more = np.repeat(fewer, self.alike, axis=0)
+            more[:, size - 1] = np.tile(np.arange(apart, len(self.blocks)), len(fewer))
+            every = np.concatenate((every, more))
+        return every
 
     @property
     def size_of_projection(self) -> float:
@@ -182,11 +193,9 @@ def sets_of_size(
         projections.append(project(problem, weights))
         work.add(problem.size_of_projection)
     for outliers in range(min(size, most_outliers) + 1):
-        if size - outliers > len(problem.blocks):
-            continue
-        rows, count = len(problem.residual), math.comb(len(problem.blocks), size - outliers)
-        work.add(count * (1.0, 0.1 * rows, 0.1 * rows + 0.002 * rows**2)[outliers])
-        sets = surviving_sets(size - outliers, outliers, limit, parts(problem, projections[0]))
+        rows, choices = len(problem.residual), problem.choices(size - outliers)
+        work.add(len(choices) * (1.0, 0.1 * rows, 0.1 * rows + 0.002 * rows**2)[outliers])
+        sets = surviving_sets(choices, outliers, limit, parts(problem, projections[0]))
         open_sets = OpenSets(sets, np.zeros(len(sets)), np.zeros(len(sets), dtype=int))
         for number, projection in enumerate(projections):
             work.add(0.3 * len(open_sets))
@@ -428,12 +437,17 @@ def _surviving(sets, outliers, limit, projection):
     return survivors[:found]
 
 
-def surviving_sets(effects, outliers, limit, projection):
-    """All sets (n, 5) of so many effects and outliers whose squared bound under a projection is not above the limit."""
-    every = list(combinations(range(len(projection[-1])), effects))
+def surviving_sets(choices, outliers, limit, projection):
+    """All sets (n, 5) of choices (m, 3) and so many outliers whose squared bound under a projection is not above it."""
+    return _surviving(choices, outliers, limit, projection)
+
+
+def _combinations(count: int, size: int) -> NDArray[np.int64]:
+    """Every choice (n, 3) of so many of a number of candidates; -1 stands for none."""
+    every = np.array(list(combinations(range(count), size)), dtype=np.int64)
     sets = np.full((len(every), 3), -1)
-    sets[:, :effects] = every
-    return _surviving(sets, outliers, limit, projection)
+    sets[:, :size] = every.reshape(len(every), -1)
+    return sets
 
 
 @compiled_and_kept

@@ -208,9 +208,12 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     """
     found, room, count = [], evidence.room(fit), len(fit.at)
     for place, columns in evidence.beside(fit):
-        possible = fit.possible(room, columns, evidence.most_rows)
+        every = [one.possible(room, columns, evidence.most_rows) for one in (fit, *fit.also)]
         parameters = place.definition.parameters
-        sizes = [largest_coefficient(possible, count + k, parameter.name) for k, parameter in enumerate(parameters)]
+        sizes = [
+            max(largest_coefficient(possible, count + k, parameter.name) for possible in every)
+            for k, parameter in enumerate(parameters)
+        ]
         ends = evidence.told(place, [(0.0, size) for size in sizes])
         for parameter, (_, above) in zip(parameters, ends, strict=True):
             if above < parameter.largest and not parameter.name.endswith("phase"):
@@ -330,8 +333,7 @@ def search(
         try:
             for candidate in tracked(evidence.candidates(size, work, among), f"sets of {size}", show=progress):
                 members = product(*(evidence.classes.whole_class(place) for place in candidate))
-                fit = next((fit for places in members if (fit := evidence.mended(places, work)) is not None), None)
-                found += [] if fit is None else [fit]
+                found += next((fits for places in members if (fits := evidence.mended(places, work))), ())
                 if len(found) >= MOST_FOUND:
                     complete = False
                     break
@@ -352,18 +354,18 @@ def equivalence_groups(evidence: Evidence, fits: Sequence[Fit]) -> list[list[Fit
     """Sets that cannot be told apart, together; the least radius first."""
     classes = evidence.classes
     groups: list[list[Fit]] = []
-    spaces: list[tuple[frozenset[EffectPlace], NDArray]] = []
+    spaces: list[tuple[object, NDArray]] = []
     for fit in fits:
         # Outliers and effects that are not linear are compared by name: they have no space of their own.
         apart = frozenset(place for place in fit.places if classes.whole_class(place)[0] not in classes.places)
-        space = classes.joint_space([place for place in fit.places if place not in apart])
+        space, named = classes.joint_space([place for place in fit.places if place not in apart]), (apart, fit.signs)
         for group, (others, other) in zip(groups, spaces, strict=True):
-            if apart == others and same_space(space, other):
+            if named == others and same_space(space, other):
                 group.append(fit)
                 break
         else:
             groups.append([fit])
-            spaces.append((apart, space))
+            spaces.append((named, space))
     return groups
 
 

@@ -120,9 +120,10 @@ class Cause(NamedEffect):
 
     @property
     def _may_be_zero(self) -> list[bool]:
-        """Of each parameter, phases aside, whether its interval holds zero."""
-        pairs = zip(self.parameters, self.intervals, strict=True)
-        return [low <= 0.0 <= high for p, (low, high) in pairs if not p.name.endswith("phase")]
+        """Of each size, or where there is none of each parameter, whether its interval holds zero."""
+        pairs = list(zip(self.parameters, self.intervals, strict=True))
+        sizes = [pair for pair in pairs if not pair[0].name.endswith(("phase", "start"))]
+        return [low <= 0.0 <= high for _, (low, high) in sizes or pairs]
 
     @property
     def sentence(self) -> str:

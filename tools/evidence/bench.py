@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
+from ...models.effects.rows import Variant
 from ..bounded.programmes import Interval, column_space
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.calibration import (
@@ -146,11 +147,28 @@ class Bench(Evidence):
         return usual_centre(self.readings, self.here.point)
 
     @cached_property
+    def additive(self) -> dict[EffectPlace, list[Variant]]:
+        """Effects that only add columns, others in each of their ways: they are sought by these."""
+        rows = self.readings.rows(self.centre.point)
+        found = {place: self.readings.variants(place, rows) for place in self.places if not is_linear(place)}
+        return {place: ways for place, ways in found.items() if ways and all(way.adds for way in ways)}
+
+    @property
+    def ways(self) -> list[tuple[EffectPlace, int]]:
+        """Each effect that only adds columns, in each of its ways."""
+        return [(place, way) for place, ways in self.additive.items() for way in range(len(ways))]
+
+    @cached_property
+    def _open_ways(self) -> dict[frozenset[EffectPlace], list[int]]:
+        """Of sets with an effect that only adds columns the ways of it that no bound refuses."""
+        return {}
+
+    @cached_property
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
         """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
         rows = self.readings.rows(self.centre.point)
         untold = [place for place in self.classes.places if untold_readings([place], rows).any()]
-        bent = [place for place in self.places if not is_linear(place)]
+        bent = [place for place in self.places if not is_linear(place) and place not in self.additive]
         return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
 
     @cached_property
@@ -166,16 +184,26 @@ class Bench(Evidence):
         free = [place for place in self.classes.places if place not in self.relaxed]
         for count in range(min(size, len(self.relaxed)) + 1):
             for chosen in combinations(self.relaxed.values(), count):
-                seen = set()
-                for linear in self._linear_sets(self.centre, free, chosen, size - count, work):
-                    if linear not in seen:
-                        seen.add(linear)
-                        yield (*sorted(linear, key=lambda place: place.title), *(mine.place for mine in chosen))
+                beside = tuple(mine.place for mine in chosen)
+                seen: dict[tuple[EffectPlace, ...], set[int]] = {}
+                for linear, ways in self._linear_sets(self.centre, free, chosen, size - count, work):
+                    places = (*sorted(linear, key=lambda place: place.title), *beside)
+                    if places not in seen and not ways:
+                        yield places
+                    seen.setdefault(places, set()).update(ways)
+                # An effect's other ways count for what is possible with it: it waits for all of them.
+                for places, ways in seen.items():
+                    if ways:
+                        self._open_ways[frozenset(places)] = sorted(ways)
+                        yield places
 
     def _linear_sets(
         self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
-    ) -> Iterator[frozenset[EffectPlace]]:
-        """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses."""
+    ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
+        """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
+
+        With each the way of the effect in it that only adds columns, if there is one.
+        """
         free = [place for place in places if place not in centre.places]
         if size > 0 and self.slack(centre) > TOO_MUCH:
             if centre.places not in self._anchors:
@@ -185,33 +213,41 @@ class Bench(Evidence):
             for one in more:
                 yield from self._linear_sets(one, places, chosen, size - 1, work)
             free = [place for place in free if place not in {one.places[-1] for one in more}]
-        problem = self.problem(centre, free)
+        steps = self.ways if size > 0 else []
+        if steps and self.slack(centre) > TOO_MUCH:
+            # What stands out so far has its time told, but for the gaps that are nearest to it.
+            steps = [steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS]]
+        problem = self.problem(centre, free, steps)
         part, kept = self._without(problem, chosen)
         for candidate in sets_of_size(part, size, self.slack(centre), work=work):
             outliers = [int(kept[row]) for row in candidate.outliers]
             if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + self.slack(centre):
                 continue
-            yield frozenset(
-                (
-                    *centre.places,
-                    *(free[i] for i in candidate.effects),
-                    *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
-                )
+            own = [steps[i - len(free)] for i in candidate.effects if i >= len(free)]
+            places = (
+                *centre.places,
+                *(free[i] for i in candidate.effects if i < len(free)),
+                *(place for place, _ in own),
+                *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
             )
+            yield frozenset(places), tuple(way for _, way in own)
 
     def slack(self, centre: Fit) -> float:
         """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
         return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.bound.min())
 
-    def problem(self, centre: Fit, places: Sequence[EffectPlace]) -> Problem:
-        """The search for effects beside those of a centre, in units of the bounds."""
+    def problem(
+        self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[tuple[EffectPlace, int]] = ()
+    ) -> Problem:
+        """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
         rows, bound = self.readings.rows_with(centre), self.bound[:, None]
         blocks = [signature_columns([place], rows) / bound for place in places]
-        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks)
+        blocks += [self.additive[place][way].columns.reshape(len(bound), -1) / bound for place, way in ways]
+        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
 
     def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
         """Centres with one effect more that stands out, the most helpful first."""
-        helpful = most_helpful(self.problem(centre, places), places)
+        helpful = [places[k] for k in most_helpful(self.problem(centre, places))]
         more = [
             centre_of(self.readings, (*centre.places, place), self.here.point, centre)
             for place in helpful[:MOST_ANCHORS]
@@ -227,7 +263,8 @@ class Bench(Evidence):
         kept = np.flatnonzero(~np.any([mine.touched for mine in chosen], axis=0))
         shrunk = (self.bound / widened)[kept]
         columns = problem.columns[kept] * shrunk[:, None]
-        return Problem(problem.residual[kept] * shrunk, nominal[kept] * shrunk[:, None], columns, problem.blocks), kept
+        nominal, residual = nominal[kept] * shrunk[:, None], problem.residual[kept] * shrunk
+        return replace(problem, residual=residual, nominal=nominal, columns=columns), kept
 
     def _paid_radius(
         self,
@@ -266,15 +303,25 @@ class Bench(Evidence):
             raise ValueError("the fit runs away")
         return fit
 
-    def mended(self, places: Sequence[EffectPlace], work: Work) -> Fit | None:
-        """Effects fitted in the best of the ways in which they can act; None where they do not mend the record."""
-        bent = {place: ways for place in places if place in self.relaxed and (ways := self.relaxed[place].ways)}
-        best = None
-        for ways in product(*(range(count) for count in bent.values())):
+    def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """Effects fitted in each of the ways in which they can act: the best, and with it all others that stand, too.
+
+        One fit for each choice of signs of what an effect adds in its way: sizes on both sides of zero are no interval.
+        """
+        known = frozenset(self.classes.whole_class(place)[0] for place in places)
+        bent: dict[EffectPlace, Sequence[int]] = {}
+        for place in places:
+            if place in self.additive:
+                bent[place] = self._open_ways[known]
+            elif place in self.relaxed and (count := self.relaxed[place].ways):
+                bent[place] = range(count)
+        found: dict[tuple[float, ...], list[Fit]] = {}
+        for ways in product(*bent.values()):
             fit = self._standing(Cast(tuple(places), dict(zip(bent, ways, strict=True))), work)
-            if fit is not None and (best is None or fit.radius < best.radius):
-                best = fit
-        return best
+            if fit is not None:
+                found.setdefault(fit.signs, []).append(fit)
+        ranked = [sorted(fits, key=lambda fit: fit.radius) for fits in found.values()]
+        return [replace(best, also=tuple(others)) for best, *others in ranked]
 
     def _standing(self, cast: Cast, work: Work) -> Fit | None:
         """A fit with possible sizes, where it mends the record."""
@@ -407,13 +454,12 @@ class Bench(Evidence):
         return trials(Linear(self.nominal, self.residual, self.bound), fit, self.named, self.numbers)
 
 
-def most_helpful(problem: Problem, places: Sequence[EffectPlace]) -> list[EffectPlace]:
-    """Effects by what each takes off the robust sum of squares, the most helpful first."""
+def most_helpful(problem: Problem) -> list[int]:
+    """Candidates by what each takes off the robust sum of squares, the most helpful first."""
     projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)))
     spaces = [column_space(projection.columns[:, block]) for block in problem.blocks]
     gains = [float(np.sum((space.T @ projection.residual) ** 2)) for space in spaces]
-    order = sorted(range(len(places)), key=lambda k: (-gains[k], places[k].title))
-    return [places[k] for k in order if spaces[k].shape[1]]
+    return [k for k in np.argsort(-np.array(gains), kind="stable").tolist() if spaces[k].shape[1]]
 
 
 def bench_evidence(record: PositionRecord, **options: Any) -> Bench:

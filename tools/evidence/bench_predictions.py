@@ -355,8 +355,14 @@ def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArra
         seen = readings.variants(place, rows)
         if not seen:
             return None
-        value, limits = wanted[place][0], [variant.limits[0] for variant in seen]
-        ways[place] = int(np.argmin([max(low - value, value - high, 0.0) for low, high in limits]))
+        beyond = [
+            [
+                max(low - value, value - high, 0.0)
+                for value, (low, high) in zip(wanted[place], variant.limits, strict=True)
+            ]
+            for variant in seen
+        ]
+        ways[place] = int(np.argmin(np.max(beyond, axis=1)))
     return fitted(readings, Cast(tuple(places), ways), start)
 
 

@@ -335,11 +335,11 @@ class Evidence:
         for chosen in sets_of_size(problem, size, self.limit - 1.0, 0, work):
             yield tuple(places[i] for i in chosen.effects)
 
-    def mended(self, places: Sequence[EffectPlace], work: Work) -> Fit | None:
-        """The fit of a set of effects with possible sizes; None where the model does not stand with them."""
+    def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """Fits of a set of effects with possible sizes, each in ways of its own, with which the model stands."""
         work.programme(len(self.residual), self.nominal.shape[1] + len(self.numbers_of(places)))
         fit = self.refit(places)
-        return fit if fit.radius <= self.limit else None
+        return [fit] if fit.radius <= self.limit else []
 
     def alone(self, place: EffectPlace) -> float:
         """Radius that one effect leaves."""

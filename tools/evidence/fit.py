@@ -49,7 +49,8 @@ class Fit:
     `radius` is the least possible largest error over its bound, with coefficients of possible size; `estimate` (P + K,)
     are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found, both
     those of one possible point where the fit is `centred`; `variants` the ways in which effects act that are not
-    linear.
+    linear; `also` are fits of the same effects in their other ways with which the record stands: what is possible is
+    what is possible with any of them.
     """
 
     places: tuple[EffectPlace, ...]
@@ -64,6 +65,7 @@ class Fit:
     stated: NDArray[np.float64]
     variants: tuple[Variant | None, ...] = ()
     growths: tuple[Growth, ...] = ()
+    also: tuple["Fit", ...] = ()
 
     @property
     def point(self) -> NDArray[np.float64]:
@@ -99,6 +101,12 @@ class Fit:
     def linear(self) -> bool:
         """Whether every effect is linear in its coefficients."""
         return all(variant is None for _, _, variant in self.ways)
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """Signs of the coefficients of effects that are not linear, where the radius is attained."""
+        own = self.central[len(self.point) :]
+        return tuple(float(np.sign(c)) for _, block, variant in self.ways if variant is not None for c in own[block])
 
     @property
     def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
@@ -179,7 +187,8 @@ class Fit:
     def ends(self, room: float = 0.0, most_rows: int | None = None) -> NDArray[np.float64]:
         """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it."""
         possible = self.possible(room, None, most_rows)
-        return np.array([np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))]).reshape(-1, 2)
+        own = np.array([np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))]).reshape(-1, 2)
+        return hull([own, *(other.ends(room, most_rows) for other in self.also)])
 
     def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
         """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.
@@ -196,7 +205,15 @@ class Fit:
                 return float(direction @ middle + step(direction))
 
             found.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
-        return tuple(found)
+        others = [other.intervals(room, most_rows) for other in self.also]
+        return (
+            tuple(
+                tuple((float(low), float(high)) for low, high in hull([np.array(mine) for mine in same]))
+                for same in zip(found, *others, strict=True)
+            )
+            if others
+            else tuple(found)
+        )
 
 
 def are_possible(place: EffectPlace, values: Sequence[float]) -> bool:
@@ -227,11 +244,18 @@ def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
 
 def _variant_intervals(variant: Variant, reach: Reach) -> tuple[Interval, ...]:
     """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
-    if variant.columns.shape[2] == 0:
-        return variant.limits
-    low, high = variant.limits[0]
-    unit = np.ones(1)
-    return ((max(low, -reach(-unit)), min(high, reach(unit))),)
+    coefficients = np.eye(variant.columns.shape[2])
+    sizes = [
+        (max(low, -reach(-unit)), min(high, reach(unit)))
+        for unit, (low, high) in zip(coefficients, variant.limits, strict=False)
+    ]
+    return (*sizes, *variant.limits[len(sizes) :])
+
+
+def hull(ends: Sequence[NDArray]) -> NDArray[np.float64]:
+    """The least intervals (K, 2) that hold several (K, 2)."""
+    low, high = np.min(ends, axis=0)[:, 0], np.max(ends, axis=0)[:, 1]
+    return np.stack((low, high), axis=1)
 
 
 @dataclass(frozen=True, eq=False)

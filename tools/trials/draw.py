@@ -48,8 +48,10 @@ from .sizes import Hidden, SureSizes, level_margins, sure_sizes
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
-HIDDEN_EFFECTS = tuple(name for name in POSITION_EFFECTS if name != "exchanged-readings")
-"""What a suite of a table's positions hides: exchanged channels have no size that could be near that of detection."""
+NOT_DRAWN = ("bias-step", "exchanged-readings")
+HIDDEN_EFFECTS = tuple(name for name in POSITION_EFFECTS if name not in NOT_DRAWN)
+"""What a suite of a table's positions hides. Exchanged channels have no size that could be near that of detection; a
+step has another one for each time, and its nearest rivals are steps at the times beside it."""
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
 MOST_ABOVE = 30.0

@@ -1,5 +1,6 @@
 """Smallest sets of effects: the bounds are bounds, and the search finds what exhaustive search finds."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -68,8 +69,18 @@ def test_the_scan_keeps_exactly_the_sets_within_the_limit(size):
     bounds = bounds_of(np.array([as_row(s) for s in sets]), parts(problem, projection))
     limit = float(np.median(bounds)) * (1 + 1e-12)
     kept = {tuple(as_row(s)) for s, bound in zip(sets, bounds, strict=True) if bound <= limit}
-    found = [surviving_sets(size - out, out, limit, parts(problem, projection)) for out in range(min(size, 2) + 1)]
+    given = parts(problem, projection)
+    found = [surviving_sets(problem.choices(size - out), out, limit, given) for out in range(min(size, 2) + 1)]
     assert {tuple(int(i) for i in row) for part in found for row in part} == kept
+
+
+@pytest.mark.parametrize("size", [0, 1, 2, 3])
+def test_of_candidates_that_are_alike_a_set_has_one_at_most(size):
+    problem = replace(random_problem(7, rows=20, effects=6), alike=2)
+    wanted = {chosen for chosen in combinations(range(6), size) if not {4, 5} <= set(chosen)}
+    choices = problem.choices(size)
+    assert len(choices) == len(wanted)
+    assert {tuple(int(i) for i in row if i >= 0) for row in choices} == wanted
 
 
 def test_columns_that_depend_on_others_change_nothing():

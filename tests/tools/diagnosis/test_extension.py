@@ -42,7 +42,7 @@ DRAWN = [
 
 def found(evidence, place: EffectPlace) -> Diagnosis:
     """The diagnosis that names an effect, without the search for it."""
-    fit = evidence.mended([place], Work())
+    (fit,) = evidence.mended([place], Work())
     assert fit is not None
     fit = centred(evidence, fit)
     causes = causes_of(evidence, fit)

@@ -1,0 +1,92 @@
+"""A bias that changes once, at a time between two rows of a record of positions."""
+
+import numpy as np
+import pytest
+
+from simulated_bench import GRAVITY, random_bench, simulated
+from simulated_bench import record as position_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.result import Cause
+from trihedron.tools.trials.bench import NOISE_BOUND
+
+
+def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, np.ndarray, np.ndarray]:
+    """A generator, readings (N, 3) [g] of a bench at N random positions with noise, and their angles."""
+    rng = np.random.default_rng([seed, 17])
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, int(rng.integers(16, 41))))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (len(alpha), 3))
+    return rng, simulated(random_bench(rng), alpha, beta, noise).specific_force / GRAVITY, alpha, beta
+
+
+def time_of(row: int) -> float:
+    """Hours of a row since the first."""
+    return 30.0 * row / 3600.0
+
+
+def candidates(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> tuple[str, list[tuple[Cause, ...]]]:
+    """The verdict on readings, and the sets of causes that it names or leaves."""
+    result = diagnose(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND, rerun=False)
+    return result.verdict, [result.causes, *(result.alternatives or ())]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_step_is_named_or_among_the_candidates_with_its_time_and_size_inside_their_intervals(seed):
+    rng, reading, alpha, beta = drawn(seed)
+    count, p = len(reading), int(rng.integers(3))
+    row = int(rng.integers(0.25 * count, 0.85 * count))
+    size = NOISE_BOUND * float(rng.choice([-1.0, 1.0]) * rng.uniform(5.0, 25.0))
+    reading[row:, p] += size
+    before, after = time_of(row - 1), time_of(row)
+    place = EffectPlace("bias-step", f"accelerometer-{p + 1}")
+    verdict, sets = candidates(reading, alpha, beta)
+    own = [causes for causes in sets if [cause.place for cause in causes] == [place]]
+    assert verdict == "explained" if len(sets) == 1 else verdict == "ambiguous"
+    assert all(cause.acts for causes in own for cause in causes)
+    ends = [causes[0].intervals for causes in own]
+    assert [low <= size <= high and first <= before < after <= last for (low, high), (first, last) in ends].count(
+        1
+    ) == 1
+
+
+@pytest.mark.parametrize("seed", [100, 101, 102, 104, 106, 107])
+def test_a_weak_step_has_every_time_at_which_it_could_be_in_its_interval(seed):
+    """At 2 σ it could have come in one of several gaps between rows."""
+    _, reading, alpha, beta = drawn(seed)
+    row, size = len(reading) // 2, 2.0 * NOISE_BOUND
+    reading[row:, 0] += size
+    _, sets = candidates(reading, alpha, beta)
+    place = EffectPlace("bias-step", "accelerometer-1")
+    ((sizes, (first, last)),) = [causes[0].intervals for causes in sets if [c.place for c in causes] == [place]]
+    assert sizes[0] <= size <= sizes[1]
+    assert first <= time_of(row - 1) < time_of(row) <= last
+    assert last - first > 1.5 * time_of(1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_strong_drift_is_no_step_and_nothing_is_found_where_nothing_is(seed):
+    _, reading, alpha, beta = drawn(200 + seed)
+    assert candidates(reading, alpha, beta) == ("consistent", [()])
+    reading[:, 1] += 20.0 * NOISE_BOUND * np.linspace(0.0, 1.0, len(reading))
+    verdict, sets = candidates(reading, alpha, beta)
+    assert verdict == "explained"
+    assert [cause.place for cause in sets[0]] == [EffectPlace("bias-drift", "accelerometer-2")]
+
+
+@pytest.mark.parametrize("row", [1, -1])
+def test_what_a_single_row_at_an_end_shows_is_no_step(row):
+    """The first or the last reading alone is off: an outlier tells it as well, and is what it is called."""
+    _, reading, alpha, beta = drawn(300)
+    reading[row:, 2] += 20.0 * NOISE_BOUND
+    _, sets = candidates(reading, alpha, beta)
+    assert sets[0]
+    assert all(cause.place.effect != "bias-step" for causes in sets for cause in causes)
+
+
+def test_a_step_beside_another_effect_is_found_with_it():
+    _, reading, alpha, beta = drawn(401)
+    row, bent = len(reading) // 2, reading[:, 2] ** 3
+    reading[row:, 0] += 20.0 * NOISE_BOUND
+    reading[:, 2] += 40.0 * NOISE_BOUND * bent
+    wanted = {EffectPlace("bias-step", "accelerometer-1"), EffectPlace("cubic", "accelerometer-3")}
+    assert wanted in [{cause.place for cause in causes} for causes in candidates(reading, alpha, beta)[1]]
