@@ -93,9 +93,12 @@ def digits(value: float | None, count: int = 3) -> Number:
     return _significant(value, count, ROUND_HALF_EVEN)
 
 
-def exactly(value: float | None) -> Number:
-    """A number that a person has given, with all its digits and no more: 1e-5, 0.25, 30."""
-    return _significant(value, MOST_DIGITS, ROUND_HALF_EVEN)
+def exactly(value: float | None, count: int = MOST_DIGITS) -> Number:
+    """A number that a person has given, with all its digits and no more: 1e-5, 0.25, 30.
+
+    `count`: of a number that was computed from such, as a period from time stamps, so many digits count at most.
+    """
+    return NONE if value is None else _significant(float(f"{value:.{count}g}"), MOST_DIGITS, ROUND_HALF_EVEN)
 
 
 def residual(radius: float | None, count: int = 3) -> Number:

@@ -442,6 +442,7 @@ EXCHANGED_READINGS = last_stage_effect(
         for p, where in enumerate(ACCELEROMETERS, start=1)
         for i in range(p, 4)
     ),
+    formula="f_{p} ↔ ±f_{i} 'from' t = {start} 'on'",
 )
 
 

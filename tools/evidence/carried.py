@@ -295,7 +295,7 @@ class Carried(CarriedRecord):
             return ()
         percent = 50.0 * (least + most)
         long = "long" if percent > 0 else "short"
-        return (f"time stamps that are {digits(abs(percent), 2)} % too {long} would do the same",)
+        return (f"time stamps that are {exactly(abs(percent), 2)} % too {long} would do the same",)
 
     def objections(self) -> tuple[str, ...]:
         """Parameters that no instrument has, gyros that wander at rest, errors that all effects together leave."""

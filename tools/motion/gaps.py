@@ -14,7 +14,7 @@ from pydantic import Field
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import Result
-from ..rounding import digits
+from ..rounding import exactly
 from .rests import GAP
 
 MOST_BRIDGED = 10
@@ -60,8 +60,8 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
             if count <= MOST_BRIDGED:
                 way += f", or bridge it, with a bound of the error: --bridge-gaps {count}"
             raise InputError(
-                f"{_row_behind(record, int(k))}: a gap of {digits(between[k], 6)} s before {digits(time[k + 1], 9)} s, "
-                f"where rows come every {digits(usual, 6)} s; {way}"
+                f"{_row_behind(record, int(k))}: a gap of {exactly(between[k], 6)} s before "
+                f"{exactly(time[k + 1], 9)} s, where rows come every {exactly(usual, 6)} s; {way}"
             )
     if not len(gaps):
         return record, ()

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import StrapdownRecord
-from ..rounding import digits, exactly
+from ..rounding import exactly
 from .rests import GAP, check_meaning, check_turns, mean_rates
 
 JITTER = 0.01
@@ -40,16 +40,16 @@ def sampling_period(record: StrapdownRecord) -> float:
     if gaps.size:
         k = int(gaps[0])
         raise InputError(
-            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {digits(between[k], 6)} s before "
-            f"{digits(time[k + 1], 9)} s, where rows come every {digits(usual, 6)} s; give a record without gaps"
+            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {exactly(between[k], 6)} s before "
+            f"{exactly(time[k + 1], 9)} s, where rows come every {exactly(usual, 6)} s; give a record without gaps"
         )
     period = float(time[-1] - time[0]) / (len(time) - 1)
     off = (time - time[0]) / period - np.arange(len(time))
     worst = int(np.argmax(np.abs(off)))
     if not abs(off[worst]) <= JITTER:
         raise InputError(
-            f"{record.path}, row {int(record.row[worst])}, column 'time_s': {digits(time[worst], 9)} s is "
-            f"{digits(100.0 * abs(off[worst]))} % of the period ({digits(period, 6)} s) off the uniform grid; "
+            f"{record.path}, row {int(record.row[worst])}, column 'time_s': {exactly(time[worst], 9)} s is "
+            f"{exactly(100.0 * abs(off[worst]), 3)} % of the period ({exactly(period, 6)} s) off the uniform grid; "
             f"at most {exactly(100.0 * JITTER)} % is taken: give a uniformly sampled record with enough digits of time"
         )
     return period

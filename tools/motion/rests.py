@@ -16,7 +16,7 @@ from ..records import StrapdownRecord
 from ..records.limits import Limits, limits_of, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..result import ABSENT, Array, Result
-from ..rounding import digits, downwards
+from ..rounding import digits, downwards, exactly
 
 GAP = 1.5
 """A time between rows is a gap from so many periods on."""
@@ -402,6 +402,6 @@ def rest_warnings(rests: Rests, gravity: float) -> list[str]:
     """What a person should know of the accelerometers at rest: limits and steps."""
     said = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"] if rests.clipped else []
     for p in np.flatnonzero(rests.step):
-        step = digits(rests.step[p] / gravity, 2)
+        step = exactly(rests.step[p] / gravity, 3)
         said.append(f"f{p + 1} reads in steps of {step} g: half of one counts in its means' bounds")
     return said

@@ -49,6 +49,8 @@ TOLERABLE = 0.1
 AS_GOOD = 1.01
 """Compensated weights that cost one per cent more than new ones are good enough."""
 UNBIASED = 1e-9
+DECIMALS_DEG = 9
+"""Errors of setting have no more decimals [deg]: the rest is rounding of sines and cosines."""
 ADVICE = ("tolerable", "compensate", "re-solve", "measure again")
 """From the least trouble to the most."""
 LATTICE_DEG = 15.0
@@ -169,7 +171,7 @@ def check_settings(task: Task, planned: Places, actual: Places, noise_bound: flo
     return SettingCheck(
         advice=max((check.advice for check in checks), key=ADVICE.index),
         lost_readings=int((used.any(axis=0) & ~certain).sum()),
-        largest_error_deg=float(turned.max(initial=0.0)),
+        largest_error_deg=float(np.round(turned.max(initial=0.0), DECIMALS_DEG)),
         noise_bound=noise_bound,
         targets=tuple(checks),
     )

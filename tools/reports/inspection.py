@@ -17,7 +17,7 @@ from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
 from ..motion.norm import COLUMNS, ROWS, NormCalibration
 from ..motion.rests import rest_warnings
-from ..rounding import Number, digits, downwards, interval, outwards, residual, upwards
+from ..rounding import Number, digits, downwards, exactly, interval, outwards, residual, upwards
 from .bench import Value, number, section_of_model
 from .pictures.records import allan_picture, attitude_picture
 
@@ -43,7 +43,7 @@ def sampling_lines(found: Inspection) -> list[str]:
         jitter = "no jitter"
     lines = [
         f"{record.path.name}: {len(record)} rows of {kind} over {digits(length, 6)} s, "
-        f"one every {digits(sampling.period, 6)} s",
+        f"one every {exactly(sampling.period, 6)} s",
         f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
     ]
     lines += [f"gap of {digits(gap.length_s, 4)} s after {digits(gap.time_s, 6)} s" for gap in sampling.gaps[:5]]
@@ -231,7 +231,7 @@ def split_lines(run: AttitudeRun) -> list[str]:
     amplitude = ", ".join(upwards(value, 3) for value in split.amplitude)
     return [
         f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
-        f"(period {digits(split.period)} s)"
+        f"(period {exactly(split.period, 3)} s)"
     ]
 
 

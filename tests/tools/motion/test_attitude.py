@@ -390,7 +390,7 @@ def test_the_command_takes_an_algorithm_a_divisor_and_compares(
     path = tmp_path / "record.csv"
     pl.DataFrame(columns).write_csv(path)
     assert main(["attitude", str(path), "--algorithm", "panov", "--rate-divisor", "2"]) == 0
-    assert "50.0 Hz, algorithm panov" in capsys.readouterr().out
+    assert "50 Hz, algorithm panov" in capsys.readouterr().out
     assert main(["attitude", str(path), "--compare", "--out", str(tmp_path / "out")]) == 0
     shown = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in shown[1:]] == [a.name for a in ALGORITHMS]

@@ -16,7 +16,7 @@ from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.motion.rests import reading_steps, sampling_of
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
-from trihedron.tools.rounding import digits
+from trihedron.tools.rounding import exactly
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
 BIAS = np.array([0.01, -0.02, 0.03])
@@ -242,7 +242,7 @@ def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
     found = inspected(record, specific_force=force)
     assert found.rests.step[1] == pytest.approx(step_g * G, rel=1e-6)
     assert found.rests.step[[0, 2]] == pytest.approx(0.0, abs=0.0)
-    assert f"f2 reads in steps of {digits(step_g, 2)} g" in str(found)
+    assert f"f2 reads in steps of {exactly(step_g)} g" in str(found)
     calibration = found.accelerometers
     assert calibration.verdict == "consistent"
     assert np.all((calibration.column("low") <= TRUTH) & (calibration.column("high") >= TRUTH))

@@ -36,7 +36,7 @@ def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture
     total = sum(row["weight"] * f[k, row["accelerometer"] - 1] for k, row in enumerate(plan["weights"]))
     np.testing.assert_allclose(total, np.eye(18)[3], atol=1e-12)
     assert ElementTree.fromstring(files["svg"].read_text(encoding="utf-8")).tag.endswith("svg")
-    assert "2.0549378711" in files["html"].read_text(encoding="utf-8")
+    assert "2.0549378712" in files["html"].read_text(encoding="utf-8")
     before = {name: path.read_bytes() for name, path in files.items()}
     assert main(options) == 0
     assert {name: path.read_bytes() for name, path in files.items()} == before
