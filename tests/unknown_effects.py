@@ -54,8 +54,9 @@ def resonance(p: int, rows: Rows) -> NDArray:
     return on(p, away * width / (away**2 + width**2))
 
 
-def step_in_time(p: int, rows: Rows) -> NDArray:
-    return on(p, np.sign(rows.hours - 0.55 * rows.hours[-1]))
+def pulse_in_time(p: int, rows: Rows) -> NDArray:
+    """A bias that jumps, and jumps back."""
+    return on(p, np.where(np.abs(rows.hours / rows.hours[-1] - 0.55) < 0.2, 1.0, -1.0))
 
 
 def slow_oscillation(p: int, rows: Rows) -> NDArray:
@@ -80,7 +81,7 @@ UNKNOWN: tuple[Callable[[int, Rows], NDArray], ...] = (
     square_times_other,
     bump,
     resonance,
-    step_in_time,
+    pulse_in_time,
     slow_oscillation,
     ninth_harmonic,
     of_both_angles,

@@ -3,10 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from strapdown_records import G, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
+
+pytestmark = pytest.mark.acceptance
 
 
 def test_a_limit_stands_beside_what_the_other_rests_show():

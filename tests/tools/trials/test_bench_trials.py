@@ -51,7 +51,7 @@ def test_pairs_are_named_both():
 
 def test_what_the_catalogue_lacks_gets_no_name():
     assert len(set(UNKNOWN)) == 10
-    unknown = draw_unknown(501, 5, (20, 24))
+    unknown = draw_unknown(501, 9, (20, 24))
     result: Any = diagnosed(unknown.case, unknown.record)
     assert (result.verdict, len(result.causes)) == ("unexplained", 0)
 
