@@ -303,8 +303,8 @@ def input_jacobian(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounti
     # What moves the vertical and what turns the block, three targets at once.
     moved = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION, None]
     tilted, turned = moved[:3], moved[3:]
-    vertical = up(np.asarray(alpha) - tilted[..., 1], np.asarray(beta), tilted[..., 0], tilted[..., 2]).imag / step
-    turns = small_turn(turned[..., 14:11:-1]).imag / step @ np.asarray(mounting)
+    vertical = np.imag(up(np.asarray(alpha) - tilted[..., 1], np.asarray(beta), tilted[..., 0], tilted[..., 2])) / step
+    turns = np.imag(small_turn(turned[..., 14:11:-1])) / step @ np.asarray(mounting)
     straight = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
     here = up(np.asarray(alpha) - x[..., 1], np.asarray(beta), x[..., 0], x[..., 2])
     jacobian = np.zeros((*here.shape, len(TARGETS)))

@@ -27,7 +27,7 @@ Hidden = Callable[[np.random.Generator, NDArray, NDArray], Fault]
 """Generator, inputs (N, 3) [g], hours (N,) -> the fault."""
 
 
-def on(p: int, values: NDArray) -> NDArray:
+def on(p: int | np.integer, values: NDArray) -> NDArray:
     """Values (N,) in the readings of one accelerometer."""
     return values[:, None] * (np.arange(3) == p)
 

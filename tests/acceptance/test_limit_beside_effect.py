@@ -1,6 +1,7 @@
 """An accelerometer at its limit in two rests, and gyros that depend on gravity: both are named."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def test_a_limit_stands_beside_what_the_other_rests_show():
         (record, [of_gyros]),
         (replace(record, specific_force=force), [EffectPlace("saturation", "accelerometer-2"), of_gyros]),
     ):
-        result = diagnose(measured)
+        result: Any = diagnose(measured)
         assert result.verdict == "explained"
         assert [cause.place for cause in result.causes] == expected
         assert result.gain.held_out_rms_after < result.gain.held_out_rms_before

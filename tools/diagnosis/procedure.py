@@ -116,7 +116,8 @@ def diagnosed(
     if not isinstance(judgement, Witness):
         # What is needed most comes first.
         heard = sorted(judgement, key=lambda witness: -witness.rms_without)
-        best = best.in_order([*(read.place for read in evidence.read_off), *(witness.place for witness in heard)])
+        places = [witness.place for witness in heard if witness.place is not None]
+        best = best.in_order([*(read.place for read in evidence.read_off), *places])
         objections = tuple(text for witness in heard for text in witness.objections)
         objections += only_at_one_length(evidence, best.fit, told["lengths"])
         told |= {"judgement": heard}

@@ -214,7 +214,7 @@ def _reading_floor(raw: RawRecord) -> np.ndarray:
 
 
 def _turning(axis: int | np.integer, trend: Trend) -> str:
-    return f"{_AXES[axis]} axis turns by {digits(trend.change[axis] / _ARCSEC, 2)} arcsec"
+    return f"{_AXES[axis]} axis turns by {digits(float(trend.change[axis] / _ARCSEC), 2)} arcsec"
 
 
 def _lasts(raw: RawRecord, rows: slice) -> str:

@@ -130,8 +130,8 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     left = centre_residual(result) / here.bound.reshape(-1, 3)
     rows: list[list[Cell]] = []
     for i, axis in np.argwhere(proved(result, numbers)):
-        angles = (digits(np.degrees(angle[i]), 7) for angle in (here.positions.alpha, here.positions.beta))
-        figures = (*angles, digits(here.input[i, axis]), digits(left[i, axis]))
+        angles = (digits(float(np.degrees(angle[i])), 7) for angle in (here.positions.alpha, here.positions.beta))
+        figures = (*angles, digits(float(here.input[i, axis])), digits(float(left[i, axis])))
         rows.append([int(numbers[i]), int(axis) + 1, *figures])
     header = ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"]
     return Section(

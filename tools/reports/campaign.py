@@ -340,7 +340,7 @@ def suite_lines(suite: Suite) -> list[str]:
             f"{digits(100.0 * b.detected / b.cases):>7} %  {digits(100.0 * b.named / b.cases):>3} %"
             for b in suite.detection
         ]
-    errors = suite.size_errors
+    errors: Any = suite.size_errors
     if errors["estimates"]:
         mean = f"mean error {digits(100.0 * errors['mean'])} %, rms" if bench else "rms error"
         rms, largest = digits(100.0 * errors["rms"]), upwards(100.0 * errors["largest"], 3)

@@ -147,10 +147,10 @@ def target_section(result: Diagnosis) -> Section | None:
         return None
     known = {row.symbol: row for row in result.evidence.calibration.parameters}
     sigma = result.evidence.calibration.noise_bound
-    ends = [
+    ends = (
         [None if end is None else (end - t["after"]) / sigma for end in (t["low"], t["high"])] for t in result.targets
-    ]
-    drawn, reach = bars([Bar(None, *pair) for pair in ends])
+    )
+    drawn, reach = bars([Bar(None, low, high) for low, high in ends])
     rows: list[list[Cell]] = []
     for t, bar in zip(result.targets, drawn, strict=True):
         moved = to_bound(t["after"] - t["before"], half_width(t["low"], t["high"]))

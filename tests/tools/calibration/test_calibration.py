@@ -2,6 +2,7 @@
 
 import time
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -206,7 +207,7 @@ def test_too_little_is_insufficient_what_is_known_is_right_and_the_positions_men
         bench = random_bench(rng)
         truth = target_values(bench, IDENTITY)
         noise = rng.uniform(-SIGMA, SIGMA, (len(alpha), 3))
-        result = calibrate(simulated(bench, alpha, beta, noise), noise_bound=SIGMA)
+        result: Any = calibrate(simulated(bench, alpha, beta, noise), noise_bound=SIGMA)
         assert result.verdict == "insufficient"
         missing = {gap.symbol for gap in result.missing}
         assert missing

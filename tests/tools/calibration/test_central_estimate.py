@@ -224,7 +224,7 @@ def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exc
         assert Decimal(str(told["low"])) <= Decimal(str(told["estimate"])) <= Decimal(str(told["high"]))
         assert float(str(told["to within"])) >= (e.error_bound or np.inf)
         assert float(str(more["guaranteed error"])) >= (e.guaranteed_error or np.inf)
-        wrong = [name for name in ("a priori", "least squares") if name in (more["outside the interval"] or "")]
+        wrong = [name for name in ("a priori", "least squares") if name in str(more["outside the interval"] or "")]
         values = (e.a_priori, e.least_squares)
         assert wrong == [
             name for name, x in zip(("a priori", "least squares"), values, strict=True) if not e.possible(x)

@@ -34,7 +34,7 @@ def candidates(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> tupl
 def test_a_step_is_named_or_among_the_candidates_with_its_time_and_size_inside_their_intervals(seed):
     rng, reading, alpha, beta = drawn(seed)
     count, p = len(reading), int(rng.integers(3))
-    row = int(rng.integers(0.25 * count, 0.85 * count))
+    row = int(rng.integers(int(0.25 * count), int(0.85 * count)))
     size = NOISE_BOUND * float(rng.choice([-1.0, 1.0]) * rng.uniform(5.0, 25.0))
     reading[row:, p] += size
     before, after = time_of(row - 1), time_of(row)
@@ -44,9 +44,7 @@ def test_a_step_is_named_or_among_the_candidates_with_its_time_and_size_inside_t
     assert verdict == "explained" if len(sets) == 1 else verdict == "ambiguous"
     assert all(cause.acts for causes in own for cause in causes)
     ends = [causes[0].intervals for causes in own]
-    assert [low <= size <= high and first <= before < after <= last for (low, high), (first, last) in ends].count(
-        1
-    ) == 1
+    assert sum(low <= size <= high and first <= before < after <= last for (low, high), (first, last) in ends) == 1
 
 
 @pytest.mark.parametrize("seed", [100, 101, 102, 104, 106, 107])

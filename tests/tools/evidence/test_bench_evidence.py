@@ -1,6 +1,7 @@
 """The evidence of a bench: what was left out, what another mounting tells."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ ONCE = EffectPlace("encoder-harmonic", "outer-axis", 1)
 IDENTITY = parametrise({"identity": np.eye(3)})
 
 
-def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None) -> Witness:
+def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None) -> Any:
     """The witness on an effect that is there (by default), or on one that is not."""
     case = draw_alone(seed, effects=["quadratic", "encoder-harmonic", "cross-product"] if place is None else [])
     record = case.measured()
@@ -57,7 +58,7 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
     quadratic, cubic = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("cubic", "accelerometer-2")
     record = bench_case(511, quadratic, (2e-4,)).measured()
     evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
-    witness = judgement_of(evidence, evidence.refit([quadratic, cubic]))
+    witness: Any = judgement_of(evidence, evidence.refit([quadratic, cubic]))
     there, none = witness.each
     assert (there.place, none.place) == (quadratic, cubic)
     assert there.objections == ()
@@ -75,7 +76,7 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
     exact = 9.80665 * (here.readings.reading.ravel() - here.refit([place]).left).reshape(-1, 3)
     noise = 9.80665 * NOISE_BOUND * rng.choice([-1.0, 1.0], exact.shape)
 
-    def largest(force):
+    def largest(force) -> Any:
         evidence = bench_evidence(replace(record, specific_force=force), noise_bound=NOISE_BOUND)
         return Witness.of(next(evidence.trials(evidence.refit([place])))).largest
 

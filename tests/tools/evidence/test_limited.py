@@ -1,6 +1,7 @@
 """Accelerometers at their limit in rests: named where the model cannot do without the limit, and nowhere else."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def named(result: Diagnosis) -> list[EffectPlace]:
 @pytest.mark.parametrize(("axis", "level"), [(0, 0.95), (1, 0.8), (2, 0.75), (1, 0.9)])
 def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, level):
     """Clipped in the two rests where it points up or down, whatever the noise; the level is in its interval."""
-    result = diagnose(clipped(drawn(axis), axis, -level, level), rerun=False)
+    result: Any = diagnose(clipped(drawn(axis), axis, -level, level), rerun=False)
     assert result.verdict == "explained"
     assert named(result) == [EffectPlace("saturation", f"accelerometer-{axis + 1}")]
     (parameter,) = result.causes[0].parameters
@@ -51,13 +52,13 @@ def test_a_limit_that_is_reached_on_one_side_alone_is_saturation_where_the_other
     """One rest is clipped; no reading is beyond the limit on the other side."""
     poses = np.delete(POSES, 3 if turned > 0.0 else 2, axis=0)
     record = drawn(5, motion=true_motion(poses))
-    result = diagnose(clipped(record, 1, -0.85, 0.85), rerun=False)
+    result: Any = diagnose(clipped(record, 1, -0.85, 0.85), rerun=False)
     assert named(result) == [EffectPlace("saturation", "accelerometer-2")]
 
 
 def test_a_limit_on_one_side_of_two_is_not_named_and_said():
     """The catalogue's saturation has two sides; the reading is beyond the limit on the other."""
-    result = diagnose(clipped(drawn(6), 1, -0.8, 9.0), rerun=False)
+    result: Any = diagnose(clipped(drawn(6), 1, -0.8, 9.0), rerun=False)
     assert result.verdict == "unexplained"
     assert result.causes == ()
     assert result.baseline.falsified
@@ -65,7 +66,7 @@ def test_a_limit_on_one_side_of_two_is_not_named_and_said():
 
 
 def test_two_accelerometers_at_their_limits_are_both_named():
-    result = diagnose(clipped(clipped(drawn(7), 0, -0.9, 0.9), 2, -0.8, 0.8), rerun=False)
+    result: Any = diagnose(clipped(clipped(drawn(7), 0, -0.9, 0.9), 2, -0.8, 0.8), rerun=False)
     assert result.verdict == "explained"
     assert named(result) == [EffectPlace("saturation", f"accelerometer-{p}") for p in (1, 3)]
 

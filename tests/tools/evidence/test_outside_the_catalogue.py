@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,7 +75,7 @@ def first_words(found: Diagnosis) -> tuple[str, str]:
 @pytest.mark.parametrize("change", [rate_cubed, changing_scale, late_from_the_middle_on])
 def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_stretches_no_bound(change, seed):
     clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).head()["noise_bound_arcmin"]
-    found = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
+    found: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
     assert (found.verdict, found.causes) == ("unexplained", ())
     assert found.baseline.radius > 2.0
     # The bound is that of the instruments: what is hidden is not in it.
@@ -136,7 +137,7 @@ def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
     rng = np.random.default_rng(2)
     time, rate, n, attitude = drawn_motion(rng)
     fast = 6.0
-    record = strapdown_record((time / fast, fast * rate, n), seed=2, rate_noise=WHITE)
+    record: Any = strapdown_record((time / fast, fast * rate, n), seed=2, rate_noise=WHITE)
     found = diagnose(replace(record, attitude=seen_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
     assert np.abs(record.rate).max() > 15.0
     assert found.verdict in ("consistent", "insufficient")

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -147,7 +148,7 @@ def test_an_increment_that_holds_the_whole_gap_is_not_taken_for_that_of_one_row(
 def test_truth_is_not_known_in_a_bridged_gap_and_rows_keep_their_numbers():
     record, _ = drawn(9, "rates")
     hurt = with_lost(replace(record, attitude=np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))), (50, 2))
-    bridged, _ = without_gaps(hurt, 2)
+    bridged: Any = without_gaps(hurt, 2)[0]
     assert np.flatnonzero(np.isnan(bridged.attitude).any(axis=1)).tolist() == [50, 51]
     assert bridged.row[48:54].tolist() == [50, 51, 54, 54, 54, 55]
     assert compare_algorithms(hurt, bridge_gaps=2).algorithms[0].updates > 0

@@ -1,6 +1,7 @@
 """Channels at their limit: found in drawn motions of every kind of noise and step, and nowhere in sound records."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,7 +129,7 @@ def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):
             least[axis] = room * values.min()
         if side == "both":
             limit[axis], least[axis] = (sign * min(limit[axis], -least[axis]) for sign in (1.0, -1.0))
-        record = drawn.record(limit, least)
+        record: Any = drawn.record(limit, least)
         found = limits_of(record)
         assert found.rows.keys() <= {f"w{axis + 1}"}, seed
         missed += not found.rows
@@ -161,7 +162,7 @@ def test_a_few_rows_in_a_row_are_a_limit_where_noise_does_not_repeat(rows, is_li
 def test_increments_are_judged_as_they_were_measured(jitter):
     """Over logged times that jitter equal increments make rates that differ."""
     drawn = smooth_motion(7, "exact")
-    record = drawn.record(0.8 * np.abs(drawn.rate).max(axis=0))
+    record: Any = drawn.record(0.8 * np.abs(drawn.rate).max(axis=0))
     time = record.time_s + np.random.default_rng(0).uniform(-jitter, jitter, len(record))
     summed = StrapdownRecord(time, None, PERIOD * record.rate, record.specific_force)
     found = limits_of(summed)
@@ -195,7 +196,7 @@ def test_no_measured_record_has_a_limit(name):
 
 def test_a_limit_in_a_measured_record_is_found():
     """Accelerometers in steps of 1e-4 g and gyros in steps of 1/16 deg/s, as they are."""
-    record = measured("mpu9150-0")
+    record: Any = measured("mpu9150-0")
     rate = np.clip(record.rate, None, 0.6 * record.rate.max(axis=0))
     step = 0.0625 * np.pi / 180.0
     rate = np.where(rate < record.rate, step * np.floor(rate / step), rate)

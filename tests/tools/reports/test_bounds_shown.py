@@ -47,7 +47,7 @@ def formats(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Formats of numbers: in f-strings, by `format`, by %, and templates that hold them."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FormattedValue) and isinstance(node.format_spec, ast.JoinedStr):
-            form = "".join(part.value for part in node.format_spec.values if isinstance(part, ast.Constant))
+            form = "".join(str(part.value) for part in node.format_spec.values if isinstance(part, ast.Constant))
             if NUMERIC.fullmatch(form):
                 yield node.lineno, form
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
