@@ -218,7 +218,7 @@ def _turning(axis: int | np.integer, trend: Trend) -> str:
 
 
 def _lasts(raw: RawRecord, rows: slice) -> str:
-    return f"{digits(raw.time_s[rows.stop - 1] - raw.time_s[rows.start])} s"
+    return f"{digits(float(raw.time_s[rows.stop - 1] - raw.time_s[rows.start]))} s"
 
 
 def _median_by_rows(duration: np.ndarray, rows: np.ndarray) -> float:
