@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from named import Effects, Named
 from trihedron.fmus.parameters import component_parameters
 from trihedron.models.bench import TARGETS
-from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects import EffectPlace, Rows
 from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits
 
@@ -37,7 +37,7 @@ WOBBLES = {
 
 def extended_instance(name: str, effects: Effects, **settings: ArrayLike) -> Named:
     """A component of the true bench, with those effects that belong to it, not yet initialised."""
-    own = {place: values for place, values in effects.items() if CATALOGUE[place.effect].component == name}
+    own = {place: values for place, values in effects.items() if place.definition.component == name}
     return Named(name, own, **(PARAMETERS.get(name, {}) | settings))
 
 
@@ -68,7 +68,7 @@ def nominal_forces(row: int) -> np.ndarray:
 
 def readings(effects: Effects, **settings: ArrayLike) -> np.ndarray:
     """Readings (7, 3) [g] of table and block, with effects composed in; the components themselves read."""
-    on_table = any(CATALOGUE[place.effect].component == "TurntableMotion" for place in effects)
+    on_table = any(place.definition.component == "TurntableMotion" for place in effects)
     shown = np.zeros((ROWS, 3))
     for row in range(ROWS):
         before, force = forces(effects, row) if on_table else nominal_forces(row)

@@ -121,11 +121,11 @@ def export_components(
     if flavour == "python" and platform is not None:
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
     places = effect_places(effects)
-    extended = {str(CATALOGUE[place.effect].component) for place in places}
+    extended = {str(place.definition.component) for place in places}
     chosen = list(dict.fromkeys(names)) or [name for name in known if name in extended] or list(known)
     for place in places:
         if not any(can_extend(table[name], place) for name in chosen):
-            raise InputError(f"--effect {place.title}: extends {CATALOGUE[place.effect].component}, not exported here")
+            raise InputError(f"--effect {place.title}: extends {place.definition.component}, not exported here")
     try:
         if flavour == "native":
             chosen_platforms("host" if platform is None else platform)

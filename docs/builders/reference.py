@@ -91,7 +91,7 @@ def reference_page() -> str:
         "| effect | what it adds | places | parameters | extends |",
         "|---|---|---|---|---|",
     ]
-    parts += [effect_line(effect) for effect in CATALOGUE.values()]
+    parts += [effect_line(effect) for effect in CATALOGUE.values() if not effect.of_law]
     return "\n".join([*parts, ""])
 
 

@@ -8,7 +8,7 @@ import math
 import pkgutil
 from collections.abc import Mapping
 
-from .definition import CATALOGUE, Effect, EffectParameter, EffectPlace
+from .definition import CATALOGUE, Effect, EffectParameter, EffectPlace, name_of_law
 from .rows import MotionRows, Rows, Variant
 
 __all__ = [
@@ -31,7 +31,7 @@ _modules = [importlib.import_module(f"{__name__}.{name}") for name in _names]
 _effects: list[Effect] = [e for module in _modules for e in getattr(module, "EFFECTS", None) or (module.EFFECT,)]
 CATALOGUE.update((effect.name, effect) for effect in sorted(_effects, key=lambda effect: effect.name))
 
-POSITION_EFFECTS = {name: effect for name, effect in CATALOGUE.items() if not effect.in_motion}
+POSITION_EFFECTS = {name: e for name, e in CATALOGUE.items() if not (e.in_motion or e.of_law)}
 """The effects that a record of rests at positions of a table can show."""
 
 STRAPDOWN_EFFECTS = {
@@ -49,6 +49,8 @@ def parameter_name(place: EffectPlace, parameter: str) -> str:
         words.append(f"order_{place.order}")
     if place.axes:
         words.append("axes_" + "_".join(str(axis) for axis in place.axes))
+    if place.law:
+        words.append(name_of_law(place.law))
     return ".".join([*words, parameter]).replace("-", "_")
 
 
@@ -58,7 +60,7 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
     Parameters
     ----------
     mapping : mapping
-        ``effect``, ``where``, where it has them ``order`` and ``axes``, and the parameters by name
+        ``effect``, ``where``, where it has them ``order``, ``axes`` and ``law``, and the parameters by name
 
     Raises
     ------
@@ -68,15 +70,20 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
     rest = dict(mapping)
     name = rest.pop("effect", None)
     effect = CATALOGUE.get(name) if isinstance(name, str) else None
-    if effect is None or effect.kernel is None:
-        known = ", ".join(entry.name for entry in CATALOGUE.values() if entry.kernel is not None)
+    if effect is None or not (effect.kernel is not None or effect.of_law):
+        known = ", ".join(entry.name for entry in CATALOGUE.values() if entry.kernel is not None or entry.of_law)
         raise ValueError(f"effect {name!r} is not one that extends a component; these do: {known}")
     where, order, axes = rest.pop("where", None), rest.pop("order", None), rest.pop("axes", [])
     # Products do not depend on the order of their factors.
     whole = isinstance(axes, list | tuple) and all(type(axis) is int for axis in axes)
     factors = tuple(sorted(axes)) if whole else None  # type: ignore[arg-type]
     place = next((p for p in effect.places if (p.where, p.order, p.axes) == (where, order, factors)), None)
-    if place is None:
+    if effect.of_law:
+        law = rest.pop("law", None)
+        if not (isinstance(law, str) and isinstance(where, str) and order is None and factors is not None):
+            raise ValueError(f"effect {name!r} needs 'where' and 'law', both text, and no order")
+        place = EffectPlace(effect.name, where, None, factors, law)
+    elif place is None:
         known = "; ".join(p.title.removeprefix(effect.name).strip() for p in effect.places)
         with_axes = f" and axes {axes!r}" if axes else ""
         raise ValueError(f"effect {name!r} has no place {where!r} with order {order!r}{with_axes}; it has: {known}")

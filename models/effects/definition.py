@@ -2,6 +2,8 @@
 
 import inspect
 import math
+import re
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -15,6 +17,8 @@ from .rows import MotionRows, Rows, Variant
 ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")
 GYRO_BLOCK = "gyro-block"
+LONGEST_NAME = 40
+"""So many characters of a law stand in the name of a variable."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +35,15 @@ class EffectPlace:
         of a harmonic
     axes : tuple of int
         the accelerometers (1 to 3) whose inputs or readings take part
+    law : str
+        of an effect that no catalogue can list: its table or its formula, from which the effect is made
     """
 
     effect: str
     where: str
     order: int | None = None
     axes: tuple[int, ...] = ()
+    law: str = ""
 
     @property
     def definition(self) -> "Effect":
@@ -56,17 +63,27 @@ class EffectPlace:
             words.append(f"order {self.order}")
         if self.axes:
             words.append("axes " + " ".join(str(axis) for axis in self.axes))
+        if self.law:
+            words.append(self.law)
         return " ".join(words)
 
     @property
     def entry(self) -> dict[str, object]:
-        """As scenarios and results write it: ``effect``, ``where``, where it has them ``order`` and ``axes``."""
+        """As scenarios and results write it: ``effect``, ``where``, where it has them ``order``, ``axes``, ``law``."""
         written: dict[str, object] = {"effect": self.effect, "where": self.where}
         if self.order is not None:
             written["order"] = self.order
         if self.axes:
             written["axes"] = list(self.axes)
+        if self.law:
+            written["law"] = self.law
         return written
+
+
+def name_of_law(law: str) -> str:
+    """A name of the letters, digits and underscores of a law, and of no other law."""
+    words = "_".join(re.findall(r"[a-z][a-z0-9]*", law.lower()))
+    return f"{words[:LONGEST_NAME]}_{zlib.crc32(law.encode()):08x}"
 
 
 @dataclass(frozen=True)
@@ -178,7 +195,8 @@ class Effect:
         place, rows -> (N, 3): by how much a reading [g] may differ per unit of the size of the coefficients, within
         what is told of the quantity that the effect depends on; None where that is exact
     of_place : callable or None
-        place -> the effect there, where parameters and kernel differ between the places
+        place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
+        place's law is none
     in_motion : bool
         an effect of a record in motion: its signature takes `MotionRows`, and no record of rests shows it
     """
@@ -206,6 +224,11 @@ class Effect:
     def at(self, place: EffectPlace) -> "Effect":
         """The effect as it is at one of its places."""
         return self if self.of_place is None else self.of_place(place)
+
+    @property
+    def of_law(self) -> bool:
+        """Whether it is made from the law of its place: it has no places of its own, and no search tries it."""
+        return not self.places and self.of_place is not None
 
     def place_numbers(self, place: EffectPlace) -> tuple[int, ...]:
         """The whole numbers that the kernel takes at a place, by their names.

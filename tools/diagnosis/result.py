@@ -34,6 +34,7 @@ class NamedEffect(Told):
     order: int | None = None
     accelerometer: int | None = None
     axes: tuple[int, ...] | None = None
+    law: str | None = None
 
     @staticmethod
     def keys(place: EffectPlace) -> dict[str, Any]:
@@ -51,7 +52,7 @@ class NamedEffect(Told):
     def place(self) -> EffectPlace:
         """The effect and its place."""
         axes = self.axes or () if self.accelerometer is None else (self.accelerometer,)
-        return EffectPlace(self.effect, self.where, self.order, axes)
+        return EffectPlace(self.effect, self.where, self.order, axes, self.law or "")
 
 
 class SizedParameter(Result):

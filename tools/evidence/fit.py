@@ -14,7 +14,7 @@ from pydantic import Field
 from ...fmus import build
 from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import can_extend
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.programmes import (
@@ -371,7 +371,7 @@ def with_effects(
     fmus: Mapping[str, tuple[str, Mapping[str, Any]]], effects: Sequence[Mapping[str, object]]
 ) -> dict[str, dict[str, Any]]:
     """Components and their parameters, each with those of the effects that extend it, as a scenario file says them."""
-    entries = [(CATALOGUE[str(entry["effect"])].component, dict(entry)) for entry in effects]
+    entries = [(place_from_mapping(entry)[0].definition.component, dict(entry)) for entry in effects]
     return {
         name: {
             "component": component,

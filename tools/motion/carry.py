@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...models.attitude_algorithms import ALGORITHMS
-from ...models.effects import CATALOGUE, EffectPlace, MotionRows, parameter_name, place_from_mapping
+from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
@@ -213,7 +213,7 @@ def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mappi
 
 def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:
     """Whether the kernel of some effect reads a place of the context."""
-    kernels = (CATALOGUE[place.effect].at(place).kernel for place in effects)
+    kernels = (place.definition.kernel for place in effects)
     return any(quantity in kernel.__code__.co_names for kernel in kernels if kernel is not None)
 
 
@@ -233,7 +233,7 @@ def effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component: 
     """Effects on a component, with their sizes, as a scenario writes them."""
     entries: list[dict[str, object]] = []
     for place, values in effects.items():
-        effect = CATALOGUE[place.effect].at(place)
+        effect = place.definition
         if effect.component == component:
             named = zip((parameter.name for parameter in effect.parameters), values, strict=True)
             entries.append({**place.entry, **dict(named)})

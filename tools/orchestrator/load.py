@@ -181,7 +181,7 @@ def _effects(name: str, setting: FmuSetting) -> "tuple[tuple[EffectPlace, ...], 
     # Most scenarios have none, and the catalogue takes time to read.
     from ...models import effects
 
-    known = {effect.name: effect for effect in effects.CATALOGUE.values() if effect.kernel is not None}
+    known = {effect.name: effect for effect in effects.CATALOGUE.values() if effect.kernel is not None or effect.of_law}
     places: list[EffectPlace] = []
     values: dict[str, float] = {}
     for number, entry in enumerate(setting.effects, start=1):
@@ -204,6 +204,8 @@ def _check_names(entry: Mapping[str, Any], known: "Mapping[str, Effect]") -> Non
     name, where = entry.get("effect"), entry.get("where")
     if not isinstance(name, str) or name not in known:
         raise InputError(f"effect {name!r} is not one that extends a component; {nearest(str(name), list(known))}")
+    if known[name].of_law:
+        return
     places = list(dict.fromkeys(place.where for place in known[name].places))
     if where not in places:
         raise InputError(f"effect '{name}' has no place {where!r}; {nearest(str(where), places)}")

@@ -388,7 +388,8 @@ def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
     if part == "gyros":
         words, gyro = in_words(entry["parameter"])
         return part, entry["effect"], words, f"gyro {gyro}" if gyro else "block"
-    place = EffectPlace(entry["effect"], entry["where"], entry.get("order"), tuple(entry.get("axes", ())))
+    axes = tuple(entry.get("axes", ()))
+    place = EffectPlace(entry["effect"], entry["where"], entry.get("order"), axes, entry.get("law", ""))
     return part, place.title.replace(f" {place.where}", ""), entry["parameter"], column
 
 

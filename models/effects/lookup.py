@@ -1,0 +1,240 @@
+"""A function of one quantity at one place, by a table: what no catalogue lists, as an effect like any other.
+
+Its law is written as ``[factor times] quantity at knots``, ``... around knots`` of an angle that goes round, or ``...
+jumps at knot``: "n1 at -1 0 1", "n2 times hours at 0 0.5 1", "tilt times alpha around 0 2 4", "hours jumps at 0.3".
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..written import written
+from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, name_of_law, turned
+from .rows import MotionRows, Rows
+
+TURN = 2.0 * math.pi
+KINDS = ("at", "around", "jumps at")
+TILT = "tilt"
+"""In place of a factor: κ depends on the outer angle, ε on the inner one, not the turn about the axis."""
+MOST_KNOTS = 64
+LARGEST = 0.5
+"""The largest value of a table that is called possible, in its unit."""
+
+AT_REST = {
+    "n1": ("context[INPUT]", "g"),
+    "n2": ("context[INPUT + 1]", "g"),
+    "n3": ("context[INPUT + 2]", "g"),
+    "hours": ("context[HOURS]", "h"),
+    "temperature": ("context[TEMPERATURE]", "degC"),
+    "alpha": ("", "rad"),
+    "beta": ("", "rad"),
+}
+"""Of each quantity of a record of rests how a kernel reads it, and its unit; an accelerometer knows no angles."""
+IN_MOTION = {
+    "w1": ("rate[0]", "rad/s"),
+    "w2": ("rate[1]", "rad/s"),
+    "w3": ("rate[2]", "rad/s"),
+    **{name: AT_REST[name] for name in ("n1", "n2", "n3", "hours", "temperature")},
+}
+"""The same of a record in motion."""
+FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", TILT)
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a law says: a function of a quantity by its values at knots, straight between them, times a known factor.
+
+    `kind`: "at": as at the ends beyond these; "around": round a circle; "jumps at": zero before its one knot, then one.
+    """
+
+    quantity: str
+    kind: str
+    knots: tuple[float, ...]
+    factor: str = ""
+
+    @staticmethod
+    def of(law: str) -> "Table":
+        """A table from its law; a ValueError says what would be right."""
+        words = law.split()
+        factor = words[0] if words[1:2] == ["times"] else ""
+        quantity, *rest = words[2:] if factor else words or [""]
+        kind = next((kind for kind in KINDS if " ".join(rest).startswith(kind + " ")), None)
+        try:
+            knots = tuple(float(word) for word in rest[len(kind.split()) if kind else 0 :])
+        except ValueError:
+            knots = ()
+        table = Table(quantity, kind or "", knots, factor)
+        if not table.is_one:
+            raise ValueError(f"law {law!r} must be '[factor times] quantity at|around|jumps at knots', knots growing")
+        return table
+
+    @property
+    def is_one(self) -> bool:
+        """Whether knots and names are those of a table."""
+        known = {*AT_REST, *IN_MOTION}
+        count = len(self.knots)
+        fits = {"at": count >= 2, "around": count >= 2, "jumps at": count == 1}.get(self.kind, False)
+        fits = fits and (self.kind != "around" or self.quantity in ("alpha", "beta"))
+        growing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
+        within = self.kind != "around" or self.knots[-1:] < (self.knots[0] + TURN,) if self.knots else False
+        finite = all(math.isfinite(knot) for knot in self.knots)
+        names = self.quantity in known and (not self.factor or self.factor in FACTORS)
+        return fits and growing and within and finite and names and count <= MOST_KNOTS
+
+    @property
+    def law(self) -> str:
+        """As it is written."""
+        factor = f"{self.factor} times " if self.factor else ""
+        return f"{factor}{self.quantity} {self.kind} {' '.join(repr(knot) for knot in self.knots)}"
+
+    def columns(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What each entry is multiplied by at values (N,) of the quantity: (N, K), without the factor."""
+        if self.kind == "jumps at":
+            return (values > self.knots[0]).astype(float)[:, None]
+        knots = np.array(self.knots)
+        unit = np.eye(len(knots))
+        if self.kind == "around":
+            knots, unit = np.append(knots, knots[0] + TURN), np.vstack((unit, unit[:1]))
+            values = knots[0] + (values - knots[0]) % TURN
+        return np.stack([np.interp(values, knots, column) for column in unit.T], axis=1)
+
+    def source(self, quantity: str) -> list[str]:
+        """Lines of a kernel that leave the function's value in ``f``, by an expression for the quantity."""
+        if self.kind == "jumps at":
+            return ["f = 0.0", f"if {quantity} > {self.knots[0]!r}:", "    f = value_1"]
+        knots, names = list(self.knots), [f"value_{k + 1}" for k in range(len(self.knots))]
+        lines = [f"q = {quantity}"]
+        if self.kind == "around":
+            lines.append(f"q = q - {TURN!r} * math.floor((q - {knots[0]!r}) / {TURN!r})")
+            knots, names = [*knots, knots[0] + TURN], [*names, names[0]]
+        lines.append(f"f = {names[-1]}")
+        for k in range(len(knots) - 2, -1, -1):
+            slope = f"({names[k + 1]} - {names[k]}) * ((q - {knots[k]!r}) / {knots[k + 1] - knots[k]!r})"
+            lines += [f"if q < {knots[k + 1]!r}:", f"    f = {names[k]} + {slope}"]
+        return [*lines, f"if q < {knots[0]!r}:", f"    f = {names[0]}"]
+
+
+def values_of(name: str, rows: Any) -> NDArray[np.float64]:
+    """A quantity (N,) of rows at rest or in motion; a ValueError where they have none."""
+    if name[0] == "n" or name[0] == "w":
+        axis = int(name[1]) - 1
+        if isinstance(rows, MotionRows):
+            return (rows.rate if name[0] == "w" else rows.specific_force)[:, axis]
+        return rows.n[:, axis]
+    values = getattr(rows, name)
+    if values is None:
+        raise ValueError(f"a function of the {name} needs the {name} of the rows")
+    return values
+
+
+@cache
+def lookup_at(place: EffectPlace) -> Effect:
+    """The table of a place's law as an effect; a ValueError says what would be right."""
+    table = Table.of(place.law)
+    home = _home(place, table)
+    quantities = IN_MOTION if place.where == GYRO_BLOCK else AT_REST
+    for name in (table.quantity, table.factor):
+        if name and name != TILT and name not in quantities:
+            raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(quantities)}")
+    knots = [None] if table.kind == "jumps at" else table.knots
+    unit = "rad" if place.where in AXES else _unit(place, table)
+    parameters = tuple(
+        EffectParameter(f"value_{k}", unit, f"value at {knot!r}" if knot is not None else "size of the jump", LARGEST)
+        for k, knot in enumerate(knots, start=1)
+    )
+    needs = ("temperature",) if "temperature" in (table.quantity, table.factor) else ()
+    return Effect("lookup", (), parameters, _said, needs=needs, **home)
+
+
+def _home(place: EffectPlace, table: Table) -> dict[str, Any]:
+    """Where the effect joins the components, and its signature."""
+    factor, tilted = table.factor, table.factor == TILT
+
+    def columns(rows: Any) -> NDArray[np.float64]:
+        own = table.columns(values_of(table.quantity, rows))
+        return own * values_of(factor, rows)[:, None] if factor and not tilted else own
+
+    if place.where in AXES:
+        if factor and not tilted:
+            raise ValueError(f"law {place.law!r}: of an axis the only factor is {TILT}")
+        axis = place.index
+        at = 2 * axis if tilted else 2 * axis + 1
+
+        def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+            small = np.zeros((len(rows.hours), 4, len(table.knots)))
+            # The true angle is the reading less what an encoder errs by.
+            small[:, at] = columns(rows) if tilted else -columns(rows)
+            return small
+
+        quantity = f"angles[{('alpha', 'beta').index(table.quantity)}]" if table.quantity in ("alpha", "beta") else ""
+        if table.quantity == "hours":
+            quantity = AT_REST["hours"][0]
+        stage, target = ("geometry_effects", f"turns[{at}]") if tilted else ("encoder_effects", f"added[{axis}]")
+        own = {"signature": lambda place, rows: turned(rows, turns(place, rows)), "turns": turns}
+        kernel = _kernel(place, table, ("context: Vector", "angles: Vector"), quantity, target)
+        return own | {"component": "TurntableMotion", "stage": stage, "kernel": kernel}
+    if tilted:
+        raise ValueError(f"law {place.law!r}: only an axis has a {TILT}")
+    in_motion = place.where == GYRO_BLOCK
+    if in_motion and len(place.axes) != 1:
+        raise ValueError(f"law {place.law!r}: needs the gyro as its one axis")
+    if not in_motion and place.where not in ACCELEROMETERS:
+        known = ", ".join((*ACCELEROMETERS, *AXES, GYRO_BLOCK))
+        raise ValueError(f"law {place.law!r} has no place {place.where!r}; places: {known}")
+    p = place.axes[0] - 1 if in_motion else place.index
+
+    def signature(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
+        own = columns(rows)
+        found = np.zeros((len(own), 3, own.shape[1]))
+        found[:, p] = own
+        return found
+
+    known = IN_MOTION if in_motion else AT_REST
+    quantity = known.get(table.quantity, ("", ""))[0]
+    times = known.get(factor, ("", ""))[0]
+    target = f"added[{p}]"
+    seen = ("context: Vector", "rate: Vector" if in_motion else "n: Vector")
+    kernel = _kernel(place, table, seen, quantity, target, times)
+    if factor and not times:
+        kernel = None
+    component = "GyroBlock" if in_motion else "AccelerometerBlock"
+    own = {"signature": signature, "kernel": kernel, "in_motion": in_motion}
+    return own | {"component": component if kernel else None, "stage": "reading_effects" if kernel else None}
+
+
+def _kernel(
+    place: EffectPlace, table: Table, seen: tuple[str, str], quantity: str, target: str, times: str = ""
+) -> Callable[..., None] | None:
+    """The kernel of a table; None where its component does not know the quantity."""
+    if not quantity:
+        return None
+    values = ", ".join(f"value_{k + 1}: float" for k in range(len(table.knots)))
+    last = target.split("[")[0]
+    name = f"lookup_{name_of_law(f'{place.where} {place.axes} {place.law}')}"
+    body = [*table.source(quantity), f"{target} = {target} + f" + (f" * {times}" if times else "")]
+    head = f"def {name}({', '.join(seen)}, {values}, {last}: Vector) -> None:"
+    return written("\n".join([head, f'    """{place.law}"""', *(f"    {line}" for line in body)]) + "\n")
+
+
+def _unit(place: EffectPlace, table: Table) -> str:
+    """Unit of the values of a table of an accelerometer or a gyro."""
+    own, known = ("rad/s", IN_MOTION) if place.where == GYRO_BLOCK else ("g", AT_REST)
+    if not table.factor:
+        return own
+    by = known.get(table.factor, ("", "1"))[1]
+    return "1" if by == own else f"{own}/{by}".replace("degC", "K")
+
+
+def _said(place: EffectPlace, values: Any) -> str:
+    table = Table.of(place.law)
+    of = f"{table.factor} times a function" if table.factor else "a function"
+    largest = max(abs(value) for value in values.values())
+    return f"{place.where.replace('-', ' ')}: {of} of {table.quantity}, up to {largest:.2e}"
+
+
+EFFECT = Effect("lookup", (), (), _said, of_place=lookup_at)
