@@ -1,5 +1,6 @@
 """A record as FMPy's input: FMPy alone gives the numbers of the orchestrator."""
 
+import re
 from pathlib import Path
 
 import fmpy
@@ -14,6 +15,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.motion.attitude import attitude_of_record
 from trihedron.tools.records import StrapdownRecord, read_record
+from trihedron.tools.rounding import upwards
 
 PERIOD = 0.01
 
@@ -92,6 +94,45 @@ def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, caps
     )
     assert "initial_attitude[1]' 0.6" in said
     assert pl.read_csv(out).columns == ["time", "increment[1]", "increment[2]", "increment[3]"]
+
+
+def test_a_gap_is_bridged_and_a_limit_is_said_as_by_attitude(strapdown: Path, tmp_path: Path, capsys) -> None:
+    """The same increments as the orchestrator takes, the same bound, and the same moment in the run's own time."""
+    data = pl.read_csv(strapdown)
+    rate = np.clip(np.sin(0.05 * np.arange(200.0)), -0.8, 0.8)
+    data = data.with_columns(w1_radps=pl.Series(rate), w2_radps=0.0 * pl.col("w2_radps") + 0.1, w3_radps=pl.lit(0.2))
+    path, out = tmp_path / "gap.csv", tmp_path / "in.csv"
+    pl.concat([data[:8], data[10:]]).write_csv(path)
+    with pytest.raises(InputError, match="bridge it, with a bound of the error: --bridge-gaps 2"):
+        write_fmpy_input(path, out)
+    made = write_fmpy_input(path, out, bridge_gaps=2)
+    record = read_record(path)
+    assert isinstance(record, StrapdownRecord)
+    run = attitude_of_record(record, algorithm="mean-rate", bridge_gaps=2)
+    assert made.bridged_bound == run.bridged_bound > 0.0
+    assert len(pl.read_csv(out)) == 197
+    assert run.trusted_until is not None
+    assert made.trusted_until == pytest.approx(run.trusted_until - run.time_s[0])
+    assert made.warnings == run.warnings != ()
+    assert cli.main(["fmpy-input", str(path), "--bridge-gaps", "2", "--out", str(out)]) == 2
+    said = capsys.readouterr()
+    assert said.out.startswith("fmpy simulate AttitudeComputer.fmu")
+    assert re.search(r"gap\.csv: attitudes after 0\.160* s of the run are not to be trusted; bridged gaps", said.err)
+    assert f"at most {upwards(np.degrees(made.bridged_bound), 3)} deg; w1: " in said.err
+
+
+def test_a_limit_of_a_table_s_readings_is_said(tmp_path: Path, capsys) -> None:
+    time = 0.1 * np.arange(400)
+    force = np.clip(9.8 * np.sin(0.2 * time[:, None] + [0.0, 1.0, 2.0]), -8.0, 20.0)
+    columns = {"time_s": time, "alpha_deg": np.full(400, 10.0), "beta_deg": np.full(400, 20.0)}
+    columns |= {f"f{i + 1}_mps2": force[:, i] for i in range(3)}
+    pl.DataFrame(columns).write_csv(tmp_path / "raw.csv")
+    made = write_fmpy_input(tmp_path / "raw.csv", tmp_path / "in.csv")
+    assert [line[:3] for line in made.warnings] == ["f1:", "f2:", "f3:"]
+    assert cli.main(["fmpy-input", str(tmp_path / "raw.csv"), "--out", str(tmp_path / "in.csv")]) == 0
+    assert "raw.csv: f1: " in capsys.readouterr().err
+    with pytest.raises(InputError, match="--bridge-gaps 1: is of a strapdown record"):
+        write_fmpy_input(tmp_path / "raw.csv", tmp_path / "in.csv", bridge_gaps=1)
 
 
 def test_records_that_have_no_steps_are_refused(tmp_path: Path) -> None:

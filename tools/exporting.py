@@ -6,7 +6,7 @@ import shlex
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from pydantic import Field
 
@@ -20,6 +20,7 @@ from .errors import InputError, nearest
 from .files import whole_file, whole_folder
 from .progress import tracked
 from .result import Result
+from .rounding import downwards, upwards
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -222,6 +223,12 @@ class FmpyInput(Result):
         length of a step and end of the run [s]
     start_values : dict
         parameters of the component that go with the record
+    bridged_bound : float
+        of the attitude error that bridged gaps may cause [rad]
+    trusted_until : float or None
+        time of the run up to which the attitude is to be trusted: a gyro is at its limit behind it [s]; None: all is
+    warnings : tuple of str
+        channels of the record that are at a limit
     command : str
     """
 
@@ -231,13 +238,27 @@ class FmpyInput(Result):
     step: float = Field(alias="step_s")
     stop: float = Field(alias="stop_s")
     start_values: dict[str, float]
+    bridged_bound: float = Field(default=0.0, alias="bridged_bound_rad")
+    trusted_until: float | None = Field(default=None, alias="trusted_until_s")
+    warnings: tuple[str, ...] = ()
     command: str
 
     def __str__(self) -> str:
         return self.command
 
+    @property
+    def complaint(self) -> str:
+        """One line, where readings at a limit or bridged gaps are in the table; else nothing."""
+        said = []
+        if self.trusted_until is not None:
+            said.append(f"attitudes after {downwards(self.trusted_until, 9)} s of the run are not to be trusted")
+        if self.bridged_bound:
+            bound = upwards(math.degrees(self.bridged_bound), 3)
+            said.append(f"bridged gaps turn the attitude by at most {bound} deg")
+        return "; ".join([*said, *self.warnings])
 
-def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> FmpyInput:
+
+def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bridge_gaps: int = 0) -> FmpyInput:
     """Write a record as the CSV file that FMPy reads: inputs of AttitudeComputer or AccelerometerCompensation.
 
     Parameters
@@ -247,6 +268,8 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> 
     out : Path
     rates : str
         "instantaneous" or "averaged": what a rate in the record means
+    bridge_gaps : int
+        bridge gaps of a strapdown record of up to so many lost rows
 
     Raises
     ------
@@ -257,16 +280,25 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> 
     import polars as pl
 
     record = records.read_record(path)
+    care: dict[str, Any] = {}
     if isinstance(record, records.StrapdownRecord):
         component, name = "AttitudeComputer", "increment"
-        first, start = motion.starting_attitude(record)
-        increments = motion.increments_from(record, first, rates)
-        start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(start, start=1)}
+        taken = motion.taken_from(record, rates, bridge_gaps=bridge_gaps)
+        increments = taken.increments
+        start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(taken.start, start=1)}
         start_values["sample_period"] = period = float(increments.period)
         # The increment that ends at a row's time is of the step that begins one row before.
         values = increments.angle
+        until, begin = taken.trusted_until(increments.time_s), float(increments.time_s[0])
+        care = {"trusted_until_s": None if until is None else until - begin, "warnings": taken.warnings}
+        care["bridged_bound_rad"] = taken.bridged_bound
     elif isinstance(record, records.RawRecord):
+        if bridge_gaps:
+            raise InputError(
+                f"--bridge-gaps {bridge_gaps}: is of a strapdown record; a record of a table carries no attitude"
+            )
         component, name, start_values = "AccelerometerCompensation", "reading", {}
+        care["warnings"] = tuple(records.limits_of(record).lines)
         values, count = record.specific_force, len(record.time_s)
         if count < 2:
             raise InputError(f"{record.path}: has one row; at least two are needed")
@@ -292,5 +324,6 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous") -> 
         step_s=period,
         stop_s=stop,
         start_values=start_values,
+        **care,
         command=shlex.join(words),
     )

@@ -215,6 +215,7 @@ def fmpy_input(
     /,
     *,
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    bridge_gaps: int = 0,
     out: File = Path("input.csv"),
     json: JsonFile = None,
 ) -> Answer:
@@ -228,6 +229,8 @@ def fmpy_input(
         Strapdown record or raw record, CSV or Parquet.
     rates
         What a rate in the record means.
+    bridge_gaps
+        Bridge gaps of up to so many lost rows, 10 at most.
     out
         The table of inputs (CSV).
     """
@@ -235,8 +238,9 @@ def fmpy_input(
     distinct_files({"the record": record, "--out": out, "--json": json})
     from ..exporting import write_fmpy_input
 
-    made = write_fmpy_input(record, out, rates=rates)
-    return answer(made, json)
+    made = write_fmpy_input(record, out, rates=rates, bridge_gaps=bridge_gaps)
+    complaint = f"{record.name}: {made.complaint}" if made.complaint else ""
+    return answer(made, json, complaint=complaint, status=0 if made.trusted_until is None else 2)
 
 
 @takes(library.check)

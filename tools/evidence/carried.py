@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
-from ..motion.attitude import starting_attitude
 from ..motion.carry import GyroModel, Motion, carried_attitude, carried_scenario, reads
+from ..motion.increments import starting_attitude
 from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour

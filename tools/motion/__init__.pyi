@@ -3,12 +3,11 @@ from .attitude import algorithm_named as algorithm_named
 from .attitude import angle_between as angle_between
 from .attitude import attitude_of_record as attitude_of_record
 from .attitude import attitudes_of_angles as attitudes_of_angles
-from .attitude import starting_attitude as starting_attitude
 from .compare import Samples as Samples
 from .compare import compare_algorithms as compare_algorithms
 from .compare import read_increments as read_increments
 from .compare import run_algorithm as run_algorithm
 from .compare import sample_motion as sample_motion
-from .increments import increments_from as increments_from
+from .increments import taken_from as taken_from
 from .inspect import Inspection as Inspection
 from .inspect import inspect_record as inspect_record

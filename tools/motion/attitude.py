@@ -23,12 +23,11 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import FmuSetting
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION
-from ..records.limits import limits_of
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
-from .gaps import Bridge, without_gaps
-from .increments import coarser, increments_from, sampling_period
+from .gaps import Bridge
+from .increments import coarser, sampling_period, taken_from
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
@@ -188,7 +187,7 @@ def attitude_of_record(
 
     The run begins at the first row whose true attitude is known, with that attitude (without any: at the first row,
     with the identity). Errors are taken only at updates, where the truth is known. Where a gyro is at its limit the run
-    goes on: `trusted_until` says from when on its attitude means nothing.
+    goes on: `trusted_until` says from when on its attitude means nothing, and `trusted` of each row that is written.
 
     Parameters
     ----------
@@ -205,10 +204,9 @@ def attitude_of_record(
         attitude begins, or turns by more than the algorithm takes in one sample
     """
     chosen = algorithm_named(algorithm)
-    limits, measured = limits_of(record), record.time_s
-    record, bridges = without_gaps(record, bridge_gaps)
-    first, start = starting_attitude(record)
-    increments = coarser(increments_from(record, first, rates, gyro_bias), rate_divisor)
+    taken = taken_from(record, rates, bridge_gaps=bridge_gaps, gyro_bias=gyro_bias)
+    record, first, limited = taken.record, taken.first, taken.limits
+    increments = coarser(taken.increments, rate_divisor)
     size = np.linalg.norm(increments.angle, axis=1)
     beyond = np.flatnonzero(size > chosen.max_increment)
     if beyond.size:
@@ -218,7 +216,7 @@ def attitude_of_record(
             f"{digits(size[k], 6)} rad in one sample; {chosen.name} is valid to "
             f"{downwards(chosen.max_increment, 3)} rad: sample faster or take mean-rate"
         )
-    parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": start}
+    parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": taken.start}
     scenario = carrying(
         f"attitude of {record.path.name}",
         {"computer": FmuSetting(component="AttitudeComputer", parameters=parameters)},
@@ -226,7 +224,7 @@ def attitude_of_record(
         increments.time_s,
         increments.period,
     )
-    done = simulate(scenario, **run)
+    done = simulate(scenario, marks=[(pl.col("time_s") < taken.worthless_from).alias("trusted")], **run)
     updated = done.table["updated"].to_numpy()
     attitude = done.table.select(QUATERNION).to_numpy()[updated]
     index = first + rate_divisor * np.flatnonzero(updated)
@@ -245,17 +243,6 @@ def attitude_of_record(
     time, known_angle = increments.time_s[updated], angle[known]
     elapsed = time[known] - time[0]
     told = bool(known.any())
-    # An instantaneous rate at the first row counts, too.
-    at_once = record.rate is not None and rates == "instantaneous"
-    begin = record.time_s[first]
-    limited = limits.among(measured >= begin if at_once else measured > begin)
-    late = limited.of("w")
-    bridges = tuple(bridge for bridge in bridges if bridge.time_s >= begin)
-    until = None
-    if late.any():
-        # Half a row earlier: logged times are off the grid by a little.
-        begun = measured[np.argmax(late)] - 0.5 * increments.period / rate_divisor
-        until = float(time[max(np.searchsorted(time, begun) - 1, 0)])
     return AttitudeRun(
         record=record.path,
         algorithm=algorithm,
@@ -268,11 +255,11 @@ def attitude_of_record(
         error_max_rad=float(known_angle.max()) if told else None,
         error_at_end_rad=float(known_angle[-1]) if told else None,
         drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
-        bridged_gaps=bridges,
-        bridged_bound_rad=sum(bridge.bound for bridge in bridges),
+        bridged_gaps=taken.bridges,
+        bridged_bound_rad=taken.bridged_bound,
         saturated_rows={name: int(mask.sum()) for name, mask in limited.rows.items() if name.startswith("w")},
-        trusted_until_s=until,
-        warnings=tuple(line for line in limited.lines if line.startswith("w")),
+        trusted_until_s=taken.trusted_until(time),
+        warnings=taken.warnings,
         files=done.files,
         row=record.row[index],
         time_s=time,
@@ -291,16 +278,6 @@ def algorithm_named(name: str) -> Algorithm:
     if name not in known:
         raise InputError(f"algorithm '{name}' is not known; {nearest(name, tuple(known))}")
     return known[name]
-
-
-def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
-    """Index of the row to begin at, and the attitude there."""
-    if record.attitude is not None:
-        known = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
-        if known.size:
-            first = int(known[0])
-            return first, (record.attitude[first] / np.linalg.norm(record.attitude[first])).tolist()
-    return 0, [1.0, 0.0, 0.0, 0.0]
 
 
 def _third_axis_is_vertical(record: StrapdownRecord) -> bool:

@@ -89,7 +89,7 @@ class AttitudeComparison(Result):
     algorithms: tuple[ComparedAlgorithm, ...]
 
     def to_polars(self) -> pl.DataFrame:
-        """A row for each algorithm, angles in degrees; null where a number cannot be told."""
+        """A row for each algorithm, angles in degrees; null where a number cannot be told, or all can be trusted."""
         known = pl.DataFrame(
             [row.model_dump() | {"samples": row.samples} for row in self.algorithms], infer_schema_length=None
         )
@@ -101,6 +101,7 @@ class AttitudeComparison(Result):
             "updates",
             *(pl.col(old).cast(pl.Float64).degrees().alias(f"{new}_deg") for new, old in angles.items()),
             "not_taken",
+            pl.lit(self.trusted_until, dtype=pl.Float64).alias("trusted_until_s"),
         )
 
 

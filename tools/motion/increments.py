@@ -1,4 +1,4 @@
-"""Angle increments of a record that is sampled uniformly: what carries an attitude."""
+"""What the attitude computer takes of a record: uniform angle increments, and how far they can be trusted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import StrapdownRecord
+from ..records.limits import Limits, limits_of
 from ..rounding import exactly
+from .gaps import Bridge, without_gaps
 from .rests import GAP, check_meaning, check_turns, mean_rates
 
 JITTER = 0.01
@@ -102,3 +104,80 @@ def coarser(increments: Increments, divisor: int) -> Increments:
     angle = increments.angle[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1)
     time = increments.time_s[: kept * divisor + 1 : divisor]
     return Increments(divisor * increments.period, time, np.ascontiguousarray(angle))
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What is taken of a record to carry its attitude from the first row on whose true attitude is known.
+
+    Attributes
+    ----------
+    record : StrapdownRecord
+        with its gaps bridged
+    first, start : int, list of 4 float
+        index of that row, and the attitude there; of a record without true attitudes: 0, and the identity
+    increments : Increments
+        from there on
+    bridges : tuple of Bridge
+        gaps that were bridged behind it
+    limits : Limits
+        the readings that were taken and are at a limit
+    worthless_from : float
+        time from which on no attitude is to be trusted: a gyro was at its limit [s]; infinite where none was
+    """
+
+    record: StrapdownRecord
+    first: int
+    start: list[float]
+    increments: Increments
+    bridges: tuple[Bridge, ...]
+    limits: Limits
+    worthless_from: float
+
+    @property
+    def bridged_bound(self) -> float:
+        """Of the attitude error that all bridges may cause [rad]."""
+        return float(sum(bridge.bound for bridge in self.bridges))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person should know of the gyros' limits."""
+        return tuple(line for line in self.limits.lines if line.startswith("w"))
+
+    def trusted_until(self, time: np.ndarray) -> float | None:
+        """The last of some times (N,), the start first, whose attitude is to be trusted [s]; None: all are."""
+        return None if self.worthless_from == np.inf else float(time[time < self.worthless_from][-1])
+
+
+def taken_from(
+    record: StrapdownRecord,
+    rates: str,
+    *,
+    bridge_gaps: int = 0,
+    gyro_bias: Sequence[float] | np.ndarray | None = None,
+) -> Taken:
+    """What is taken of a record to carry its attitude; options and errors as of `attitude_of_record`."""
+    limits, measured = limits_of(record), record.time_s
+    record, bridges = without_gaps(record, bridge_gaps)
+    first, start = starting_attitude(record)
+    increments = increments_from(record, first, rates, gyro_bias)
+    begin, period = record.time_s[first], increments.period
+    # An instantaneous rate at the first row counts, too.
+    at_once = record.rate is not None and rates == "instantaneous"
+    limited = limits.among(measured >= begin if at_once else measured > begin)
+    late, worthless = limited.of("w"), np.inf
+    if late.any():
+        # Half a row earlier: logged times are off the grid by a little. The attitude at the start is known.
+        worthless = max(float(measured[np.argmax(late)]), increments.time_s[0] + period) - 0.5 * period
+    behind = tuple(bridge for bridge in bridges if bridge.time_s >= begin)
+    return Taken(record, first, start, increments, behind, limited, worthless)
+
+
+def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
+    """Index of the row to begin at, and the attitude there."""
+    if record.attitude is not None:
+        known = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
+        if known.size:
+            first = int(known[0])
+            return first, (record.attitude[first] / np.linalg.norm(record.attitude[first])).tolist()
+    return 0, [1.0, 0.0, 0.0, 0.0]

@@ -11,7 +11,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cached_property
@@ -218,7 +218,12 @@ def default_folder(scenario: Scenario) -> Path:
 
 
 def simulate(
-    scenario: Scenario, out: Path | None = None, *, progress: bool = False, compiled: bool = True
+    scenario: Scenario,
+    out: Path | None = None,
+    *,
+    marks: Sequence[pl.Expr] = (),
+    progress: bool = False,
+    compiled: bool = True,
 ) -> Simulation:
     """Run a scenario.
 
@@ -227,6 +232,8 @@ def simulate(
     scenario : Scenario
     out : Path or None
         folder for run.parquet or run.csv and run.json; None: nothing is written
+    marks : sequence of expressions
+        further columns of the record, of what the same row has recorded
     progress : bool
         show a bar on standard error, where that is a terminal
     compiled : bool
@@ -242,7 +249,8 @@ def simulate(
     try:
         prepared = PreparedScenario(scenario)
         try:
-            return _recorded(prepared, None if out is None else Path(out), progress=progress, compiled=compiled)
+            folder = None if out is None else Path(out)
+            return _recorded(prepared, folder, marks, progress=progress, compiled=compiled)
         finally:
             prepared.close()
     except InputError as error:
@@ -252,7 +260,9 @@ def simulate(
         raise InputError("the run does not fit into memory; raise record.every or record less") from error
 
 
-def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, compiled: bool) -> Simulation:
+def _recorded(
+    prepared: PreparedScenario, out: Path | None, marks: Sequence[pl.Expr], *, progress: bool, compiled: bool
+) -> Simulation:
     """The run, its rows in the journal block by block."""
     assembly, scenario = prepared.assemble({}), prepared.scenario
     grid, every, form = assembly.grid, scenario.record.every, scenario.record.format
@@ -263,7 +273,7 @@ def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, c
     def keep(rows: pl.DataFrame, tick: int) -> None:
         nonlocal reached
         reached = tick
-        journal.add(rows, more=reached < last)
+        journal.add(rows.with_columns(*marks), more=reached < last)
 
     try:
         with progress_bar("simulating", grid.steps, show=progress) as shown:
@@ -283,7 +293,7 @@ def _recorded(prepared: PreparedScenario, out: Path | None, *, progress: bool, c
     return Simulation(
         title=scenario.title,
         rows=grid.steps // every + 1,
-        columns=["time_s", *(column.name for column in assembly.columns)],
+        columns=["time_s", *(c.name for c in assembly.columns), *(mark.meta.output_name() for mark in marks)],
         final_time_s=provenance["final_time_s"],
         files=files,
         scenario=scenario,

@@ -197,6 +197,31 @@ def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Pat
         assert "rows are saturated, at -0.8 and 0.8 rad/s, the first at 0.93 s" in said.out
         assert json.loads(found.read_text(encoding="utf-8"))["trusted_until_s"] == 0.0
     assert pl.read_csv(out / "attitude.csv")["trusted"].sum() == 1
+    assert pl.read_parquet(out / "run.parquet")["trusted"].sum() == 1
+    assert set(pl.read_csv(out / "comparison.csv")["trusted_until_s"]) == {0.0}
+
+
+def test_every_row_that_is_written_says_whether_it_is_to_be_trusted(tmp_path: Path) -> None:
+    """Row by row where the run is, update by update where the attitude is: both end before the same row."""
+    record = clipped_record()
+    for divisor in (1, 3):
+        run = attitude_of_record(record, rate_divisor=divisor, out=tmp_path)
+        rows = pl.read_parquet(tmp_path / "run.parquet")
+        assert run.trusted_until is not None
+        first = record.time_s[np.argmax((np.abs(record.rate) >= 0.8).any(axis=1))]
+        trusted = rows.filter(pl.col("trusted"))["time_s"]
+        assert trusted.max() < first < trusted.max() + 0.01 * divisor * 1.5
+        assert trusted.max() > run.trusted_until - 1e-9
+        assert rows["trusted"].to_list() == sorted(rows["trusted"], reverse=True)
+    attitude_of_record(steady_record((0.1, 0.2, 0.3)), out=tmp_path)
+    assert pl.read_parquet(tmp_path / "run.parquet")["trusted"].all()
+
+
+def clipped_record() -> StrapdownRecord:
+    """Gyros that reach their limit after a second."""
+    time = 0.01 * np.arange(600)
+    rate = np.clip(np.stack([np.sin(time), 0.2 * np.sin(1.3 * time), 0.1 * np.cos(time)], axis=1), -0.8, 0.8)
+    return StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (600, 1)))
 
 
 def test_a_time_off_the_grid_is_refused_by_its_row() -> None:
