@@ -19,17 +19,8 @@ from ..evidence.fit import ARCMIN, Fit
 from ..progress import tracked
 from ..records import PositionRecord, StrapdownRecord
 from ..rounding import digits
-from .result import (
-    Cause,
-    Diagnosis,
-    EffectWitness,
-    Finding,
-    Length,
-    NamedEffect,
-    OrderedEffect,
-    OrderOfEffects,
-    Witness,
-)
+from .cause import Cause, Finding, NamedEffect
+from .result import Diagnosis, EffectWitness, Length, OrderedEffect, OrderOfEffects, Witness
 
 KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
 """Lengths over which the functions that are tried vary: of the spread of a quantity, radians of an angle."""

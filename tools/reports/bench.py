@@ -14,7 +14,8 @@ from ..calibration import Calibration
 from ..calibration.correction import Correction
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
-from ..diagnosis.result import Cause, Diagnosis
+from ..diagnosis.cause import Cause
+from ..diagnosis.result import Diagnosis
 from ..document.blocks import Download, Section, Table
 from ..document.notation import Cell, effect_formula, equation, half_width, minus, signed, typeset
 from ..records import PositionRecord

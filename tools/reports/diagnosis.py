@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..diagnosis.cause import Cause, Finding
 from ..diagnosis.procedure import is_stable
-from ..diagnosis.result import Cause, Diagnosis, EffectWitness, Finding, OrderOfEffects, Witness
+from ..diagnosis.result import Diagnosis, EffectWitness, OrderOfEffects, Witness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
 from ..records import PositionRecord

@@ -14,7 +14,7 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Ef
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
-from ..diagnosis.result import NamedEffect
+from ..diagnosis.cause import NamedEffect
 from ..errors import InputError, nearest
 from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried_record import linear_evidence

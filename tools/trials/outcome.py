@@ -7,7 +7,7 @@ from typing import Any
 
 from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
-from ..diagnosis.result import NamedEffect
+from ..diagnosis.cause import NamedEffect
 from ..records import PositionRecord, StrapdownRecord
 from ..result import ABSENT, Told, finite_or_none
 from .bench import NOISE_BOUND, Bench

@@ -21,7 +21,7 @@ from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
-from ..diagnosis.result import NamedEffect
+from ..diagnosis.cause import NamedEffect
 from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
 
 NOTHING_LEFT = 1e-8

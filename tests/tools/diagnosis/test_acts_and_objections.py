@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis.result import Cause, Witness
+from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence.evidence import Trial, Worst
 
 HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")

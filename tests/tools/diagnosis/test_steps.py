@@ -7,7 +7,7 @@ from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.result import Cause
+from trihedron.tools.diagnosis.cause import Cause
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 

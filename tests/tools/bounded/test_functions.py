@@ -1,0 +1,108 @@
+"""Functions that bounds leave possible: ends that are attained, truths inside, what parameters imitate."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from trihedron.tools.bounded.functions import Functions, Unknown
+
+TURN = 2.0 * np.pi
+
+
+def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(values, knots, unit) for unit in np.eye(len(knots))], axis=1)
+
+
+def straight(q: np.ndarray, **more) -> tuple[np.ndarray, Unknown]:
+    """Parameters that are a line and something that jumps about, and a function of q (N,)."""
+    other = np.cos(40.0 * np.arange(len(q)) ** 2)
+    knots = np.unique(q)
+    return np.stack((np.ones_like(q), q, other), axis=1), Unknown(knots, hats(q, knots), **more)
+
+
+@pytest.mark.parametrize("shape", [lambda q: q**5, lambda q: np.exp(-(((q - 0.3) / 0.2) ** 2)), np.abs, np.sin])
+def test_the_truth_is_in_the_band_and_lines_are_no_part_of_it(shape):
+    random = np.random.default_rng(3)
+    q = np.sort(random.uniform(-1.0, 1.0, 40))
+    jacobian, unknown = straight(q)
+    truth = 6.0 * shape(q)
+    left = truth + jacobian @ [3.0, -5.0, 2.0] + random.uniform(-1.0, 1.0, len(q))
+    functions = Functions(jacobian, left, np.ones(len(q)), unknown)
+    band = functions.band(np.arange(len(q)))
+    told = functions.told(truth)
+    assert functions.imitated.shape[1] == 2
+    assert functions.told(truth + 3.0 - 4.0 * q) == pytest.approx(told, abs=1e-9)
+    assert (band.low - 1e-9 <= told).all() and (told <= band.high + 1e-9).all()
+    for at in band.zero_at:
+        k = np.searchsorted(q, at)
+        assert band.low[k] == band.high[k] == 0.0 == pytest.approx(told[k], abs=1e-12)
+
+
+def test_ends_are_those_of_one_programme_written_out():
+    """Unknown: two parameters, the function's values, the size of each change of slope."""
+    random = np.random.default_rng(5)
+    q = np.linspace(0.0, 1.0, 12)
+    jacobian, unknown = straight(q)
+    left = 3.0 * np.abs(q - 0.4) + random.uniform(-0.1, 0.1, len(q))
+    functions = Functions(jacobian, left, np.full(len(q), 0.1), unknown)
+    band = functions.band(np.arange(len(q)))
+    slopes = np.diff(np.eye(12), axis=0) / np.diff(q)[:, None]
+    changes = np.diff(slopes, axis=0)
+    rows = np.block(
+        [
+            [jacobian, np.eye(12), np.zeros((12, 10))],
+            [-jacobian, -np.eye(12), np.zeros((12, 10))],
+            [np.zeros((10, 3)), changes, -np.eye(10)],
+            [np.zeros((10, 3)), -changes, -np.eye(10)],
+            [np.zeros((1, 15)), np.ones((1, 10))],
+        ]
+    )
+    most = np.concatenate((left + 0.1, 0.1 - left, np.zeros(20), [band.bending]))
+    pinned = np.array([float(k in functions.zero) for k in range(12)])
+    ends = [(None, None)] * 3 + [(0.0, 0.0) if fixed else (None, None) for fixed in pinned] + [(0.0, None)] * 10
+    for k in range(12):
+        cost = np.zeros(25)
+        cost[3 + k] = 1.0
+        low, high = (sign * linprog(sign * cost, rows, most, bounds=ends).fun for sign in (1.0, -1.0))
+        assert (band.low[k], band.high[k]) == pytest.approx((low, high), abs=1e-7)
+
+
+def test_what_bends_least_is_a_line_where_a_line_will_do():
+    q = np.linspace(0.0, 2.0, 15)
+    jacobian, unknown = straight(q)
+    left = 0.5 * np.cos(40.0 * np.arange(15) ** 2)
+    least, bending = Functions(jacobian, left, np.ones(15), unknown).least()
+    assert bending == pytest.approx(0.0, abs=1e-8)
+    assert least == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_function_round_a_circle_has_no_ends():
+    """A wave that is shifted along the circle bends as much, whereever its first knot lies."""
+    random = np.random.default_rng(8)
+    angle = np.sort(random.uniform(0.0, TURN, 30))
+    columns = np.stack([np.interp(angle, np.append(angle, angle[0] + TURN), u) for u in np.eye(30, 31)], axis=1)
+    columns[0, 0] = 1.0
+    unknown = Unknown(angle, columns, period=TURN)
+    bends = [unknown.bending(np.cos(2.0 * (angle - shift))) for shift in (0.0, 1.0, 2.0, 3.0)]
+    assert bends == pytest.approx([TURN * 16.0] * 4, rel=0.1)
+    functions = Functions(np.ones((30, 1)), 5.0 * np.cos(2.0 * angle), np.ones(30), unknown)
+    assert functions.imitated.shape[1] == 1
+    band = functions.band(np.arange(30))
+    told = functions.told(5.0 * np.cos(2.0 * angle))
+    assert (band.low - 1e-9 <= told).all() and (told <= band.high + 1e-9).all()
+
+
+def test_a_step_is_limited_by_its_size_not_by_its_slope():
+    random = np.random.default_rng(9)
+    q = np.linspace(0.0, 1.0, 25)
+    jacobian, unknown = straight(q, steps=True)
+    truth = 6.0 * (q > 0.43)
+    left = truth + random.uniform(-1.0, 1.0, 25)
+    functions = Functions(jacobian[:, :1], left, np.ones(25), unknown)
+    least, bending = functions.least()
+    assert 4.0 - 1e-9 <= bending <= 6.0 + 1e-9
+    band = functions.band(np.arange(25))
+    told = functions.told(truth)
+    assert (band.low - 1e-9 <= told).all() and (told <= band.high + 1e-9).all()
+    early, late = q < 0.4, q > 0.5
+    assert band.low[late].min() > band.high[early].max() - 4.0

@@ -1,0 +1,153 @@
+"""Causes: effects that explain a record, with what is stated of them and what it leaves possible."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from ...models.effects import EffectPlace
+from ..evidence.fit import Fit
+from ..result import Result, Told, finite_or_none
+from ..rounding import Stated
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class NamedEffect(Told):
+    """An effect at its place."""
+
+    effect: str
+    where: str
+    order: int | None = None
+    accelerometer: int | None = None
+    axes: tuple[int, ...] | None = None
+    law: str | None = None
+
+    @staticmethod
+    def keys(place: EffectPlace) -> dict[str, Any]:
+        """The effect at a place as the contract writes it."""
+        if place.effect != "outlier":
+            return place.entry
+        return {"effect": place.effect, "where": place.where, "accelerometer": place.axes[0]}
+
+    @staticmethod
+    def of(place: EffectPlace) -> "NamedEffect":
+        """The effect at a place."""
+        return NamedEffect(**NamedEffect.keys(place))
+
+    @property
+    def place(self) -> EffectPlace:
+        """The effect and its place."""
+        axes = self.axes or () if self.accelerometer is None else (self.accelerometer,)
+        return EffectPlace(self.effect, self.where, self.order, axes, self.law or "")
+
+
+class SizedParameter(Result):
+    """A parameter with what is stated of it and what the record leaves possible; None where nothing bounds it."""
+
+    name: str
+    unit: str
+    estimate: Number
+    low: Number | None
+    high: Number | None
+
+
+class Cause(NamedEffect):
+    """An effect that explains the record, alone or with others.
+
+    Attributes
+    ----------
+    equivalents : tuple of NamedEffect
+        what no measurement of this kind could tell from it
+    parameters : tuple of SizedParameter
+    """
+
+    equivalents: tuple[NamedEffect, ...]
+    parameters: tuple[SizedParameter, ...]
+
+    @staticmethod
+    def found(
+        place: EffectPlace,
+        equivalents: Sequence[EffectPlace],
+        values: Sequence[float],
+        ends: Sequence[tuple[float, float]],
+    ) -> "Cause":
+        """The effect at a place with what is stated of its parameters, and ends of what is possible or infinity."""
+        named = zip(place.definition.parameters, values, ends, strict=True)
+        parameters = tuple(
+            SizedParameter(name=p.name, unit=p.unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
+            for p, value, (low, high) in named
+        )
+        same = tuple(NamedEffect.of(other) for other in equivalents)
+        return Cause(**NamedEffect.keys(place), equivalents=same, parameters=parameters)
+
+    @property
+    def alike(self) -> tuple[EffectPlace, ...]:
+        """What no measurement of this kind could tell from it."""
+        return tuple(other.place for other in self.equivalents)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """What is stated of the parameters."""
+        return tuple(parameter.estimate for parameter in self.parameters)
+
+    @property
+    def intervals(self) -> tuple[tuple[float, float], ...]:
+        """What the record leaves possible of the parameters."""
+        return tuple(
+            (-math.inf if p.low is None else p.low, math.inf if p.high is None else p.high) for p in self.parameters
+        )
+
+    @property
+    def acts(self) -> bool:
+        """Whether the effect cannot be nothing: a size that is its only one is not zero, and cannot be.
+
+        Of several components none need be so: the smallest set shows that not all of them are zero.
+        """
+        return len(self._may_be_zero) > 1 or not all(self._may_be_zero)
+
+    @property
+    def _may_be_zero(self) -> list[bool]:
+        """Of each size, or where there is none of each parameter, whether its interval holds zero."""
+        pairs = list(zip(self.parameters, self.intervals, strict=True))
+        sizes = [pair for pair in pairs if not pair[0].name.endswith(("phase", "start"))]
+        return [low <= 0.0 <= high for _, (low, high) in sizes or pairs]
+
+    @property
+    def sentence(self) -> str:
+        """What an engineer is told."""
+        effect = self.place.definition
+        stated = zip(self.parameters, self.intervals, strict=True)
+        said = effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
+        if len(self._may_be_zero) == 1 or not all(self._may_be_zero):
+            return said
+        return f"{said}; each of these may be zero, but not all together"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A smallest set of effects that makes the record consistent, and the model with them."""
+
+    causes: tuple[Cause, ...]
+    fit: Fit
+
+    @property
+    def title(self) -> str:
+        """The effects in words."""
+        return " and ".join(cause.place.title for cause in self.causes)
+
+    @property
+    def acts(self) -> bool:
+        """Whether none of the effects may be nothing."""
+        return all(cause.acts for cause in self.causes)
+
+    @property
+    def places(self) -> tuple[EffectPlace, ...]:
+        """The effects."""
+        return tuple(cause.place for cause in self.causes)
+
+    def in_order(self, places: Sequence[EffectPlace]) -> "Finding":
+        """The same with its causes in another order."""
+        return Finding(tuple(sorted(self.causes, key=lambda cause: places.index(cause.place))), self.fit)
