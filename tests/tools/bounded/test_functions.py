@@ -32,7 +32,8 @@ def test_the_truth_is_in_the_band_and_lines_are_no_part_of_it(shape):
     told = functions.told(truth)
     assert functions.imitated.shape[1] == 2
     assert functions.told(truth + 3.0 - 4.0 * q) == pytest.approx(told, abs=1e-9)
-    assert (band.low - 1e-9 <= told).all() and (told <= band.high + 1e-9).all()
+    assert (band.low - 1e-9 <= told).all()
+    assert (told <= band.high + 1e-9).all()
     for at in band.zero_at:
         k = np.searchsorted(q, at)
         assert band.low[k] == band.high[k] == 0.0 == pytest.approx(told[k], abs=1e-12)
@@ -89,7 +90,8 @@ def test_a_function_round_a_circle_has_no_ends():
     assert functions.imitated.shape[1] == 1
     band = functions.band(np.arange(30))
     told = functions.told(5.0 * np.cos(2.0 * angle))
-    assert (band.low - 1e-9 <= told).all() and (told <= band.high + 1e-9).all()
+    assert (band.low - 1e-9 <= told).all()
+    assert (told <= band.high + 1e-9).all()
 
 
 def test_a_step_is_limited_by_its_size_not_by_its_slope():
@@ -99,10 +101,11 @@ def test_a_step_is_limited_by_its_size_not_by_its_slope():
     truth = 6.0 * (q > 0.43)
     left = truth + random.uniform(-1.0, 1.0, 25)
     functions = Functions(jacobian[:, :1], left, np.ones(25), unknown)
-    least, bending = functions.least()
+    _least, bending = functions.least()
     assert 4.0 - 1e-9 <= bending <= 6.0 + 1e-9
     band = functions.band(np.arange(25))
     told = functions.told(truth)
-    assert (band.low - 1e-9 <= told).all() and (told <= band.high + 1e-9).all()
+    assert (band.low - 1e-9 <= told).all()
+    assert (told <= band.high + 1e-9).all()
     early, late = q < 0.4, q > 0.5
     assert band.low[late].min() > band.high[early].max() - 4.0
