@@ -122,6 +122,58 @@ class Stand:
         return found | dict(zip(("X13", "-X12", "X8"), mounting, strict=True))
 
 
+@dataclass(frozen=True)
+class Session:
+    """A bench and when it stood where: true readings of the encoders [rad], times [s], temperatures [degC], each (N,)."""
+
+    stand: Stand
+    alpha: np.ndarray
+    beta: np.ndarray
+    time_s: np.ndarray
+    temperature: np.ndarray
+
+    @staticmethod
+    def drawn(rng: np.random.Generator, count: int) -> "Session":
+        """Positions anywhere; a temperature that swings and drifts."""
+        stand = Stand.drawn(rng)
+        alpha, beta = np.radians(np.round(rng.uniform(0.0, 360.0, (2, count)), 3))
+        time_s = np.round(np.cumsum(rng.uniform(40.0, 80.0, count)) * rng.choice([1.0, 3.0]), 1)
+        part = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
+        wave = np.sin(2.0 * np.pi * (rng.uniform(0.3, 1.5) * part + rng.uniform()))
+        temperature = np.round(20.0 + rng.uniform(1.0, 6.0) * wave + rng.uniform(-3.0, 3.0) * part, 4)
+        return Session(stand, alpha, beta, time_s, temperature)
+
+    @property
+    def hours(self) -> np.ndarray:
+        """Since the first row."""
+        return (self.time_s - self.time_s[0]) / 3600.0
+
+    def write(
+        self, path: Path, angles: tuple[np.ndarray, np.ndarray], reading: np.ndarray, rng: np.random.Generator
+    ) -> None:
+        """A record of readings (N, 3) [g] at angles that the encoders read; senses of approach are drawn."""
+        senses = rng.choice([-1, 1], (2, len(reading)))
+        names = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC,approach_alpha,approach_beta"
+        lines = [
+            f"{k + 1},{self.time_s[k]:.1f},{np.degrees(angles[0][k]):.9f},{np.degrees(angles[1][k]):.9f},"
+            + ",".join(f"{value:.9f}" for value in G * reading[k])
+            + f",{self.temperature[k]:.4f},{senses[0, k]},{senses[1, k]}"
+            for k in range(len(reading))
+        ]
+        path.write_text("\n".join([names, *lines]) + "\n", encoding="utf-8")
+
+
+def errors(rng: np.random.Generator, count: int) -> tuple[np.ndarray, str]:
+    """Errors (N, 3) [g] within σ, and how they are distributed: uniform, Gaussian within it, or at it."""
+    error = rng.uniform(-SIGMA, SIGMA, (count, 3))
+    shape = str(rng.choice(["uniform", "gaussian", "bound"], p=[0.5, 0.3, 0.2]))
+    if shape == "gaussian":
+        error = np.clip(rng.normal(0.0, SIGMA / 2.5, (count, 3)), -SIGMA, SIGMA)
+    if shape == "bound":
+        error = SIGMA * rng.choice([-1.0, 1.0], (count, 3))
+    return error, shape
+
+
 def lagged(time_h: np.ndarray, temperature: np.ndarray, constant: float) -> np.ndarray:
     """Temperature (N,) behind a lag of first order [h], settled at the first row; linear between the rows."""
     found = [temperature[0]]
@@ -151,15 +203,10 @@ def position_record(path: Path, kind: str, seed: int) -> Fresh:
     """A record of 16 to 100 positions with an effect; errors are uniform within σ, Gaussian within it, or at it."""
     rng = np.random.default_rng([POSITION_KINDS.index(kind), seed])
     count = int(rng.choice([16, 24, 30, 36, 40, 60, 100]))
-    if kind == "quantisation":
-        count = max(count, 30)
-    stand = Stand.drawn(rng)
-    alpha, beta = np.radians(np.round(rng.uniform(0.0, 360.0, (2, count)), 3))
-    time_s = np.round(np.cumsum(rng.uniform(40.0, 80.0, count)) * rng.choice([1.0, 3.0]), 1)
-    hours = (time_s - time_s[0]) / 3600.0
-    part = hours / hours[-1]
-    wave = np.sin(2.0 * np.pi * (rng.uniform(0.3, 1.5) * part + rng.uniform()))
-    temperature = np.round(20.0 + rng.uniform(1.0, 6.0) * wave + rng.uniform(-3.0, 3.0) * part, 4)
+    session = Session.drawn(rng, max(count, 30) if kind == "quantisation" else count)
+    stand, alpha, beta = session.stand, session.alpha, session.beta
+    hours, temperature = session.hours, session.temperature
+    count, part = len(hours), hours / hours[-1]
     p = int(rng.integers(3))
     where, sign, size = f"accelerometer-{p + 1}", float(rng.choice([-1.0, 1.0])), float(rng.uniform(1.2, 5.0))
     read_alpha, read_beta = alpha, beta
@@ -169,11 +216,9 @@ def position_record(path: Path, kind: str, seed: int) -> Fresh:
         off = np.remainder(alpha - centre + np.pi, 2.0 * np.pi) - np.pi
         read_alpha = alpha + sign * 3e-5 * size * np.exp(-0.5 * (off / width) ** 2)
     n = stand.inputs(alpha, beta)
-    reading, error = stand.readings(n), rng.uniform(-SIGMA, SIGMA, (count, 3))
-    shape = rng.choice(["uniform", "gaussian", "bound"], p=[0.5, 0.3, 0.2])
-    if shape == "gaussian":
-        error = np.clip(rng.normal(0.0, SIGMA / 2.5, (count, 3)), -SIGMA, SIGMA)
-    if shape == "bound" or (kind == "quantisation" and rng.uniform() < 0.5):
+    reading = stand.readings(n)
+    error, shape = errors(rng, count)
+    if kind == "quantisation" and shape != "bound" and rng.uniform() < 0.5:
         error = SIGMA * rng.choice([-1.0, 1.0], (count, 3))
     hidden, values = {(kind, where)}, {}
     if kind == "clean":
@@ -211,15 +256,7 @@ def position_record(path: Path, kind: str, seed: int) -> Fresh:
         # Rounded last, so what is read is a multiple; noise within σ is added by what reads it out.
         clean = reading[:, p] - error[:, p]
         reading[:, p] = np.round(clean / values["step"]) * values["step"] + error[:, p]
-    senses = rng.choice([-1, 1], (2, count))
-    names = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC,approach_alpha,approach_beta"
-    lines = [
-        f"{k + 1},{time_s[k]:.1f},{np.degrees(read_alpha[k]):.9f},{np.degrees(read_beta[k]):.9f},"
-        + ",".join(f"{value:.9f}" for value in G * reading[k])
-        + f",{temperature[k]:.4f},{senses[0, k]},{senses[1, k]}"
-        for k in range(count)
-    ]
-    path.write_text("\n".join([names, *lines]) + "\n", encoding="utf-8")
+    session.write(path, (read_alpha, read_beta), reading, rng)
     return Fresh(path, kind, frozenset(hidden), values, stand.targets())
 
 
