@@ -124,7 +124,7 @@ class Stand:
 
 @dataclass(frozen=True)
 class Session:
-    """A bench and when it stood where: true readings of the encoders [rad], times [s], temperatures [degC], each (N,)."""
+    """A bench and when it stood where: true readings of the encoders [rad], times [s], temperatures, (N,) each."""
 
     stand: Stand
     alpha: np.ndarray
@@ -153,7 +153,9 @@ class Session:
     ) -> None:
         """A record of readings (N, 3) [g] at angles that the encoders read; senses of approach are drawn."""
         senses = rng.choice([-1, 1], (2, len(reading)))
-        names = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC,approach_alpha,approach_beta"
+        names = (
+            "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC,approach_alpha,approach_beta"
+        )
         lines = [
             f"{k + 1},{self.time_s[k]:.1f},{np.degrees(angles[0][k]):.9f},{np.degrees(angles[1][k]):.9f},"
             + ",".join(f"{value:.9f}" for value in G * reading[k])

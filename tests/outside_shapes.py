@@ -1,10 +1,10 @@
-"""Records with a fault that is in no catalogue, by the generator of `independent_bench`, which shares nothing with the product.
+"""Records with a fault that is in no catalogue, by a generator that shares nothing with the product.
 
     python tests/outside_shapes.py FOLDER --cases 200 --seed 1
 
 writes caseNNN.positions.csv and truth.json. A fault is an unknown function of one quantity at one place, with a known
 factor or without, or two quantities at once. Its size is in units of detection: 2 σ over the Chebyshev distance of the
-unit fault from what the model of bench and block can say at these positions, by a linear programme of this module's own.
+unit fault from what the model of bench and block can say at these positions, by a programme of this module's own.
 
 What a record cannot tell from the truth counts as the truth: another place and quantity of which some function, of no
 more pieces than the true one needs, does to the readings what the fault does to within a quarter of σ; and α for n3,
@@ -359,7 +359,7 @@ def same_as(known: Known, fault: Fault, change: np.ndarray) -> tuple[int | None,
 
 
 def outside_case(folder: Path, seed: int, index: int) -> Outside:
-    """Case `index` of a seed: one shape after the other, each time another bench and fault; its record in the folder."""
+    """Case `index` of a seed, one shape after the other, each time another bench; its record is in the folder."""
     shape = SHAPES[index % len(SHAPES)]
     for attempt in range(30):
         rng = np.random.default_rng([seed, index, attempt])
