@@ -65,6 +65,8 @@ UNITS = {
         Unit("rad/s/g", "radpspg", {"rad": 1, "s": 1, "m": -1}, factor=1.0 / STANDARD_GRAVITY),
         Unit("rad/s/K", "radpspK", {"rad": 1, "s": -1, "K": -1}),
         Unit("rad/s/g2", "radpspg2", {"rad": 1, "s": 3, "m": -2}, factor=1.0 / STANDARD_GRAVITY**2),
+        Unit("s/rad", "sprad", {"s": 1, "rad": -1}),
+        Unit("s2/rad2", "s2prad2", {"s": 2, "rad": -2}),
         Unit("m/s2", "mps2", {"m": 1, "s": -2}, display={"g": 1.0 / STANDARD_GRAVITY}),
         Unit("degC", "degC", {"K": 1}, offset=273.15),
         Unit("g", "g", {"m": 1, "s": -2}, factor=STANDARD_GRAVITY),

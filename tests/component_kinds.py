@@ -17,6 +17,10 @@ GYRO_EFFECTS = [
         "gyro-scale-asymmetry",
         "gyro-g-sensitivity",
         "gyro-g-squared",
+        "gyro-rate-squared",
+        "gyro-rate-cubed",
+        "gyro-scale-drift",
+        "lag",
         "jitter",
     )
 ]

@@ -199,6 +199,9 @@ class Effect:
         place's law is none
     in_motion : bool
         an effect of a record in motion: its signature takes `MotionRows`, and no record of rests shows it
+    contains : tuple of str
+        names of effects at the same place that it can be, with some values of its parameters: where one of them
+        stands, it is no rival
     """
 
     name: str
@@ -220,6 +223,7 @@ class Effect:
     open_argument: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
+    contains: tuple[str, ...] = ()
 
     def at(self, place: EffectPlace) -> "Effect":
         """The effect as it is at one of its places."""

@@ -4,6 +4,8 @@ gyro_bias, gyro_bias_drift
     what they read at no rate, and its growth with time
 gyro_scale_misalignment, gyro_scale_asymmetry
     errors of scale and of direction; a scale factor that depends on the sense of the turn
+gyro_rate_squared, gyro_rate_cubed
+    a response that bends: squares and cubes of the rates
 gyro_g_sensitivity, gyro_g_squared
     a bias that depends on the specific force, and on products of two of its components: anisoelasticity
 latency
@@ -146,6 +148,42 @@ SCALE_ASYMMETRY = gyro_effect(
     lambda place, rows: gyro_columns(np.abs(rows.rate)),
     sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
     formula="Δω = ({coefficient_1} |ω_1|, {coefficient_2} |ω_2|, {coefficient_3} |ω_3|)",
+)
+
+
+def gyro_rate_squared(
+    context: Vector, rate: Vector, coefficient_1: float, coefficient_2: float, coefficient_3: float, added: Vector
+) -> None:
+    """Add c ω_p² to the reading of each gyro p."""
+    added[0] = added[0] + coefficient_1 * rate[0] * rate[0]
+    added[1] = added[1] + coefficient_2 * rate[1] * rate[1]
+    added[2] = added[2] + coefficient_3 * rate[2] * rate[2]
+
+
+RATE_SQUARED = gyro_effect(
+    gyro_rate_squared,
+    of_each_gyro("coefficient", "s/rad", "c of c ω²", 0.05),
+    lambda place, rows: gyro_columns(rows.rate**2),
+    sentence_of("the readings of the gyros bend with the square of the rate, c of c ω²", "s/rad"),
+    formula="Δω = ({coefficient_1} ω_1^2, {coefficient_2} ω_2^2, {coefficient_3} ω_3^2) 'rad/s'",
+)
+
+
+def gyro_rate_cubed(
+    context: Vector, rate: Vector, coefficient_1: float, coefficient_2: float, coefficient_3: float, added: Vector
+) -> None:
+    """Add c ω_p³ to the reading of each gyro p."""
+    added[0] = added[0] + coefficient_1 * rate[0] * rate[0] * rate[0]
+    added[1] = added[1] + coefficient_2 * rate[1] * rate[1] * rate[1]
+    added[2] = added[2] + coefficient_3 * rate[2] * rate[2] * rate[2]
+
+
+RATE_CUBED = gyro_effect(
+    gyro_rate_cubed,
+    of_each_gyro("coefficient", "s2/rad2", "c of c ω³", 0.05),
+    lambda place, rows: gyro_columns(rows.rate**3),
+    sentence_of("the readings of the gyros bend with the cube of the rate, c of c ω³", "s²/rad²"),
+    formula="Δω = ({coefficient_1} ω_1^3, {coefficient_2} ω_2^3, {coefficient_3} ω_3^3) 'rad/s'",
 )
 
 
@@ -327,6 +365,8 @@ EFFECTS = (
     BIAS_DRIFT,
     SCALE_MISALIGNMENT,
     SCALE_ASYMMETRY,
+    RATE_SQUARED,
+    RATE_CUBED,
     G_SENSITIVITY,
     G_SQUARED,
     LATENCY,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gyro_readings import gyro_readings, lively_motion
+from gyro_readings import PERIOD, gyro_readings, lively_motion
 from named import Named
 from trihedron.models.effects import (
     POSITION_EFFECTS,
@@ -21,7 +21,11 @@ CONTRACT = {
     "gyro-scale-misalignment": (9, "1"),
     "gyro-scale-asymmetry": (3, "1"),
     "gyro-g-sensitivity": (9, "rad/s/g"),
+    "gyro-rate-squared": (3, "s/rad"),
+    "gyro-rate-cubed": (3, "s2/rad2"),
+    "gyro-scale-drift": (3, "1/h"),
     "latency": (1, "s"),
+    "lag": (3, "s"),
     "gyro-g-squared": (9, "rad/s/g2"),
     "gyro-quantisation": (1, "rad/s"),
     "jitter": (1, "1"),
@@ -51,8 +55,10 @@ def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
     clean = gyro_readings([], rows, regular=regular)
     assert clean == pytest.approx(rows.rate, abs=1e-14)
     for k in range(columns.shape[2]):
-        values = effect.from_coefficients(1e-3 * np.eye(columns.shape[2])[k])
-        change = (gyro_readings([(place, values)], rows, regular=regular) - clean) / 1e-3
+        # A low-pass is linear in its time constant only where that is short beside a step.
+        size = 1e-4 if place.effect == "lag" else 1e-3
+        values = effect.from_coefficients(size * np.eye(columns.shape[2])[k])
+        change = (gyro_readings([(place, values)], rows, regular=regular) - clean) / size
         if regular:
             # Of jitter the angle is the same: over the nominal period, and over the interval as logged.
             change = change * rows.period / rows.step[:, None]
@@ -71,6 +77,9 @@ def test_the_block_reads_what_the_contract_defines():
         ("gyro-bias-drift", three, w + three * hours),
         ("gyro-scale-misalignment", nine, w + w @ matrix.T),
         ("gyro-scale-asymmetry", three, w + three * np.abs(w)),
+        ("gyro-rate-squared", three, w + three * w**2),
+        ("gyro-rate-cubed", three, w + three * w**3),
+        ("gyro-scale-drift", three, w + three * hours * w),
         ("gyro-g-sensitivity", nine, w + n @ matrix.T),
         ("gyro-g-squared", nine, w + products @ matrix.T),
         ("gyro-quantisation", [0.01], 0.01 * np.floor(w / 0.01 + 0.5)),
@@ -95,6 +104,38 @@ def test_late_gyros_read_the_rate_of_a_while_ago(steps):
     if steps > 8.0:
         expected = w + steps / 8.0 * (before(8) - w)
     assert shown == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("steps", [0.3, 0.7, 1.0])
+def test_lagging_gyros_follow_the_rate_through_a_low_pass(steps):
+    """The mean, over each step, of the solution of T y' = ω - y at many points of it; what is older than
+    eight steps, where the rate goes on in a straight line, hardly counts."""
+    rows = lively_motion(even=True)
+    time = steps * rows.step[0]
+    shown = gyro_readings([(EffectPlace("lag", "gyro-block"), [time, 0.0, 2.0 * time])], rows)
+    fine = 400
+    kept = np.exp(-rows.step[0] / fine / np.array([time, 1e-9, 2.0 * time]))
+    state, means = rows.rate[0], []
+    for rate in rows.rate:
+        passed = []
+        for _ in range(fine):
+            after = rate + (state - rate) * kept
+            passed.append(0.5 * (state + after))
+            state = after
+        means.append(np.mean(passed, axis=0))
+    expected = np.array(means)
+    assert shown[:, 1] == pytest.approx(rows.rate[:, 1], abs=1e-14)
+    assert (np.abs(shown - expected)[:, [0, 2]].max(axis=0) < [2e-3, 2e-2] * np.ptp(rows.rate, axis=0)[[0, 2]]).all()
+
+
+def test_a_long_lag_is_as_long_as_it_says():
+    """Of a rate that grows evenly a low-pass is behind by its time constant, whatever that is."""
+    rows = lively_motion(even=True)
+    growing = replace(rows, rate=np.outer(np.arange(len(rows.rate)), [0.01, -0.02, 0.03]))
+    for time in (0.5 * PERIOD, 3.0 * PERIOD, 20.0 * PERIOD):
+        shown = gyro_readings([(EffectPlace("lag", "gyro-block"), [time] * 3)], growing)
+        behind = (growing.rate - shown)[12:] / np.array([0.01, -0.02, 0.03]) * PERIOD
+        assert behind == pytest.approx(np.full(behind.shape, time), rel=1e-9)
 
 
 def test_effects_of_gyros_add_up_in_any_order():

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.carried_record import carried_evidence
 from ..evidence.evidence import Channel, Evidence, largest_size, rms_size
-from ..evidence.fit import ARCMIN, Fit
+from ..evidence.fit import ARCMIN, Fit, contains
 from ..progress import tracked
 from ..records import PositionRecord, StrapdownRecord
 from ..rounding import digits
@@ -331,6 +331,8 @@ def search(
                     break
         except CutOff:
             complete = False
+        # What contains a set that stands can always stand, too.
+        found = [fit for fit in found if not any(contains(fit.places, other.places) for other in found)]
         if found or not complete:
             return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), fit.title))), complete, size)
     return Found(())

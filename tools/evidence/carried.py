@@ -46,6 +46,10 @@ SHOWN_BY = {
     "gyro-scale-asymmetry": "whole turns about each axis in one sense, then as many in the other",
     "gyro-g-sensitivity": "rests with each axis up and with each axis down",
     "gyro-g-squared": "rests with each axis up and down, and with two axes at 45°",
+    "gyro-rate-squared": "turns about each axis in both senses, slow and fast",
+    "gyro-rate-cubed": "turns about each axis, slow and fast",
+    "gyro-scale-drift": "the same turns about each axis at the beginning and at the end of a longer record",
+    "lag": "fast turns to and fro about each axis, compared with the true attitude while they last",
     "latency": "fast turns to and fro about each axis, compared with the true attitude while they last",
     "undersampling": "the same motion at another sampling rate",
     "jitter": "the same motion with time stamps from another clock",
@@ -157,6 +161,11 @@ class Carried(CarriedRecord):
         if motion.temperature is not None:
             found["temperature"] = motion.temperature[pieces.first][:, None]
         return found
+
+    def without(self, places: Sequence[EffectPlace]) -> "Carried":
+        """The evidence with fewer effects that can be tried."""
+        fewer = super().without(places)
+        return fewer if self.at_rest is None else replace(fewer, at_rest=self.at_rest[:, self.numbers_of(fewer.places)])
 
     # Runs of the simulation
 

@@ -24,7 +24,7 @@ from ..records import StrapdownRecord
 from ..rounding import exactly
 from .carried import BIAS, LATENCY, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
 from .evidence import estimated
-from .fit import ARCMIN, are_possible, blocks_of, coefficient_count
+from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains
 from .limited import with_limits
 from .references import (
     FEWEST_WINDOWS,
@@ -224,11 +224,21 @@ def about_main_effect(made: Carried) -> Carried:
     """The evidence about the effect that makes most of its errors; as it is where none does.
 
     Signatures are of first order. Where one effect makes nearly all of errors that are many times their bounds, its
-    second order may be above them too.
+    second order may be above them too: it tells effects apart that are alike to first order. Of these one that does
+    not stand about itself is no candidate, where another one does.
     """
-    place = main_effect(made)
-    for _ in range(RELINEARISATIONS if place is not None else 0):
-        assert place is not None
+    tried = [(place, about_effect(made, place)) for place in main_effects(made)]
+    if not tried:
+        return made
+    left = [_rms_left(one, (place,)) for place, one in tried]
+    _, best = next(pair for pair, mine in zip(tried, left, strict=True) if SETTLED * mine <= min(left))
+    standing = [place for place, one in tried if one.refit([place]).radius <= one.limit]
+    return best.without([place for place, _ in tried if standing and place not in standing])
+
+
+def about_effect(made: Carried, place: EffectPlace) -> Carried:
+    """The evidence about one of the gyros' effects, until another run does not change it."""
+    for _ in range(RELINEARISATIONS):
         before, solution = _rms_left(made, (place,)), made.estimate([place])
         if not are_possible(place, made.values_of([place], solution)[place]):
             break
@@ -238,14 +248,20 @@ def about_main_effect(made: Carried) -> Carried:
     return made
 
 
-def main_effect(made: Carried) -> EffectPlace | None:
-    """The gyros' effect that alone makes most of large errors; None where there is none."""
+def main_effects(made: Carried) -> list[EffectPlace]:
+    """The gyros' effects each of which alone makes most of large errors, as far as no other does better.
+
+    What another one contains comes before it.
+    """
     before = _rms_left(made, ())
     if not before > MANY / np.sqrt(3.0):
-        return None
+        return []
     left = {place: _rms_left(made, (place,)) for place in made.places if is_of_gyros(place)}
-    best = min(left, key=lambda place: left[place], default=None)
-    return best if best is not None and MOST_OF_IT * left[best] < before else None
+    least = min(left.values(), default=np.inf)
+    if not MOST_OF_IT * least < before:
+        return []
+    best = [place for place, mine in left.items() if SETTLED * mine <= least]
+    return sorted(best, key=lambda place: sum(contains([place], [other]) for other in best))
 
 
 def _rms_left(made: Carried, places: Sequence[EffectPlace]) -> float:

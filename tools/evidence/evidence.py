@@ -231,6 +231,14 @@ class Evidence:
         """The evidence with other bounds (S, d) of each part."""
         return self._replaced("bound", bounds)
 
+    def without(self, places: Sequence[EffectPlace]) -> Self:
+        """The evidence with fewer effects that can be tried."""
+        kept = tuple(place for place in self.places if place not in places)
+        own = self.numbers_of(kept)
+        return replace(
+            self, places=kept, parts=tuple(replace(part, columns=part.columns[..., own]) for part in self.parts)
+        )
+
     def unweighted(self) -> Self:
         """The evidence with bounds of one."""
         return self.with_bounds([np.ones_like(part.bound) for part in self.parts])

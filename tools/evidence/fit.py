@@ -216,6 +216,14 @@ class Fit:
         )
 
 
+def contains(places: Sequence[EffectPlace], others: Sequence[EffectPlace]) -> bool:
+    """Whether a set of effects is another one but for effects that contain others of that set at the same place."""
+    more = [place for place in places if place not in others]
+    less = {(place.effect, place.where) for place in others if place not in places}
+    held = [next(((name, p.where) for name in p.definition.contains if (name, p.where) in less), None) for p in more]
+    return bool(more) and None not in held and len(set(held)) == len(less)
+
+
 def are_possible(place: EffectPlace, values: Sequence[float]) -> bool:
     """Whether these values of an effect's parameters are possible."""
     return all(p.possible(value) for p, value in zip(place.definition.parameters, values, strict=True))

@@ -67,7 +67,7 @@ BASELINE = {"gravity": "calibrated", "truth": "nominal"}
 """What the diagnosis of a moved block takes for known, by the record's reference."""
 TAKEN_OUT = ("gyro-bias",)
 """The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
-UNSEEN_BETWEEN_RESTS = ("latency",)
+UNSEEN_BETWEEN_RESTS = ("lag", "latency")
 """A lag turns nothing from one rest to the next."""
 
 
