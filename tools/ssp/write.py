@@ -44,7 +44,8 @@ from ..orchestrator.stimuli import (
     resolve_programme,
     table_of,
 )
-from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, declared, free_name
+from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, free_name
+from .xml import declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""

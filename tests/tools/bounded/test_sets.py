@@ -8,20 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.tools.bounded.sets import (
-    ACCEPTED,
-    REFUSED,
-    EffectSet,
-    Problem,
-    bounds_of,
-    linear_radius,
-    parts,
-    project,
-    sets_of_size,
-    settle,
-    sharp_weights,
-    surviving_sets,
-)
+from trihedron.tools.bounded.set_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
+from trihedron.tools.bounded.sets import EffectSet, Problem, linear_radius, parts, project, sets_of_size, sharp_weights
 
 
 def random_problem(seed: int, rows: int = 40, effects: int = 7) -> Problem:

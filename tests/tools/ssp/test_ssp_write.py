@@ -16,8 +16,9 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
-from trihedron.tools.ssp.read import children, parsed, scenario_of_ssp
+from trihedron.tools.ssp.read import scenario_of_ssp
 from trihedron.tools.ssp.write import export_ssp, self_contained
+from trihedron.tools.ssp.xml import children, parsed
 
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
 EIGHTH = 0.125
