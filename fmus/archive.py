@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from .component import Component, Variable
-from .units import UNITS, base_unit, number
+from .units import base_unit, number, unit_named
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -60,7 +60,7 @@ def add_units(root: Element, component: Component) -> None:
     used = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
     units = SubElement(root, "UnitDefinitions")
     for name in used:
-        unit = UNITS[name]
+        unit = unit_named(name)
         element = SubElement(units, "Unit", name=name)
         SubElement(element, "BaseUnit", base_unit(unit))
         for display, factor in unit.display.items():

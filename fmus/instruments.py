@@ -49,10 +49,16 @@ ACCELEROMETER_BLOCK = Component(
             within=(0.0, 1.0),
         ),
         seed("seed of the errors"),
-        output("reading", "readings of the accelerometers", follows=("specific_force", "temperature"), **units.FORCE),
+        output(
+            "reading",
+            "readings of the accelerometers",
+            follows=("specific_force", "temperature", "angle"),
+            **units.FORCE,
+        ),
         input_(
             "rate", "true angular rate at the end of the step, which effects of the block's size read", **units.RATE
         ),
+        input_("angle", "true angles of the table's axes, which effects of theirs on readings read", **units.AXES),
         state("error", "error of the sample [g]", 3),
         state("held", "error held over the rest, as a fraction of its bound", 3),
         state("generator", "state of the random numbers", GENERATOR_SIZE),
@@ -65,7 +71,12 @@ ACCELEROMETER_BLOCK = Component(
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),
     ),
     model=(accelerometer.initialise, accelerometer.step, accelerometer.respond),
-    messages=("gravity must be positive", "specific_force is not finite", "rate is not finite"),
+    messages=(
+        "gravity must be positive",
+        "specific_force is not finite",
+        "rate is not finite",
+        "angle is not finite",
+    ),
     equations=(
         "n = specific force / g",
         "reading = g (n + Γ n + b + ρ), Γ diagonal: Γ⁺ for n > 0, Γ⁻ for n ≤ 0",

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..models.bench import SYMMETRIC_PAIRS, TARGETS, checked_rotation
 from .component import Component
-from .units import UNITS, Unit, base_unit, number
+from .units import Unit, base_unit, number, unit_named
 
 CALIBRATION = "trihedron.calibration/2"
 FIRST_SCHEMA = "trihedron.calibration/1"
@@ -285,7 +285,7 @@ def parameter_set(
         scalars = value if isinstance(value, list) else [value]
         if len(scalars) != len(variable.elements):
             raise ValueError(f"{variable.name} has {len(variable.elements)} elements, not {len(scalars)}")
-        units[variable.unit] = UNITS[variable.unit]
+        units[variable.unit] = unit_named(variable.unit)
         for name, scalar in zip(variable.elements, scalars, strict=True):
             rows.append((name, "Real", {"value": number(scalar), "unit": variable.unit}))
     return parameter_file(component.name, description, rows, units, intervals or {})

@@ -1,6 +1,7 @@
 """Units: one table for the model descriptions, the names of columns and the checks of connections."""
 
 import math
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,7 +79,32 @@ UNITS = {
         Unit("1/K", "pK", {"K": -1}),
     )
 }
-"""Every unit that a variable of a component may have, by its FMI name."""
+"""The units of the components' variables, by their FMI names; effects may have composed ones, of `unit_named`."""
+
+_WORDS = {"1": "1", "g": "g", "rad": "rad", "s": "s", "h": "h", "K": "1/K"}
+"""Units of which others are composed, as `UNITS` has them; the kelvin as its inverse."""
+
+
+def unit_named(name: str) -> Unit:
+    """A unit of `UNITS`, or one composed of g, rad, s, h and K, such as "1/g4" or "rad.s2/K"; a KeyError for others."""
+    if name in UNITS:
+        return UNITS[name]
+    powers: dict[str, int] = {}
+    for k, part in enumerate(name.split("/")):
+        for word in part.split("."):
+            match = re.fullmatch(r"([a-zA-Z]+|1)([0-9]*)", word)
+            if match is None or match[1] not in _WORDS or (match[1] == "1" and match[2]):
+                raise KeyError(name)
+            powers[match[1]] = powers.get(match[1], 0) + int(match[2] or 1) * (1 if k == 0 else -1)
+    exponents: dict[str, int] = {}
+    factor = 1.0
+    for word, power in powers.items():
+        unit, power = UNITS[_WORDS[word]], -power if word == "K" else power
+        factor *= unit.factor**power
+        for base, own in unit.exponents.items():
+            exponents[base] = exponents.get(base, 0) + own * power
+    return Unit(name, "", {base: power for base, power in exponents.items() if power}, factor)
+
 
 FORCE: dict[str, Any] = {"size": 3, "unit": "m/s2", "display_unit": "g", "nominal": 10.0}
 RATE: dict[str, Any] = {"size": 3, "unit": "rad/s", "display_unit": "deg/s"}

@@ -10,7 +10,18 @@ chosen by the sign s of its own input: (1.1), solved for the input.
 import math
 
 from .random_numbers import seed_generator, symmetric
-from .restricted import ANGULAR_ACCELERATION, GRAVITY, HOURS, INPUT, RATE, SENSE_INPUT, TEMPERATURE, Vector
+from .restricted import (
+    ALPHA,
+    ANGULAR_ACCELERATION,
+    BETA,
+    GRAVITY,
+    HOURS,
+    INPUT,
+    RATE,
+    SENSE_INPUT,
+    TEMPERATURE,
+    Vector,
+)
 
 ROUNDING = 1e-12
 """Change of an input [g] that may be rounding."""
@@ -33,6 +44,7 @@ def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector)
 def respond(
     specific_force: Vector,
     temperature: float,
+    angle: Vector,
     gravity: float,
     scale_error_plus: Vector,
     scale_error_minus: Vector,
@@ -55,6 +67,8 @@ def respond(
     for p in range(3):
         n[p] = specific_force[p] / gravity
     context[TEMPERATURE] = temperature
+    context[ALPHA] = angle[0]
+    context[BETA] = angle[1]
     context[GRAVITY] = gravity
     reading[0] = n[0] + gamma_12 * n[1] + gamma_13 * n[2] + bias[0]
     reading[1] = n[1] + gamma_21 * n[0] + gamma_23 * n[2] + bias[1]
@@ -141,6 +155,7 @@ def step(
     specific_force: Vector,
     dwell: float,
     rate: Vector,
+    angle: Vector,
     gravity: float,
     noise_bound: float,
     held_fraction: float,
@@ -160,6 +175,9 @@ def step(
         if not math.fabs(rate[p]) < 1e300:
             return 3
         follow_input(p, specific_force[p], gravity, context, previous_input)
+    for axis in range(2):
+        if not math.fabs(angle[axis]) < 1e300:
+            return 4
     # A step of 1e-14 s, with which some masters end, tells no acceleration.
     if step > 1e-9:
         follow_rate(step, rate, context)

@@ -25,7 +25,7 @@ HOURS = 0
 TEMPERATURE = 1
 """temperature [degC]"""
 ALPHA = 2
-"""true angle of the outer axis [rad]"""
+"""true angle of the outer axis [rad]; of the block, where its input `angle` is told"""
 BETA = 3
 """true angle of the inner axis [rad]"""
 SENSE_ALPHA = 4

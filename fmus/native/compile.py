@@ -27,6 +27,7 @@ FLAGS = (
     "-ffp-contract=off",
     "-fno-builtin-sin",
     "-fno-builtin-cos",
+    "-fno-builtin-exp",
     "-fno-builtin-atan2",
     "-fno-math-errno",
 )

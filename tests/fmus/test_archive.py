@@ -86,7 +86,7 @@ def test_arrays_are_real_ones_and_the_types_are_declared(tmp_path):
     reading = fmpy.read_model_description(block).outputs[0]
     assert reading.variable is not None
     assert reading.variable.name == "reading"
-    assert {d.name for d in reading.dependencies or ()} == {"specific_force", "temperature"}
+    assert {d.name for d in reading.dependencies or ()} == {"specific_force", "temperature", "angle"}
 
 
 @needs_compiler

@@ -107,7 +107,7 @@ def symbol_text(symbol: str) -> str:
 
 def unit_text(unit: str) -> str:
     """A unit as people write it: m/s² for m/s2, nothing for 1."""
-    return unit_of(unit).replace("2", "²").replace("3", "³")
+    return re.sub(r"(?<=[a-zA-Z])[0-9]", lambda power: _POWERS[int(power[0])], unit_of(unit))
 
 
 def half_width(low: float | None, high: float | None) -> float | None:
@@ -168,12 +168,13 @@ def _drawn(row: Bar, reach: float) -> Drawn:
 
 # Equations
 
-_SUPERSCRIPTS = {"²": "2", "³": "3", "⁺": "+", "⁻": "−", "ᵀ": "T"}
+_POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+_SUPERSCRIPTS = {**{sign: str(k) for k, sign in enumerate(_POWERS)}, "⁺": "+", "⁻": "−", "ᵀ": "T"}
 _TOKEN = re.compile(
     r"(?P<number>\d+(?:\.\d+)?(?:e[−+-]?\d+)?)"
-    r"|(?P<name>[A-Za-zΑ-Ωα-ωϑ][A-Za-zΑ-Ωα-ωϑ]*\*?)(?:_(?P<below>[A-Za-z0-9]+))?(?P<above>[²³⁺⁻ᵀ])?"
+    r"|(?P<name>[A-Za-zΑ-Ωα-ωϑ][A-Za-zΑ-Ωα-ωϑ]*\*?)(?:_(?P<below>[A-Za-z0-9]+))?(?P<above>⁻[⁰¹²³⁴⁵⁶⁷⁸⁹]|[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ᵀ])?"
     r"|(?P<words>'[^']*')"
-    r"|(?P<operator>[-+−·×∘/()=|,<>≤≥±;°?])(?P<raised>[²³])?"
+    r"|(?P<operator>[-+−·×∘/()=|,<>≤≥±;°?])(?P<raised>⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹])?"
 )
 FUNCTIONS = ("sin", "cos", "exp", "sign", "up")
 THIN = '<mspace width="0.17em"/>'
@@ -182,7 +183,7 @@ THIN = '<mspace width="0.17em"/>'
 def equation(text: str) -> str:
     """A formula in plain text as MathML: a `<math>` element, one line.
 
-    Names have one or more letters with ``_`` before an index (n_3, Γ_21); powers are written as ² and ³, numbers with a
+    Names have one or more letters with ``_`` before an index (n_3, Γ_21); powers are written as ², ³, ⁻¹, numbers with a
     power of ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
     ``[a ; b | c ; d]`` is a matrix with the rows a b and c d.
     """
@@ -240,16 +241,20 @@ def _element(match: re.Match[str], *, first: bool) -> str:
         if match["operator"] == "?":
             return "<mi>?</mi>"
         sign = f"<mo{form}{size}>{escape(match['operator'].replace('-', '−'))}</mo>"
-        return f"<msup>{sign}<mn>{_SUPERSCRIPTS[match['raised']]}</mn></msup>" if match["raised"] else sign
+        return f"<msup>{sign}<mn>{_above(match['raised'])}</mn></msup>" if match["raised"] else sign
     upright = ' mathvariant="normal"' if match["name"] in FUNCTIONS else ""
     name = f"<mi{upright}>{escape(match['name'])}</mi>"
     if match["name"].startswith("Δ") and len(match["name"]) > 1:
         # A change is written with an upright Δ before the letter that it is of.
         name = f'<mrow><mi mathvariant="normal">Δ</mi><mi>{escape(match["name"][1:])}</mi></mrow>'
     below = f"<mn>{escape(match['below'])}</mn>" if match["below"] else ""
-    above = f"<mn>{_SUPERSCRIPTS[match['above']]}</mn>" if match["above"] else ""
+    above = f"<mn>{_above(match['above'])}</mn>" if match["above"] else ""
     tag = f"m{'sub' if below else ''}{'sup' if above else ''}"
     return f"<{tag}>{name}{below}{above}</{tag}>" if below or above else name
+
+
+def _above(signs: str) -> str:
+    return "".join(_SUPERSCRIPTS[sign] for sign in signs)
 
 
 def signed(value: float, text: str) -> str:

@@ -130,7 +130,7 @@ class Visited:
             "title": title,
             "run": {"start_s": began, "step_s": self.step, "stop_s": began + steps * self.step},
             "fmus": {**fmus, "table": {**fmus["table"], "parameters": own}},
-            "connections": [{"from": "table.specific_force", "to": "block.specific_force"}],
+            "connections": [{"from": f"table.{name}", "to": f"block.{name}"} for name in ("specific_force", "angle")],
             "stimuli": [{"table": timed, "columns": driven}],
             "record": {"columns": dict(columns)},
         }

@@ -189,6 +189,7 @@ class Visits:
             n=nothing,
             by_alpha=nothing,
             by_beta=nothing,
+            temperature=self.circumstances.temperature,
             sense_alpha=self.circumstances.sense_alpha,
             sense_beta=self.circumstances.sense_beta,
         )

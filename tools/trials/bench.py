@@ -161,6 +161,7 @@ class Bench:
             run={"step_s": FINE_STEP_S if fine else STEP_S},
             connections=[
                 {"from": "table.specific_force", "to": "block.specific_force"},
+                {"from": "table.angle", "to": "block.angle"},
                 {"from": "table.dwell", "to": "block.dwell"},
             ],
             stimuli=[
