@@ -6,6 +6,7 @@ from trihedron.fmus import components
 from trihedron.fmus.component import Component, extend
 from trihedron.fmus.source import references
 from trihedron.models.effects import EffectPlace
+from trihedron.models.effects.formula import Formula
 
 GYRO_EFFECTS = [
     EffectPlace(name, "gyro-block")
@@ -23,7 +24,7 @@ GYRO_EFFECTS = [
         "lag",
         "jitter",
     )
-]
+] + [Formula.of("w2 += c*w1**3 + d*n1*exp(-time_s)").place]
 
 EXTENDED = {
     "TurntableMotion": [
@@ -33,6 +34,8 @@ EXTENDED = {
         EffectPlace("backlash", "outer-axis"),
         EffectPlace("sag", "inner-axis"),
         EffectPlace("base-drift", "base"),
+        Formula.of("beta += c*cos(7*alpha) + d*sense_beta*abs(sin(beta))").place,
+        Formula.of("epsilon += c*exp(cos(alpha))").place,
     ],
     "AccelerometerBlock": [
         EffectPlace("quadratic", "accelerometer-3"),
@@ -43,6 +46,8 @@ EXTENDED = {
         EffectPlace("temperature-scale", "accelerometer-2"),
         EffectPlace("hysteresis", "accelerometer-3"),
         EffectPlace("lever-arm", "accelerometer-2"),
+        Formula.of("f1 += a*exp(-hours/2) + b*n1**5/n2 + c*sqrt(abs(n3)) + d*step(hours - 1e-4)*sign(n1)").place,
+        Formula.of("f3 += a*sin(3*alpha)*cos(beta) + b*atan2(n1, n2)**-2 + c*sense2*(temperature - 20)").place,
         EffectPlace("dead-zone", "accelerometer-1"),
         EffectPlace("quantisation", "accelerometer-3"),
         EffectPlace("exchanged-readings", "accelerometer-1", axes=(2,)),

@@ -73,7 +73,8 @@ def readings(effects: Effects, **settings: ArrayLike) -> np.ndarray:
     for row in range(ROWS):
         before, force = forces(effects, row) if on_table else nominal_forces(row)
         block = extended_instance("AccelerometerBlock", effects, **settings)
-        block.put(temperature=TEMPERATURE[row], specific_force=before).begin()
+        angle = ALPHA[row] - TRUTH[TARGETS.index("X2")], BETA[row]
+        block.put(temperature=TEMPERATURE[row], specific_force=before, angle=angle).begin()
         shown[row] = block.put(specific_force=force).step(0.0, 3600.0 * HOURS[row])["reading"] / G
     return shown
 

@@ -31,10 +31,10 @@ AT_REST = {
     "n3": ("context[INPUT + 2]", "g"),
     "hours": ("context[HOURS]", "h"),
     "temperature": ("context[TEMPERATURE]", "degC"),
-    "alpha": ("", "rad"),
-    "beta": ("", "rad"),
+    "alpha": ("context[ALPHA]", "rad"),
+    "beta": ("context[BETA]", "rad"),
 }
-"""Of each quantity of a record of rests how a kernel reads it, and its unit; an accelerometer knows no angles."""
+"""Of each quantity of a record of rests how a kernel of the block reads it, and its unit."""
 IN_MOTION = {
     "w1": ("rate[0]", "rad/s"),
     "w2": ("rate[1]", "rad/s"),
@@ -200,11 +200,9 @@ def _home(place: EffectPlace, table: Table) -> dict[str, Any]:
     target = f"added[{p}]"
     seen = ("context: Vector", "rate: Vector" if in_motion else "n: Vector")
     kernel = _kernel(place, table, seen, quantity, target, times)
-    if factor and not times:
-        kernel = None
     component = "GyroBlock" if in_motion else "AccelerometerBlock"
     own = {"signature": signature, "kernel": kernel, "in_motion": in_motion}
-    return own | {"component": component if kernel else None, "stage": "reading_effects" if kernel else None}
+    return own | {"component": component, "stage": "reading_effects"}
 
 
 def _kernel(

@@ -183,8 +183,8 @@ THIN = '<mspace width="0.17em"/>'
 def equation(text: str) -> str:
     """A formula in plain text as MathML: a `<math>` element, one line.
 
-    Names have one or more letters with ``_`` before an index (n_3, Γ_21); powers are written as ², ³, ⁻¹, numbers with a
-    power of ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
+    Names have one or more letters with ``_`` before an index (n_3, Γ_21); powers are written as ², ⁵ and ⁻¹, numbers
+    with a power of ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
     ``[a ; b | c ; d]`` is a matrix with the rows a b and c d.
     """
     return f'<math display="block"><mrow>{_row(plain(text))}</mrow></math>'
