@@ -1,7 +1,8 @@
 """A function of one quantity at one place, by a table: what no catalogue lists, as an effect like any other.
 
 Its law is written as ``[factor times] quantity at knots``, ``... around knots`` of an angle that goes round, or ``...
-jumps at knot``: "n1 at -1 0 1", "n2 times hours at 0 0.5 1", "tilt times alpha around 0 2 4", "hours jumps at 0.3".
+jumps at knot``: "n1 at -1 0 1", "n2 times hours at 0 0.5 1", "tilt times alpha around 0 2 4", "hours jumps at 0.3". At
+a knot in parentheses the function is zero: "n1 at (-1) -0.5 0 0.5 (1)".
 """
 
 import math
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..written import written
+from .accelerometer import NOMINAL_TEMPERATURE
 from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, name_of_law, turned
 from .rows import MotionRows, Rows
 
@@ -21,7 +23,9 @@ TURN = 2.0 * math.pi
 KINDS = ("at", "around", "jumps at")
 TILT = "tilt"
 """In place of a factor: κ depends on the outer angle, ε on the inner one, not the turn about the axis."""
-MOST_KNOTS = 64
+FROM = {"temperature": NOMINAL_TEMPERATURE}
+"""From where factors count that do not count from zero."""
+MOST_KNOTS = 128
 LARGEST = 0.5
 """The largest value of a table that is called possible, in its unit."""
 
@@ -29,6 +33,9 @@ AT_REST = {
     "n1": ("context[INPUT]", "g"),
     "n2": ("context[INPUT + 1]", "g"),
     "n3": ("context[INPUT + 2]", "g"),
+    "n1*n2": ("context[INPUT] * context[INPUT + 1]", "g2"),
+    "n1*n3": ("context[INPUT] * context[INPUT + 2]", "g2"),
+    "n2*n3": ("context[INPUT + 1] * context[INPUT + 2]", "g2"),
     "hours": ("context[HOURS]", "h"),
     "temperature": ("context[TEMPERATURE]", "degC"),
     "alpha": ("context[ALPHA]", "rad"),
@@ -50,12 +57,14 @@ class Table:
     """What a law says: a function of a quantity by its values at knots, straight between them, times a known factor.
 
     `kind`: "at": as at the ends beyond these; "around": round a circle; "jumps at": zero before its one knot, then one.
+    `zero` are the numbers of the knots where the function is zero.
     """
 
     quantity: str
     kind: str
     knots: tuple[float, ...]
     factor: str = ""
+    zero: tuple[int, ...] = ()
 
     @staticmethod
     def of(law: str) -> "Table":
@@ -64,11 +73,13 @@ class Table:
         factor = words[0] if words[1:2] == ["times"] else ""
         quantity, *rest = words[2:] if factor else words or [""]
         kind = next((kind for kind in KINDS if " ".join(rest).startswith(kind + " ")), None)
+        written = rest[len(kind.split()) if kind else 0 :]
+        zero = tuple(k for k, word in enumerate(written) if word.startswith("(") and word.endswith(")"))
         try:
-            knots = tuple(float(word) for word in rest[len(kind.split()) if kind else 0 :])
+            knots = tuple(float(word[1:-1] if k in zero else word) for k, word in enumerate(written))
         except ValueError:
             knots = ()
-        table = Table(quantity, kind or "", knots, factor)
+        table = Table(quantity, kind or "", knots, factor, zero)
         if not table.is_one:
             raise ValueError(f"law {law!r} must be '[factor times] quantity at|around|jumps at knots', knots growing")
         return table
@@ -84,13 +95,20 @@ class Table:
         within = self.kind != "around" or self.knots[-1:] < (self.knots[0] + TURN,) if self.knots else False
         finite = all(math.isfinite(knot) for knot in self.knots)
         names = self.quantity in known and (not self.factor or self.factor in FACTORS)
-        return fits and growing and within and finite and names and count <= MOST_KNOTS
+        told = len(self.zero) < count and not (self.zero and self.kind == "jumps at")
+        return fits and growing and within and finite and names and told and count <= MOST_KNOTS
+
+    @property
+    def entries(self) -> tuple[int, ...]:
+        """Numbers of the knots whose values are the parameters."""
+        return tuple(k for k in range(len(self.knots)) if k not in self.zero)
 
     @property
     def law(self) -> str:
         """As it is written."""
         factor = f"{self.factor} times " if self.factor else ""
-        return f"{factor}{self.quantity} {self.kind} {' '.join(repr(knot) for knot in self.knots)}"
+        words = (f"({knot!r})" if k in self.zero else repr(knot) for k, knot in enumerate(self.knots))
+        return f"{factor}{self.quantity} {self.kind} {' '.join(words)}"
 
     def columns(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What each entry is multiplied by at values (N,) of the quantity: (N, K), without the factor."""
@@ -101,13 +119,13 @@ class Table:
         if self.kind == "around":
             knots, unit = np.append(knots, knots[0] + TURN), np.vstack((unit, unit[:1]))
             values = knots[0] + (values - knots[0]) % TURN
-        return np.stack([np.interp(values, knots, column) for column in unit.T], axis=1)
+        return np.stack([np.interp(values, knots, unit[:, k]) for k in self.entries], axis=1)
 
     def source(self, quantity: str) -> list[str]:
         """Lines of a kernel that leave the function's value in ``f``, by an expression for the quantity."""
         if self.kind == "jumps at":
             return ["f = 0.0", f"if {quantity} > {self.knots[0]!r}:", "    f = value_1"]
-        knots, names = list(self.knots), [f"value_{k + 1}" for k in range(len(self.knots))]
+        knots, names = list(self.knots), ["0.0" if k in self.zero else f"value_{k + 1}" for k in range(len(self.knots))]
         lines = [f"q = {quantity}"]
         if self.kind == "around":
             lines.append(f"q = q - {TURN!r} * math.floor((q - {knots[0]!r}) / {TURN!r})")
@@ -121,6 +139,8 @@ class Table:
 
 def values_of(name: str, rows: Any) -> NDArray[np.float64]:
     """A quantity (N,) of rows at rest or in motion; a ValueError where they have none."""
+    if "*" in name:
+        return np.prod([values_of(factor, rows) for factor in name.split("*")], axis=0)
     if name[0] == "n" or name[0] == "w":
         axis = int(name[1]) - 1
         if isinstance(rows, MotionRows):
@@ -141,11 +161,11 @@ def lookup_at(place: EffectPlace) -> Effect:
     for name in (table.quantity, table.factor):
         if name and name != TILT and name not in quantities:
             raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(quantities)}")
-    knots = [None] if table.kind == "jumps at" else table.knots
+    jump = table.kind == "jumps at"
     unit = "rad" if place.where in AXES else _unit(place, table)
     parameters = tuple(
-        EffectParameter(f"value_{k}", unit, f"value at {knot!r}" if knot is not None else "size of the jump", LARGEST)
-        for k, knot in enumerate(knots, start=1)
+        EffectParameter(f"value_{k + 1}", unit, "size of the jump" if jump else f"value at {table.knots[k]!r}", LARGEST)
+        for k in table.entries
     )
     needs = ("temperature",) if "temperature" in (table.quantity, table.factor) else ()
     return Effect("lookup", (), parameters, _said, needs=needs, **home)
@@ -157,7 +177,9 @@ def _home(place: EffectPlace, table: Table) -> dict[str, Any]:
 
     def columns(rows: Any) -> NDArray[np.float64]:
         own = table.columns(values_of(table.quantity, rows))
-        return own * values_of(factor, rows)[:, None] if factor and not tilted else own
+        if not factor or tilted:
+            return own
+        return own * (values_of(factor, rows) - FROM.get(factor, 0.0))[:, None]
 
     if place.where in AXES:
         if factor and not tilted:
@@ -166,7 +188,7 @@ def _home(place: EffectPlace, table: Table) -> dict[str, Any]:
         at = 2 * axis if tilted else 2 * axis + 1
 
         def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-            small = np.zeros((len(rows.hours), 4, len(table.knots)))
+            small = np.zeros((len(rows.hours), 4, len(table.entries)))
             # The true angle is the reading less what an encoder errs by.
             small[:, at] = columns(rows) if tilted else -columns(rows)
             return small
@@ -197,6 +219,7 @@ def _home(place: EffectPlace, table: Table) -> dict[str, Any]:
     known = IN_MOTION if in_motion else AT_REST
     quantity = known.get(table.quantity, ("", ""))[0]
     times = known.get(factor, ("", ""))[0]
+    times = f"({times} - {FROM[factor]!r})" if times and factor in FROM else times
     target = f"added[{p}]"
     seen = ("context: Vector", "rate: Vector" if in_motion else "n: Vector")
     kernel = _kernel(place, table, seen, quantity, target, times)
@@ -211,7 +234,7 @@ def _kernel(
     """The kernel of a table; None where its component does not know the quantity."""
     if not quantity:
         return None
-    values = ", ".join(f"value_{k + 1}: float" for k in range(len(table.knots)))
+    values = ", ".join(f"value_{k + 1}: float" for k in table.entries)
     last = target.split("[")[0]
     name = f"lookup_{name_of_law(f'{place.where} {place.axes} {place.law}')}"
     body = [*table.source(quantity), f"{target} = {target} + f" + (f" * {times}" if times else "")]

@@ -18,6 +18,10 @@ LAWS = (
     ("accelerometer-3", "hours jumps at 0.03"),
     ("accelerometer-1", "alpha around 0.0 2.0 4.0"),
     ("accelerometer-2", "n1 times beta around 0.0 2.0 4.0"),
+    ("accelerometer-1", "temperature times n1 at -1.0 0.1 1.0"),
+    ("accelerometer-3", "n1*n3 at -0.6 -0.1 0.7"),
+    ("accelerometer-2", "n2 at (-1.0) -0.2 (0.3) 1.0"),
+    ("outer-axis", "alpha around (0.1) 2.0 4.0"),
     ("outer-axis", "alpha around 0.1 2.0 4.0"),
     ("inner-axis", "hours at 0.0 0.5"),
     ("inner-axis", "tilt times beta around -1.0 1.0 3.0"),
@@ -58,6 +62,15 @@ def test_a_table_is_straight_between_its_knots_and_goes_round():
     assert Table.of(table.law) == table
 
 
+def test_at_a_knot_in_parentheses_it_is_zero():
+    table, free = Table.of("n1 at (-1.0) 0.0 (1.0) 2.0"), Table.of("n1 at -1.0 0.0 1.0 2.0")
+    assert Table.of(table.law) == table
+    values = np.linspace(-1.5, 2.5, 9)
+    assert table.columns(values).tolist() == free.columns(values)[:, [1, 3]].tolist()
+    place = EffectPlace("lookup", "accelerometer-1", law=table.law)
+    assert [parameter.name for parameter in place.definition.parameters] == ["value_2", "value_4"]
+
+
 def test_a_function_of_a_gyros_rate_has_its_rows_and_its_kernel():
     place = EffectPlace("lookup", "gyro-block", axes=(2,), law="w3 at -1.0 0.0 1.0")
     rate = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, -1.0]])
@@ -90,6 +103,8 @@ def test_its_entry_names_it_again_and_its_variables_are_its_own():
         ("accelerometer-1", "w1 at 0.0 1.0", "has no w1"),
         ("accelerometer-1", "n1 around 0.0 1.0", "must be"),
         ("accelerometer-1", "n1 at 0.0 nan", "must be"),
+        ("accelerometer-1", "n1 at (0.0) (1.0)", "must be"),
+        ("accelerometer-1", "n1 at (0.0 1.0", "must be"),
         ("accelerometer-1", "", "must be"),
         ("accelerometer-1", "tilt times n1 at 0.0 1.0", "only an axis"),
         ("outer-axis", "n1 times alpha at 0.0 1.0", "the only factor"),

@@ -6,7 +6,7 @@ do imitate it is zero. How much a function may bend is limited. The straight int
 than the function does, so that what holds for all that bend so much on these knots holds for all functions that do.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -124,10 +124,10 @@ class Functions:
 
     def _smooth(self, functions: NDArray) -> NDArray[np.float64]:
         """Those combinations (K, d) of functions that bend little: functions of the quantity, not of a few rows."""
-        bends = self.unknown.bends @ functions
-        _, _, directions = np.linalg.svd(bends, full_matrices=True)
+        slopes = replace(self.unknown, steps=False)
+        _, _, directions = np.linalg.svd(slopes.bends @ functions, full_matrices=True)
         found = functions @ directions.T
-        least = [self.unknown.bending(one) <= SMOOTH * np.abs(one).max(initial=0.0) for one in found.T]
+        least = [slopes.bending(one) <= SMOOTH * np.abs(one).max(initial=0.0) for one in found.T]
         return found[:, np.array(least, dtype=bool)]
 
     def told(self, values: NDArray) -> NDArray[np.float64]:
