@@ -284,7 +284,7 @@ def test_workers_that_there_cannot_be_are_refused(engine, jobs, scheduler, messa
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-@pytest.mark.parametrize("engine", ["local", "dask"])
+@pytest.mark.parametrize("engine", ["local", pytest.param("dask", marks=pytest.mark.acceptance)])
 def test_a_deadly_call_is_named_and_the_others_are_made(engine):
     if engine == "dask":
         pytest.importorskip("distributed")

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from page_text import clean
+from planning_tasks import planned
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well
 from strapdown_records import drawn_motion, strapdown_record
 from trihedron.tools import library
 from trihedron.tools.calibration import calibrate
+from trihedron.tools.planning.positions import Request
 from trihedron.tools.reports import document_of
 from trihedron.tools.reports.calibration import levelled
 from trihedron.tools.result import Result
@@ -109,7 +111,7 @@ def test_a_format_by_hand_is_found(source):
 KINDS: dict[str, Callable[[], Result]] = {
     "inspection": lambda: library.inspect(strapdown_record()),
     "attitude": lambda: library.attitude_of_record(strapdown_record()),
-    "positions": lambda: library.plan_positions(12, starts=1),
+    "positions": lambda: planned(12, Request(starts=1, cuts=1, admissible="tables")),
     "one-sided": lambda: calibrate(clean(), noise_bound=NOISE_BOUND * 0.9, baseline="symmetric"),
 }
 
