@@ -20,6 +20,7 @@ from ..calibration.model import checked_mounting
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
+from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..errors import InputError, nearest
 from ..files import bytes_of
 from ..orchestrator.fmu import unpack
@@ -56,7 +57,8 @@ from .findings import Check, Findings, json_lines, toml_lines
 SCHEMAS = {
     CALIBRATION: "calibration",
     FIRST_SCHEMA: "calibration",
-    "trihedron.diagnosis/1": "diagnosis",
+    DIAGNOSIS: "diagnosis",
+    FIRST_DIAGNOSIS: "diagnosis",
     "trihedron.plan/1": "plan",
 }
 LISTS = ("connections", "stimuli")

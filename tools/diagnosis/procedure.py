@@ -20,6 +20,8 @@ from ..progress import tracked
 from ..records import PositionRecord, StrapdownRecord
 from ..rounding import digits
 from .cause import Cause, Finding, NamedEffect
+from .dependence import dependence
+from .level import Proven, Suffices
 from .result import Diagnosis, EffectWitness, Length, OrderedEffect, OrderOfEffects, Witness
 
 KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
@@ -78,6 +80,7 @@ def diagnosed(
             finding = Finding(causes_of(evidence, fit), fit)
             return _result("explained", told | {"findings": [finding]} | _named(finding), model, excluded=excluded)
         return _result(verdict, told, model, excluded=excluded)
+    told |= of_dependence(evidence)
     objections = (*evidence.objections(), *_not_named(evidence))
     found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
     told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
@@ -155,9 +158,24 @@ def _named(finding: Finding) -> dict[str, Any]:
     return {"causes": finding.causes, "extended": {"radius": finding.fit.radius}}
 
 
+def of_dependence(evidence: Evidence) -> Mapping[str, Any]:
+    """Keys of a falsified model: on what, and where, the misfit depends, and the noise bound that would do without."""
+    bound = evidence.stated_bound
+    needed = {} if bound is None else {"noise_bound_needed": evidence.baseline_radius * bound}
+    found = dependence(evidence)
+    if found is None:
+        return needed
+    suffices = tuple(Suffices.of(one) for one in found.standing)
+    return needed | {"proven": Proven.of(found), "suffices": suffices}
+
+
 def _unexplained(evidence: Evidence, told: Mapping[str, Any], objections: tuple[str, ...]) -> Diagnosis:
-    structure = residual_structure(evidence.channels())
-    return _result("unexplained", told, {}, not_named=objections, residual_structure=structure)
+    structure, proven = residual_structure(evidence.channels()), told.get("proven")
+    levels: dict[str, Any] = {}
+    if proven is not None:
+        names = (proven.on, *proven.same) if proven.quantity else proven.not_excluded
+        levels = {"level": "quantity" if proven.quantity else "place", "depends_on": names}
+    return _result("unexplained", told, {}, not_named=objections, residual_structure=structure, **levels)
 
 
 def _result(verdict: str, told: Mapping[str, Any], more: Mapping[str, Any], **keys: Any) -> Diagnosis:

@@ -14,10 +14,12 @@ from ..evidence.fit import Gain
 from ..result import Result, Told
 from ..rounding import downwards, upwards
 from .cause import Cause, NamedEffect, Number
+from .level import Proven, Suffices
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
+DIAGNOSIS, FIRST_DIAGNOSIS = "trihedron.diagnosis/2", "trihedron.diagnosis/1"
 CHANCE = 0.05
 """More than this part of the shuffles being as good as an effect speaks against it."""
 
@@ -304,6 +306,16 @@ class Diagnosis(Told):
     ----------
     verdict : str
         "consistent", "explained", "ambiguous", "unexplained" or "insufficient"
+    level : str or None
+        how far the record carries the verdict: "law", "quantity" or "place"
+    proven : Proven or None
+        the place, and the quantity, that alone suffice, where the model is falsified
+    depends_on : tuple of str
+        of an unexplained record: quantities at the place that is proven, of each of which some function suffices
+    suffices : tuple of Suffices
+        the least complex functions of one quantity at one place with which the model stands, the least complex first
+    noise_bound_needed : float
+        the least noise bound with which the model without effects would stand, in the unit of the bound that was used
     causes, alternatives : tuple of Cause, tuple of such
         what is named, or the best of several sets, and the other sets that remain
     complete : bool
@@ -324,7 +336,7 @@ class Diagnosis(Told):
         single effects and the radius that each leaves, the least first
     """
 
-    schema_: Literal["trihedron.diagnosis/1"] = Field(default="trihedron.diagnosis/1", alias="schema")
+    schema_: Literal["trihedron.diagnosis/2"] = Field(default=DIAGNOSIS, alias="schema")
     verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
     noise_bound: Number | None = None
     noise_bound_basis: str | None = None
@@ -336,6 +348,11 @@ class Diagnosis(Told):
     reference_bound_arcmin: Number | None = None
     baseline_model: str
     baseline: Baseline
+    level: Literal["law", "quantity", "place"] | None = None
+    proven: Proven | None = None
+    depends_on: tuple[str, ...] | None = None
+    suffices: tuple[Suffices, ...] | None = None
+    noise_bound_needed: Number | None = None
     causes: tuple[Cause, ...]
     extended: Extended | None = None
     gain: Gain | None = None
@@ -362,6 +379,13 @@ class Diagnosis(Told):
     evidence: Any = Field(default=None, exclude=True)
     findings: tuple[Any, ...] = Field(default=(), exclude=True)
     tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_first_schema(cls, content: Any) -> Any:
+        """What a file of schema trihedron.diagnosis/1 says: of levels it says nothing."""
+        first = isinstance(content, dict) and content.get("schema") == FIRST_DIAGNOSIS
+        return {**content, "schema": DIAGNOSIS} if first else content
 
     @model_validator(mode="after")
     def _agree(self) -> "Diagnosis":

@@ -43,12 +43,14 @@ from .bench_model import (
     usual_misfit,
     with_possible_sizes,
 )
+from .bench_pairs import pairs_of_bench
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
 from .bench_visits import Circumstances, circumstances_of, is_linear, left_open, signature_columns, untold_readings
 from .evidence import Channel, Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
+from .pairs import Pair
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
@@ -235,6 +237,25 @@ class Bench(Evidence):
     def slack(self, centre: Fit) -> float:
         """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
         return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.bound.min())
+
+    @property
+    def second_order(self) -> float:
+        """What the linear model may be wrong by, in units of the bounds."""
+        return SECOND_ORDER * self.baseline_radius**2 * float(self.bound.min())
+
+    @property
+    def stated_bound(self) -> float:
+        """The noise bound, a fraction of g."""
+        return self.calibration.noise_bound
+
+    @property
+    def baseline_radius(self) -> float:
+        """Radius of the nominal model."""
+        return self.calibration.radius
+
+    def pairs(self) -> Sequence[Pair]:
+        """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
+        return tuple(pairs_of_bench(self.rows))
 
     def problem(
         self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[tuple[EffectPlace, int]] = ()

@@ -17,6 +17,7 @@ from ..bounded.programmes import Interval, chebyshev_radius, column_space, space
 from ..bounded.sets import Problem, Work, sets_of_size
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits
+from .pairs import Pair
 
 FOLDS = 8
 """Blocks in time that are left out in turn."""
@@ -313,6 +314,16 @@ class Evidence:
         """Whether the model without effects cannot be true of the record."""
         return self.baseline.radius > self.limit
 
+    @property
+    def stated_bound(self) -> float | None:
+        """The noise bound as it is published; None where there is no single one."""
+        return None
+
+    @property
+    def baseline_radius(self) -> float:
+        """Radius of the model without effects."""
+        return self.baseline.radius
+
     @cached_property
     def classes(self) -> Classes:
         """The effects that can be seen and told apart."""
@@ -398,6 +409,13 @@ class Evidence:
     def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """Keys of the result for a model that stands; `missing` where it is too little to falsify anything."""
         return {}
+
+    second_order: ClassVar[float] = 0.0
+    """What the linear model may be wrong by, in units of the bounds."""
+
+    def pairs(self) -> Sequence[Pair]:
+        """Places, each with a quantity on which its error may depend, whatever the law; none by default."""
+        return ()
 
     def channels(self) -> Sequence[Channel]:
         """The errors of the baseline, component by component, with what they may depend on."""

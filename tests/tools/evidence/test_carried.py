@@ -79,7 +79,7 @@ def test_sensitivity_to_gravity_is_named_with_its_size_and_gains_on_moves_that_w
 
 def test_the_object_is_that_of_the_contract(sensitive):
     content = sensitive[1].to_json()
-    assert (content["schema"], content["unit"]) == ("trihedron.diagnosis/1", "arcmin")
+    assert (content["schema"], content["unit"]) == ("trihedron.diagnosis/2", "arcmin")
     assert content["baseline"]["falsified"] is True
     assert content["extended"]["radius"] <= 1.0 < content["baseline"]["radius"]
     assert content["noise_bound_arcmin"] > 0.0

@@ -1,0 +1,103 @@
+"""Place and quantity are proven where no other would do, whatever the law; nothing is where something else would."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from independent_bench import SIGMA, Session, errors
+from outside_shapes import SHAPES, Known, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
+from trihedron.tools.bounded.sets import Work
+from trihedron.tools.diagnosis import Diagnosis
+from trihedron.tools.diagnosis.dependence import Dependence, dependence
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.records import read_record
+
+SMOOTH = [SHAPES.index(shape) for shape in (encoder_bump, fifth_power, of_temperature, one_jump)]
+NAMES = {"time": "hours"}
+
+
+def found_of(path: Path, noise_bound: float = SIGMA, work: Work | None = None) -> Dependence | None:
+    record: Any = read_record(path)
+    return dependence(bench_evidence(record, noise_bound=noise_bound), work)
+
+
+def written(path: Path, rng: np.random.Generator, session: Session, reading: np.ndarray, noise: float = 1.0) -> Path:
+    session.write(path, np.array([session.alpha, session.beta]), reading + noise * errors(rng, len(reading))[0], rng)
+    return path
+
+
+@pytest.mark.parametrize(
+    "index", [*SMOOTH, *(pytest.param(k + len(SHAPES), marks=pytest.mark.acceptance) for k in SMOOTH)]
+)
+def test_what_is_proven_of_a_fault_outside_the_catalogue_is_true(index: int, tmp_path: Path):
+    case = outside_case(tmp_path, 3, index)
+    found = found_of(tmp_path / case.file)
+    assert found is not None
+    assert found.place == case.place
+    true = {(place, NAMES.get(quantity, quantity)) for place, quantity, _ in case.same}
+    assert any((one.pair.where, one.pair.quantity) in true for one in found.standing)
+    if found.proven:
+        assert (found.proven.pair.where, found.proven.pair.quantity) in true
+
+
+@pytest.mark.parametrize("larger", [1.05, 1.15, 1.25])
+def test_noise_beyond_its_bound_proves_no_place(larger: float, tmp_path: Path):
+    """Any function makes such a record a little better; a larger noise bound does, too."""
+    for seed in range(4):
+        rng = np.random.default_rng([5, seed])
+        session = Session.drawn(rng, 30)
+        reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+        found = found_of(written(tmp_path / f"{seed}.positions.csv", rng, session, reading, larger))
+        assert found is None or (found.place is None and found.proven is None)
+
+
+def test_faults_at_two_places_are_at_no_single_one(tmp_path: Path):
+    for seed in range(3):
+        rng = np.random.default_rng([6, seed])
+        session = Session.drawn(rng, 36)
+        known = Known.of(session)
+        reading = session.stand.readings(known.n)
+        reading[:, 0] += 3e-4 * known.n[:, 0] ** 4
+        reading[:, 1] += 2e-4 * known.part("time") ** 2
+        found = found_of(written(tmp_path / f"{seed}.positions.csv", rng, session, reading))
+        assert found is not None
+        assert (found.place, found.proven, found.standing) == (None, None, ())
+
+
+def test_time_and_a_temperature_that_rises_with_it_are_one_quantity(tmp_path: Path):
+    rng = np.random.default_rng(7)
+    session = Session.drawn(rng, 24)
+    part = (session.hours - session.hours[0]) / np.ptp(session.hours)
+    session = replace(session, temperature=18.0 + 4.0 * part + 0.5 * part**2)
+    reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+    reading[:, 2] += 2e-4 * part**2
+    found = found_of(written(tmp_path / "slow.positions.csv", rng, session, reading))
+    assert found is not None
+    assert found.proven is not None
+    assert set(found.quantities) == {"hours", "temperature"}
+
+
+def test_the_work_of_a_hundred_positions_is_small(tmp_path: Path):
+    rng, work = np.random.default_rng(8), Work()
+    session = Session.drawn(rng, 100)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 0] += 3e-4 * n[:, 0] ** 5
+    found = found_of(written(tmp_path / "long.positions.csv", rng, session, reading), work=work)
+    assert found is not None
+    assert found.proven is not None
+    assert (found.proven.pair.where, found.proven.pair.name) == ("accelerometer-1", "n1")
+    assert work.done < 2e6
+
+
+def test_a_diagnosis_of_the_first_schema_is_still_read():
+    first = {"schema": "trihedron.diagnosis/1", "verdict": "consistent", "baseline_model": "asymmetric", "causes": []}
+    text = json.dumps(first | {"baseline": {"radius": 0.9, "falsified": False, "witness": []}})
+    assert (
+        json.loads(Diagnosis.model_validate_json(text).model_dump_json(by_alias=True))["schema"]
+        == "trihedron.diagnosis/2"
+    )

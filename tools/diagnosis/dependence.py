@@ -1,0 +1,251 @@
+"""Place and quantity before law: on what, and where, a misfit depends, whatever the law.
+
+`dependence(evidence)` asks the evidence for its `pairs()` of a place and a quantity, and of each for the least complex
+functions with which the model stands, within the bounds of the search. Complexity counts the coefficients that such
+functions add beside the model, and one more for each number that is searched for; so do the columns of an effect of the
+catalogue. What suffices where nothing else does at `RIVAL` times its complexity is proven.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
+from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
+from ..bounded.sets import Problem, Work, sharp_weights
+from ..evidence.evidence import Evidence
+from ..evidence.pairs import Form, Pair
+
+RIVAL = 1.5
+"""What stands at so many times the least complexity is a rival of what stands there."""
+NEAR = 1.3
+"""Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
+LARGEST_PART = 0.5
+"""A function has at most this part of as many coefficients as its quantity has values."""
+SHARPENED = 6
+"""Rounds that sharpen the weights of the model without functions."""
+ALIKE = 0.05
+"""Functions that are so much of their size apart are told apart."""
+SMOOTH_PIECES = 4
+"""Pieces of the functions by which two quantities are compared."""
+NONE = np.full(5, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A pair with the least complex functions of it with which the model stands, and the radius that they leave."""
+
+    pair: Pair
+    form: Form
+    complexity: int
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Dependence:
+    """What of a falsified model the functions of one quantity at one place can mend.
+
+    `standing`: pairs with which the model stands, the least complex first, up to `RIVAL` times its complexity;
+    `freedoms`: ways in which a place may act with which the model stands where it may do so as it likes; `radius` of
+    the model without functions.
+    """
+
+    standing: tuple[Standing, ...]
+    freedoms: tuple[str, ...]
+    places: tuple[str, ...]
+    radius: float
+
+    @property
+    def is_near(self) -> bool:
+        """Whether a slightly larger noise bound would do as well."""
+        return self.radius < NEAR
+
+    @property
+    def least(self) -> int | None:
+        """The least complexity with which the model stands."""
+        return self.standing[0].complexity if self.standing else None
+
+    @property
+    def place(self) -> str | None:
+        """The place that is proven; None where several would do, or none does."""
+        found = {one.pair.where for one in self.standing} or set(self.places)
+        return next(iter(found)) if len(found) == 1 and not self.is_near else None
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What the misfit may depend on at the place that is proven, the least complex first."""
+        if self.place is None:
+            return ()
+        return tuple(dict.fromkeys(one.pair.name for one in self.standing))
+
+    @cached_property
+    def proven(self) -> Standing | None:
+        """What is proven, place and quantity; None where another place or quantity would do as well."""
+        if self.place is None or not self.standing:
+            return None
+        first, *others = self.standing
+        return first if all(is_same(first.pair, other.pair) for other in others) else None
+
+
+def is_same(one: Pair, other: Pair) -> bool:
+    """Whether two pairs of a place depend on the same, as far as these rows can tell."""
+    if one.depends_on == other.depends_on:
+        return True
+    if one.where != other.where or one.told or other.told or one.factor != other.factor:
+        return False
+    return _within(one, other) and _within(other, one)
+
+
+def _within(one: Pair, other: Pair) -> bool:
+    """Whether smooth functions of one quantity are functions of the other."""
+    smooth, fine = (next(iter(pair.ladders())) for pair in (one, other))
+    few = next(form for form in smooth if form.count >= SMOOTH_PIECES)
+    most = [form for form in fine if form.count <= LARGEST_PART * len(other.values)][-1]
+    space = column_space(other.columns(most))
+    functions = one.columns(few)
+    left = functions - space @ (space.T @ functions)
+    return bool((np.linalg.norm(left, axis=0) <= ALIKE * np.linalg.norm(functions, axis=0)).all())
+
+
+def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | None:
+    """On what the misfit of evidence can depend; None of evidence without pairs, or where the model stands.
+
+    What it costs is added to the work.
+    """
+    pairs = evidence.pairs()
+    if not pairs or not evidence.falsified:
+        return None
+    return Search(evidence, pairs, work or Work()).dependence
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One form of a pair, what it adds to the model (M, K), orthonormal, and its complexity."""
+
+    pair: Pair
+    form: Form
+    space: NDArray[np.float64]
+
+    @property
+    def complexity(self) -> int:
+        """The coefficients that it adds beside the model, and the numbers that are searched for."""
+        return self.space.shape[1] + self.form.searched
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The search for the least complex functions, by bounds first and programmes where these leave it open."""
+
+    evidence: Evidence
+    pairs: Sequence[Pair]
+    work: Work
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The model without functions, rows in units of their bounds, its columns orthonormal."""
+        bound = self.evidence.bound
+        return Problem.of(self.evidence.residual / bound, column_space(self.evidence.nominal / bound[:, None]), [])
+
+    @cached_property
+    def weights(self) -> NDArray[np.float64]:
+        """Weights (M,) that refuse most."""
+        count = len(self.problem.residual)
+        return sharp_weights(self.problem, np.full(count, 1.0 / count), SHARPENED)
+
+    @cached_property
+    def limit(self) -> float:
+        """Radius up to which the linear model stands."""
+        return self.evidence.limit + self.evidence.second_order
+
+    @property
+    def dependence(self) -> Dependence:
+        """What was found."""
+        freedoms = self.freedoms
+        standing = tuple(self.standing(freedoms))
+        places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
+        return Dependence(standing, tuple(freedoms), places, self.evidence.baseline_radius)
+
+    @cached_property
+    def freedoms(self) -> list[str]:
+        """Ways in which a place may act with which the model stands where it may do so as it likes every time."""
+        first = {pair.freedom: pair for pair in reversed(self.pairs) if not pair.factor or pair.factor == "tilt"}
+        found = []
+        for freedom in dict.fromkeys(pair.freedom for pair in self.pairs):
+            pair = first[freedom]
+            if self.stands(self.space_of(pair.spread(np.eye(len(pair.values))))):
+                found.append(freedom)
+        return found
+
+    def space_of(self, columns: NDArray) -> NDArray[np.float64]:
+        """What columns (M, K) add to the model."""
+        self.work.add(20.0 + 2e-3 * columns.size * columns.shape[1])
+        return spaces_beyond(self.problem.nominal, [columns / self.evidence.bound[:, None]])[0]
+
+    def stands(self, space: NDArray) -> bool:
+        """Whether the model stands with columns (M, K)."""
+        matrix, residual = np.ascontiguousarray(np.hstack((self.problem.nominal, space))), self.problem.residual
+        if not space.shape[1]:
+            return False
+        rows, columns = matrix.shape
+        self.work.add(50.0 + 5e-3 * rows * columns * columns)
+        system = (matrix, residual, columns, *self.problem.layout)
+        verdict, _ = settle(system, NONE, self.weights.copy(), self.limit**2)
+        if verdict in (REFUSED, ACCEPTED):
+            return bool(verdict == ACCEPTED)
+        return self.radius(matrix) <= self.limit
+
+    def radius(self, matrix: NDArray) -> float:
+        """The radius that columns (M, K) leave."""
+        self.work.programme(*matrix.shape)
+        return chebyshev_radius(matrix, self.problem.residual, np.ones(len(matrix)))[0]
+
+    def standing(self, freedoms: Sequence[str]) -> Iterator[Standing]:
+        """The least complex functions of each pair, up to `RIVAL` times the least complexity of all."""
+        trials = [trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair)]
+        found: set[int] = set()
+        most = np.inf
+        for trial in sorted(trials, key=lambda trial: trial.complexity):
+            if trial.complexity > most:
+                return
+            if id(trial.pair) not in found and self.stands(trial.space):
+                found.add(id(trial.pair))
+                most = min(most, RIVAL * trial.complexity)
+                radius = self.radius(np.hstack((self.problem.nominal, trial.space)))
+                yield Standing(trial.pair, trial.form, trial.complexity, radius)
+
+    def trials(self, pair: Pair) -> Iterator[Trial]:
+        """All forms of a pair that might stand."""
+        for ladder in pair.ladders():
+            own = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
+            ladder = [Trial(pair, form, self.space_of(pair.columns(form))) for form in own]
+            # Functions of many pieces hold those of a half or a third as many.
+            if any(self.stands(trial.space) for trial in ladder[-2:]):
+                yield from (trial for trial in ladder if trial.space.shape[1])
+        forms = list(pair.single())
+        if forms:
+            yield from self.open_trials(pair, forms)
+
+    def open_trials(self, pair: Pair, forms: Sequence[Form]) -> Iterator[Trial]:
+        """Those of many forms that the weights do not refuse."""
+        for form in forms:
+            trial = Trial(pair, form, self.space_of(pair.columns(form)))
+            if trial.space.shape[1] and self.bound(trial.space) <= self.limit:
+                yield trial
+
+    @cached_property
+    def weighted(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Roots (M,) of the weights, a basis of the weighted model, and the weighted residual without it."""
+        root = np.sqrt(self.weights)
+        basis = column_space(root[:, None] * self.problem.nominal)
+        residual = root * self.problem.residual
+        return root, basis, residual - basis @ (basis.T @ residual)
+
+    def bound(self, space: NDArray) -> float:
+        """A lower bound of the radius that columns (M, K) leave."""
+        root, basis, residual = self.weighted
+        columns = root[:, None] * space
+        columns = column_space(columns - basis @ (basis.T @ columns))
+        return float(np.linalg.norm(residual - columns @ (columns.T @ residual)))

@@ -1,0 +1,144 @@
+"""A place and a quantity: what an unknown function of the one does at the other to the rows of evidence.
+
+A function is written in one of several forms with few coefficients. What a form adds beside the model counts: its
+coefficients, and one more for each number that is searched for, the time of a jump or the order of a harmonic.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+TURN = 2.0 * math.pi
+PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
+"""Equal pieces of a function that is straight within each."""
+LEAST_AROUND = 3
+POWERS, HARMONICS, ORDERS = 12, 8, 12
+"""The highest power, the highest harmonic beside all lower ones, and the highest one alone."""
+QUANTITIES = {
+    "n1": "the input of accelerometer 1",
+    "n2": "the input of accelerometer 2",
+    "n3": "the input of accelerometer 3",
+    "alpha": "the outer angle",
+    "beta": "the inner angle",
+    "hours": "time",
+    "temperature": "temperature",
+    "sense": "the sense of approach",
+}
+"""Quantities in words; of two of them the product counts."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """A way to write functions of one quantity: `kind` with a number of pieces, powers, orders, or where it jumps.
+
+    `kind` is "pieces", "powers", "around" (pieces of a circle, from `at` on), "harmonics" (all up to an order),
+    "harmonic" (one), "jump", "sawtooth" (of a circle, straight but for one jump) or "values". `searched` numbers are
+    found beside the coefficients.
+    """
+
+    kind: str
+    count: int = 1
+    at: float = 0.0
+
+    @property
+    def searched(self) -> int:
+        """How many numbers are searched for, beside the coefficients."""
+        return int(self.kind in ("jump", "sawtooth", "harmonic"))
+
+    def knots(self, values: NDArray) -> NDArray[np.float64]:
+        """Where pieces of a function of these values (n,) meet."""
+        if self.kind == "around":
+            return (self.at + TURN * np.arange(self.count) / self.count) % TURN
+        return np.linspace(values.min(), values.max(), self.count + 1)
+
+    def columns(self, values: NDArray) -> NDArray[np.float64]:
+        """The functions (n, K) at values (n,) of the quantity."""
+        if self.kind == "jump":
+            return (values > self.at).astype(float)[:, None]
+        if self.kind == "sawtooth":
+            return (((values - self.at) / TURN) % 1.0 - 0.5)[:, None]
+        if self.kind in ("harmonic", "harmonics"):
+            orders = [self.count] if self.kind == "harmonic" else range(1, self.count + 1)
+            return np.stack([wave(h * values) for h in orders for wave in (np.cos, np.sin)], axis=1)
+        if self.kind == "around":
+            steps = ((values - self.at) / TURN * self.count) % self.count
+            apart = np.abs(steps[:, None] - np.arange(self.count))
+            return np.maximum(0.0, 1.0 - np.minimum(apart, self.count - apart))
+        if self.kind == "values":
+            return values[:, None]
+        part = (values - values.min()) / np.ptp(values)
+        if self.kind == "powers":
+            return np.polynomial.legendre.legvander(2.0 * part - 1.0, self.count)
+        return np.maximum(0.0, 1.0 - np.abs(self.count * part[:, None] - np.arange(self.count + 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """An unknown function of one quantity at one place, times a known factor.
+
+    `values` (n,) are those of the quantity where the function is taken; `spread` says what functions (n, K) of it add
+    to the rows (M, K) of the evidence. `freedom` names in which way a place acts: pairs of one freedom are all within
+    what the place could do if it acted as it liked every time. `circle`: the quantity is an angle; `told`: it has few
+    values, of which the function is a multiple.
+    """
+
+    where: str
+    quantity: str
+    values: NDArray[np.float64]
+    spread: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    freedom: str
+    factor: str = ""
+    circle: bool = False
+    told: bool = False
+
+    @property
+    def depends_on(self) -> frozenset[str]:
+        """All quantities that it depends on."""
+        return frozenset(word for word in f"{self.quantity} {self.factor}".split() if word in QUANTITIES)
+
+    @property
+    def name(self) -> str:
+        """Quantity and factor as a law begins with them."""
+        return named(self.quantity, self.factor)
+
+    def columns(self, form: Form) -> NDArray[np.float64]:
+        """What functions of a form add to the rows (M, K)."""
+        return self.spread(form.columns(self.values))
+
+    def ladders(self) -> Iterator[tuple[Form, ...]]:
+        """Forms of the same kind, ever more complex; the last ones contain all others."""
+        if self.told:
+            yield (Form("values"),)
+        elif self.circle:
+            for half in (0.0, 0.5):
+                yield tuple(Form("around", k, half * TURN / k) for k in PIECES if k >= LEAST_AROUND)
+            yield tuple(Form("harmonics", h) for h in range(1, HARMONICS + 1))
+        elif np.ptp(self.values) > 0.0:
+            yield tuple(Form("pieces", k) for k in PIECES)
+            yield tuple(Form("powers", k) for k in range(1, POWERS + 1))
+
+    def single(self) -> Iterator[Form]:
+        """Forms with a number that is searched for: a jump at every gap, a harmonic of every order."""
+        if self.told:
+            return
+        values = np.unique(self.values % TURN if self.circle else self.values)
+        if self.circle:
+            yield from (Form("harmonic", order) for order in range(1, ORDERS + 1))
+            gaps = np.append(values, values[0] + TURN)
+            yield from (Form("sawtooth", at=float(at % TURN)) for at in 0.5 * (gaps[1:] + gaps[:-1]))
+        else:
+            yield from (Form("jump", at=float(at)) for at in 0.5 * (values[1:] + values[:-1]))
+
+
+def in_words(quantity: str) -> str:
+    """A quantity in words, or a product of two."""
+    words = [QUANTITIES[name] for name in quantity.split()]
+    return words[0] if len(words) == 1 else f"the product of {' and '.join(words)}"
+
+
+def named(quantity: str, factor: str | None) -> str:
+    """A quantity with its factor as a law begins with them."""
+    return f"{factor} times {quantity}" if factor else quantity
