@@ -306,6 +306,7 @@ def diagnose(
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     reference_bound: float | None = None,
+    hypotheses: Sequence[str] = (),
     progress: bool = False,
 ) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
@@ -331,6 +332,9 @@ def diagnose(
     reference_bound : float, optional
         Bound of the true attitude's error at any row of a strapdown record [arcmin], where you know it; without it the
         true attitude is taken to err as at rest. What is named with it is as sure as it is.
+    hypotheses : sequence of str
+        A formula that may be what the simulation lacks, as "f2 += c*sin(3*alpha)": is it this? Letters are the unknown
+        coefficients; may be repeated.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -349,7 +353,7 @@ def diagnose(
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
         options = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
-        return diagnosis.diagnose(run, gravity=gravity, **options, progress=progress)
+        return diagnosis.diagnose(run, gravity=gravity, hypotheses=hypotheses, **options, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     if reference_bound is not None:
@@ -363,6 +367,7 @@ def diagnose(
         baseline=baseline or "asymmetric",
         bounds=bounds,
         mounting=mounting,
+        hypotheses=hypotheses,
         progress=progress,
     )
 

@@ -198,6 +198,7 @@ TYPES: dict[str, Any] = {
     "fmi": Literal["2", "3"],
     "gravity": Number,
     "grid": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
+    "hypotheses": Annotated[tuple[str, ...], Parameter(name="--hypothesis")],
     "jobs": Annotated[int | None, Parameter(allow_leading_hyphen=True)],
     "keep_out": tuple[str, ...],
     "mounting": str,

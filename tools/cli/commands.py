@@ -153,11 +153,14 @@ def diagnose(
 ) -> Answer:
     """Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
 
+    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --hypothesis "f2 += c*sin(3*alpha)"
+
     Parameters
     ----------
     export
         Write what was found into this folder, where something is: extended FMUs that start with it, parameter sets
-        (.ssv) with values and intervals, and a scenario with which they give the record again.
+        (.ssv) with values and intervals, and a scenario with which they give the record again. Of hypotheses the first
+        that stands.
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
 

@@ -11,15 +11,17 @@ def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") ->
 
     FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
     parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
-    outlier is of no FMU.
+    outlier is of no FMU. Of hypotheses it is the first that stands.
 
     An InputError where a value is beyond what a component takes, or the folder cannot be written.
     """
-    if result.verdict != "explained":
+    standing = next((one.finding for one in result.hypotheses or () if one.answer == "stands"), None)
+    if standing is None and result.verdict != "explained":
         return []
-    effects = {cause.place: (cause.values, cause.intervals) for cause in result.causes}
+    finding = result.findings[0] if standing is None else standing
+    effects = {cause.place: (cause.values, cause.intervals) for cause in finding.causes}
     said = "found of a record: " + " and ".join(place.title for place in effects)
     try:
-        return result.evidence.extension(result.findings[0].fit, effects).write(folder, said, flavour)
+        return result.evidence.extension(finding.fit, effects).write(folder, said, flavour)
     except ValueError as error:
         raise InputError(f"--export {folder}: {error}") from error

@@ -21,6 +21,16 @@ from ..records import PositionRecord, StrapdownRecord
 from ..rounding import digits
 from .cause import Cause, Finding, NamedEffect
 from .dependence import dependence
+from .hypothesis import (
+    Hypothesis,
+    adds_nothing,
+    answer_of,
+    known_to,
+    others_that_stand,
+    places_of,
+    radius_with,
+    same_in_catalogue,
+)
 from .level import Proven, Suffices
 from .result import Diagnosis, EffectWitness, Length, OrderedEffect, OrderOfEffects, Witness
 
@@ -43,18 +53,36 @@ SHOWN = 1.5
 
 
 def diagnose(
-    record: PositionRecord | StrapdownRecord, *, rerun: bool = True, progress: bool = False, **options: Any
+    record: PositionRecord | StrapdownRecord,
+    *,
+    hypotheses: Sequence[str] = (),
+    rerun: bool = True,
+    progress: bool = False,
+    **options: Any,
 ) -> Diagnosis:
     """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
     Options are of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`. `rerun`:
     simulate what was held out again, without and with the effects that were named; `progress`: show a bar on standard
-    error, where that is a terminal. An InputError for a record that cannot be used.
+    error, where that is a terminal; `hypotheses` are formulas that are judged. An InputError for a record that cannot
+    be used, or for a formula that is none.
     """
     carried = isinstance(record, StrapdownRecord)
+    formulas = places_of(hypotheses, in_motion=carried)
     evidence = carried_evidence(record, **options) if carried else bench_evidence(record, **options)
+    # What carries a block is linear in what it was run with, so its formulas are run beside the catalogue.
+    beside = evidence
+    if formulas and not evidence.missing():
+        with known_to(record):
+            beside = carried_evidence(record, further=formulas, **options) if carried else evidence
+            for place in formulas:
+                beside.columns_of([place])
     try:
-        return diagnosed(evidence, rerun=rerun, progress=progress)
+        result = diagnosed(evidence, rerun=rerun, progress=progress)
+        if not formulas:
+            return result
+        answers = tuple(answered(beside, place, result.findings, rerun=rerun) for place in formulas)
+        return result.model_copy(update={"hypotheses": answers})
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
 
@@ -128,6 +156,29 @@ def diagnosed(
         gain=evidence.gain(best.fit) if rerun else None,
         excluded=excluded,
     )
+
+
+def answered(
+    evidence: Evidence, place: EffectPlace, findings: Sequence[Finding] = (), *, rerun: bool = True
+) -> Hypothesis:
+    """What a record says of a formula, beside the smallest sets of the catalogue that were found to stand."""
+    before = 0.0 if evidence.missing() else evidence.refit(()).radius
+    if evidence.missing() or adds_nothing(evidence, place):
+        return answer_of(place, before, "cannot be told")
+    same = same_in_catalogue(evidence, place)
+    told: dict[str, Any] = {"equivalents": tuple(NamedEffect.of(other) for other in same)}
+    fits = evidence.mended([place], Work())
+    if not fits:
+        return answer_of(place, before, "refuted", radius=radius_with(evidence, place), **told)
+    finding = _finding(evidence, fits)
+    told |= {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
+    if not evidence.falsified:
+        return answer_of(place, before, "not needed", **told)
+    idle = () if finding.acts else ("it may be zero",)
+    heard = _heard(judgement_of(evidence, finding.fit))
+    told["objections"] = (*idle, *evidence.objections(), *(text for witness in heard for text in witness.objections))
+    told |= {"as_well": others_that_stand(findings, same), "finding": finding}
+    return answer_of(place, before, "stands", gain=evidence.gain(finding.fit) if rerun else None, **told)
 
 
 def _finding(evidence: Evidence, group: Sequence[Fit]) -> Finding:

@@ -14,6 +14,7 @@ from ..evidence.fit import Gain
 from ..result import Result, Told
 from ..rounding import downwards, upwards
 from .cause import Cause, NamedEffect, Number
+from .hypothesis import Hypothesis
 from .level import Proven, Suffices
 
 if TYPE_CHECKING:
@@ -328,6 +329,8 @@ class Diagnosis(Told):
         why a set that would do is not named
     objections : tuple of str
         what was left out says against the first of several sets
+    hypotheses : tuple of Hypothesis
+        formulas that were asked about, in that order
     evidence : Evidence
         of the record
     findings : tuple of Finding
@@ -374,6 +377,7 @@ class Diagnosis(Told):
     cannot_be_seen: tuple[NamedEffect, ...] | None = None
     residual_structure: tuple[Dependence, ...] | None = None
     missing: tuple[OpenTarget | str, ...] | None = None
+    hypotheses: tuple[Hypothesis, ...] | None = None
     warnings: tuple[str, ...] = ()
 
     evidence: Any = Field(default=None, exclude=True)

@@ -131,6 +131,11 @@ class Bench(Evidence):
         """Linear effects by what they add at any positions with the record's mountings."""
         return Classes.of(self.linear_places, dense_spaces(self.here.parametrisation, self.linear_places))
 
+    def space_of(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What an effect adds to the model at any positions with the record's mountings."""
+        (space,) = dense_spaces(self.here.parametrisation, [place])
+        return space
+
     def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Signatures (M, K) of linear effects at the nominal fit."""
         return signature_columns(places, self.rows)

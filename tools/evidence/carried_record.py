@@ -75,6 +75,7 @@ def carried_evidence(
     baseline: str | None = None,
     rates: str = "instantaneous",
     reference_bound: float | None = None,
+    further: Sequence[EffectPlace] = (),
 ) -> CarriedRecord:
     """The evidence of a strapdown record; where nothing can be run, what it lacks.
 
@@ -85,7 +86,7 @@ def carried_evidence(
     and misalignments are free. None: calibrated where gravity is the reference, nominal where the truth is known: the
     block as delivered, its mean at rest taken out. `rates`, "instantaneous" or "averaged", is what a rate in the record
     means. `reference_bound`: what the true attitude errs by at most at any row, as a person says [arcmin]; without it
-    it is taken to err as at rest.
+    it is taken to err as at rest. `further` are effects to be tried beside those of the catalogue.
 
     An InputError for a record whose gyros and accelerometers, or truth, cannot belong together: units, order or signs
     of axes; for a reference bound that is none, or without true attitude.
@@ -99,7 +100,7 @@ def carried_evidence(
     block = baseline or ("nominal" if has_truth(found) else "calibrated")
     if lacks := missing_things(found):
         return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
-    made = judged(about_main_effect(linear_evidence(found, block, rates)))
+    made = judged(about_main_effect(linear_evidence(found, block, rates, further)))
     return with_limits(made if reference_bound is None else as_stated(made, ARCMIN * reference_bound))
 
 
@@ -135,13 +136,15 @@ def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace
     return [place for effect in told if effect.variants is None for place in effect.places]
 
 
-def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous") -> Carried:
+def linear_evidence(
+    found: Inspection, block: str, rates: str = "instantaneous", further: Sequence[EffectPlace] = ()
+) -> Carried:
     """The evidence of a record about its calibrated block; against the true attitude where the record has it.
 
     A record without true attitude has a consistent or falsified norm calibration. `block`, "calibrated" or "nominal",
     says whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
     where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else. `rates` is as
-    for `motion_of`.
+    for `motion_of`; `further` are effects to be tried beside those of the catalogue.
     """
     motion = motion_of(found.record, found.sampling, found.gravity, rates)
     x, model, own = np.zeros(0), GyroModel(bias=rest_mean(found)), (BIAS, SCALE) if block == "calibrated" else ()
@@ -157,6 +160,9 @@ def linear_evidence(found: Inspection, block: str, rates: str = "instantaneous")
         gyros = [p for p in linear_places(STRAPDOWN_EFFECTS.values(), motion) if tried and p not in own]
         static = [e for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock" and e.untold is None]
         forces = linear_places(static, motion) if tried and len(x) else []
+        if tried:
+            gyros += [place for place in further if is_of_gyros(place)]
+            forces += [place for place in further if not is_of_gyros(place)]
         attitude, at_rest = carried_attitude(motion, model, found.gravity), None
         integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
         if not own:

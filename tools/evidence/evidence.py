@@ -342,6 +342,11 @@ class Evidence:
                 found.append(place)
         return tuple(found)
 
+    def space_of(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What an effect adds to the model, as `classes` have it."""
+        (space,) = spaces_beyond(self.nominal, [self.columns_of([place])])
+        return space
+
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:

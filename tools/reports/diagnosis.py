@@ -15,6 +15,7 @@ from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
 from . import bench, calibration, evidence
 from .bench import of_bench
+from .hypotheses import hypothesis_lines, hypothesis_section
 from .inspection import carried_section, record_sections
 from .makers import cited, versions
 from .pictures.residuals import gain_picture, held_out
@@ -65,6 +66,7 @@ def lines(result: Diagnosis) -> list[str]:
     said += [f"not named: {text}" for text in why[:MOST_SETS]]
     said += [f"not named: {len(why) - MOST_SETS} sets more"] if len(why) > MOST_SETS else []
     said += [f"against the first set: {text}" for text in result.objections or ()]
+    said += hypothesis_lines(result)
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position)}")
@@ -389,6 +391,7 @@ def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Sect
     told = [
         *errors,
         cause_section(result, files or []),
+        hypothesis_section(result),
         values,
         proof,
         evidence.ranking_section(result),
