@@ -1,45 +1,48 @@
 """From which size on a fault that no catalogue lists would have shown: the power of a record of rests.
 
 A fault at a place is an unknown function of one quantity, perhaps times a known factor. The class that is judged: all
-functions that are straight between knots, `PIECES` equal pieces over the range that was measured and `SECTORS` round a
-circle. Where the model imitates some of them (a constant is a bias, of α a wave is a tilt), what is left beyond those
-counts: the function's size is the largest of its values at the knots, less the least-squares fit to them of what the
-model can imitate anywhere on the bench. A fault of size s is v with max |P v| = s, and is hidden by some noise and some
-parameters x as long as |J x + S v| ≤ (1 + limit) bounds: from the greatest such s on every fault of the class
-falsifies the model, whatever the noise. One linear programme for each knot finds it, so that it is exact.
+functions that are straight between knots, of `PIECES` equal pieces over the range of the quantity, of `SECTORS` round a
+circle. The model imitates some of them (a constant is a bias, a wave of α is a tilt); what is left beyond these counts:
+the size of a function with values v at the knots is max |P v|, where P takes off the least-squares fit to v of what the
+model imitates anywhere on the bench.
+
+Some noise and some parameters x hide a fault v as long as |J x + S v| is nowhere beyond what errors and residuals may be
+together. From the greatest size on that this allows every fault of the class falsifies the model, whatever the noise:
+one linear programme for each knot, so that it is exact, and smaller than it no size is sure.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.definition import ACCELEROMETERS, AXES
-from ...models.effects.lookup import TILT, values_of
-from ..bounded.programmes import Possible, column_space
-from ..calibration.model import Parametrisation, Positions, reading_jacobian
+from ...models.effects.lookup import TILT, TURN, values_of
+from ..bounded.programmes import DETERMINED, Possible, column_space
+from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
 from .bench_predictions import DenseVisits
 from .bench_visits import Circumstances, Visits, signature_columns
 
 PIECES, SECTORS = 6, 8
 """Pieces of a function over the range of a quantity, and round a circle."""
+LARGEST_INPUT = 1.01
+"""Of an accelerometer on a bench with errors [g]: the range of inputs has it at both ends."""
 FINER = 4
 """Functions that the model imitates are sought with so many times as many pieces."""
 IMITATED = 2e-3
-"""Part of a function's sum of squares that may be left of one that the model imitates: what knots cannot follow."""
-SCATTERED = 600
-"""Positions, for each mounting, at which it is judged what the model imitates."""
+"""Of one that the model imitates so much of the sum of squares is left, at most: what such pieces cannot follow."""
 OWN = 0.05
 """So much of a function is its own beside others."""
-LARGEST_INPUT = 1.01
-"""Of an accelerometer [g], that of a bench with errors."""
+SCATTERED = 300
+"""Positions, of each mounting, at which it is judged what the model imitates."""
 LEAST = 1e-9
 """What is smaller, relatively, is rounding."""
-TURN = 2.0 * np.pi
 INPUTS = ("n1", "n2", "n3")
 ANGLES = ("alpha", "beta")
+PASSING = ("hours", "temperature")
 
 
 @dataclass(frozen=True)
@@ -51,15 +54,17 @@ class Pair:
     factor: str = ""
 
     def at(self, knots: NDArray) -> EffectPlace:
-        """The table of such a function with these knots."""
+        """The function by its values at knots (K,), as an effect."""
         kind = "around" if self.quantity in ANGLES else "at"
         factor = f"{self.factor} times " if self.factor else ""
-        return EffectPlace("lookup", self.where, law=f"{factor}{self.quantity} {kind} {' '.join(map(repr, knots.tolist()))}")
+        law = f"{factor}{self.quantity} {kind} {' '.join(map(repr, knots.tolist()))}"
+        return EffectPlace("lookup", self.where, law=law)
 
-    def knots(self, values: NDArray, finer: int = 1) -> NDArray[np.float64]:
-        """Knots (K,) over the range of values (N,), or round the circle."""
+    def knots(self, rows: Rows, finer: int = 1) -> NDArray[np.float64]:
+        """Knots (K,) round the circle, over the range of inputs, or over that of the rows."""
         if self.quantity in ANGLES:
             return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
+        values = values_of(self.quantity, rows)
         low, high = (-LARGEST_INPUT, LARGEST_INPUT) if self.quantity in INPUTS else (values.min(), values.max())
         return np.linspace(low, high, finer * PIECES + 1)
 
@@ -69,77 +74,91 @@ class Pair:
         return "rad" if self.where in AXES else "1" if self.factor in INPUTS else "g"
 
 
-def pairs_of(rows: Rows) -> Iterator[Pair]:
-    """The pairs that a record can say something of: places with the quantities that vary in it."""
-    passing = [q for q in ("hours", "temperature") if _varies(q, rows)]
-    for k, where in enumerate(ACCELEROMETERS):
-        yield from (Pair(where, quantity) for quantity in (*INPUTS, *ANGLES, *passing))
-        yield from (Pair(where, quantity, INPUTS[k]) for quantity in passing)
-    for where, angle in zip(AXES, ANGLES, strict=True):
-        yield from (Pair(where, angle, factor) for factor in ("", TILT))
-        yield from (Pair(where, quantity) for quantity in passing if quantity == "hours")
-
-
-def _varies(quantity: str, rows: Rows) -> bool:
-    return getattr(rows, quantity) is not None and float(np.ptp(values_of(quantity, rows))) > 0.0
-
-
-def scattered(p: Parametrisation) -> DenseVisits:
-    """Positions, times and temperatures scattered evenly, with every mounting, of a faultless bench."""
-    index = np.arange(SCATTERED * len(p.mountings))
-    # Multiples of irrational numbers, unrelated: no angle, no input comes twice.
-    alpha, beta, time, temperature = (index * step % 1.0 for step in (0.754878, 0.569840, 0.618034, 0.414214))
-    at, point = Positions(TURN * alpha, TURN * beta, index % len(p.mountings)), np.zeros(len(p.symbols))
-    visits = Visits(p, at, Circumstances(time, temperature, 0.0 * time, 0.0 * time, True))
-    return DenseVisits(visits.rows(point), column_space(reading_jacobian(p, point, at).reshape(3 * len(index), -1)))
-
-
-def beyond_imitated(pair: Pair, dense: DenseVisits, knots: NDArray) -> NDArray[np.float64]:
-    """The matrix (K, K) that takes off values at knots what fits them of functions that the model imitates anywhere."""
-    exact = _imitated(pair, dense, 1, LEAST)
-    fine = pair.knots(values_of(pair.quantity, dense.rows), FINER)
-    near = _imitated(pair, dense, FINER, IMITATED)
-    if pair.quantity in ANGLES:
-        fine, near = np.append(fine, TURN), np.vstack((near, near[:1]))
-    own = np.linspace(fine[0], fine[-1], len(knots)) if pair.quantity not in ANGLES else knots
-    values = np.array([np.interp(own, fine, one) for one in near.T]).reshape(-1, len(knots)).T
-    base = column_space(exact)
-    sizes = np.linalg.norm(values, axis=0)
-    more, parts, _ = np.linalg.svd((values - base @ (base.T @ values)) / sizes, full_matrices=False)
-    base = np.hstack((base, more[:, parts > OWN]))
-    return np.eye(len(knots)) - base @ base.T
-
-
-def _imitated(pair: Pair, dense: DenseVisits, finer: int, most: float) -> NDArray[np.float64]:
-    """Functions (K, d) of a class of which at most such a part of the sum of squares is left beside the model."""
-    columns = signature_columns([pair.at(pair.knots(values_of(pair.quantity, dense.rows), finer))], dense.rows)
-    left = columns - dense.bench @ (dense.bench.T @ columns)
-    sizes, turned = np.linalg.eigh(columns.T @ columns)
-    whitened = turned / np.sqrt(np.maximum(sizes, LEAST * sizes.max()))
-    parts, functions = np.linalg.eigh(whitened.T @ (left.T @ left) @ whitened)
-    return (whitened @ functions)[:, parts < most]
-
-
 @dataclass(frozen=True)
 class Power:
-    """The size [unit] from which on every fault of a pair falsifies the model, whatever the noise; infinite: none does."""
+    """The size [unit of the pair] from which on every fault falsifies the model, whatever the noise; infinite: none."""
 
     pair: Pair
     size: float
 
 
-def powers(rows: Rows, dense: DenseVisits, jacobian: NDArray, bound: NDArray) -> list[Power]:
-    """The power against each pair, of readings (M,) = (3 N,) with the derivatives (M, P) of the model at the rows.
+def pairs_of(rows: Rows, *, passing: bool = True) -> Iterator[Pair]:
+    """The pairs of which rows can say something: `passing`: of time and temperature too, where they vary."""
+    vary = [q for q in PASSING if passing and getattr(rows, q) is not None and np.ptp(values_of(q, rows)) > 0.0]
+    for own, where in zip(INPUTS, ACCELEROMETERS, strict=True):
+        yield from (Pair(where, quantity) for quantity in (*INPUTS, *ANGLES, *vary))
+        yield from (Pair(where, quantity, own) for quantity in vary)
+    for where, angle in zip(AXES, ANGLES, strict=True):
+        yield from (Pair(where, angle, factor) for factor in ("", TILT))
+        yield from (Pair(where, quantity) for quantity in vary)
 
-    `bound` (M,) is what errors and fit may be away from each other together [g].
+
+def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> tuple[Power, ...]:
+    """The power against each pair, of readings at rows with the derivatives (M, P) of the model.
+
+    `room` (M,): how far errors and residuals of a model that stands may be from each other [g].
     """
-    found = []
-    for pair in pairs_of(rows):
-        knots = pair.knots(values_of(pair.quantity, rows))
-        columns = signature_columns([pair.at(knots)], rows)
-        possible = Possible(np.hstack((jacobian, columns)), np.zeros(len(bound)), bound)
-        free = np.zeros(jacobian.shape[1])
-        told = beyond_imitated(pair, dense, knots)
-        reached = [possible.reach(np.append(free, one)) for one in told if np.abs(one).max() > LEAST]
-        found.append(Power(pair, max(reached, default=np.inf)))
-    return found
+    return tuple(Power(pair, largest_hidden(pair, rows, p, jacobian, room)) for pair in pairs_of(rows))
+
+
+def largest_hidden(pair: Pair, rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> float:
+    """The greatest size that some fault of a pair can have and be hidden; arguments as of `powers`."""
+    columns, told = class_of(pair, rows, p, jacobian)
+    possible = Possible(columns, np.zeros(len(room)), room)
+    # Weights that give a value bound it; those of least squares are at hand.
+    weights = told / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])
+    missed = np.abs(weights @ (columns / room[:, None]) - told).max(axis=1)
+    ceilings = np.where(missed > DETERMINED, np.inf, np.abs(weights).sum(axis=1))
+    largest = 0.0
+    for k in np.argsort(-ceilings, kind="stable"):
+        if ceilings[k] > largest:
+            largest = max(largest, possible.reach(told[k]))
+    return largest
+
+
+def class_of(pair: Pair, rows: Rows, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:
+    """Derivatives (M, P + K) by the parameters and the values at the knots, and of these (k, P + K) what counts."""
+    columns = signature_columns([pair.at(pair.knots(rows))], rows)
+    own = _own_part(pair, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
+    own = own[np.abs(own).max(axis=1) > LEAST]
+    return np.hstack((jacobian, columns)), np.hstack((np.zeros((len(own), jacobian.shape[1])), own))
+
+
+@lru_cache(maxsize=8)
+def _scattered(matrices: bytes, symmetric: bool) -> DenseVisits:
+    """Positions, times and temperatures scattered evenly, with every mounting (of these bytes), of a faultless bench."""
+    every = np.frombuffer(matrices).reshape(-1, 3, 3)
+    p = parametrise({str(k): matrix for k, matrix in enumerate(every)}, symmetric=symmetric)
+    index = np.arange(SCATTERED * len(every))
+    # Multiples of irrational numbers, unrelated: no angle and no input comes twice.
+    alpha, beta, time, temperature = (index * step % 1.0 for step in (0.754878, 0.569840, 0.618034, 0.414214))
+    at, point = Positions(TURN * alpha, TURN * beta, index % len(every)), np.zeros(len(p.symbols))
+    visits = Visits(p, at, Circumstances(time, temperature, 0.0 * time, 0.0 * time, True))
+    return DenseVisits(visits.rows(point), column_space(reading_jacobian(p, point, at).reshape(3 * len(index), -1)))
+
+
+@lru_cache(maxsize=512)
+def _own_part(pair: Pair, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
+    """The matrix P (K, K) that takes off values at the knots what fits them of functions that the model imitates."""
+    dense = _scattered(matrices, symmetric)
+    knots, fine = pair.knots(dense.rows), pair.knots(dense.rows, FINER)
+    # What the class itself holds is taken off exactly, a wave by its values at the knots.
+    base = column_space(_imitated(pair, dense, 1, LEAST))
+    near = _imitated(pair, dense, FINER, IMITATED)
+    if pair.quantity in ANGLES:
+        fine, near = np.append(fine, TURN), np.vstack((near, near[:1]))
+    values = np.array([np.interp(knots, fine, one) for one in near.T]).reshape(-1, len(knots)).T
+    values = values / np.linalg.norm(values, axis=0)
+    more, parts, _ = np.linalg.svd(values - base @ (base.T @ values), full_matrices=False)
+    base = np.hstack((base, more[:, parts > OWN]))
+    return np.eye(len(knots)) - base @ base.T
+
+
+def _imitated(pair: Pair, dense: DenseVisits, finer: int, most: float) -> NDArray[np.float64]:
+    """Functions (K, d) of which at most such a part of the sum of squares is left beside the model."""
+    columns = signature_columns([pair.at(pair.knots(dense.rows, finer))], dense.rows)
+    left = columns - dense.bench @ (dense.bench.T @ columns)
+    sizes, turned = np.linalg.eigh(columns.T @ columns)
+    whitened = turned / np.sqrt(np.maximum(sizes, LEAST * sizes.max()))
+    parts, functions = np.linalg.eigh(whitened.T @ (left.T @ left) @ whitened)
+    return (whitened @ functions)[:, parts < most]
