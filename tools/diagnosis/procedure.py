@@ -63,9 +63,9 @@ def diagnose(
     """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
     Options are of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`. `rerun`:
-    simulate what was held out again, without and with the effects that were named; `progress`: show a bar on standard
-    error, where that is a terminal; `hypotheses` are formulas that are judged. An InputError for a record that cannot
-    be used, or for a formula that is none.
+    simulate what was held out again, without and with the effects that were named, and say the power; `progress`: show
+    a bar on standard error, where that is a terminal; `hypotheses` are formulas that are judged. An InputError for a
+    record that cannot be used, or for a formula that is none.
     """
     carried = isinstance(record, StrapdownRecord)
     formulas = places_of(hypotheses, in_motion=carried)
@@ -97,7 +97,7 @@ def diagnosed(
     told: dict[str, Any] = {"evidence": evidence, "causes": (), "extended": None, "gain": None, **evidence.head()}
     if missing := evidence.missing():
         return _result("insufficient", told, missing)
-    told |= of_lengths(evidence)
+    told |= of_lengths(evidence) | ({"power": power} if rerun and (power := evidence.power()) else {})
     if not evidence.falsified:
         excluded, fit = excluded_sizes(evidence, evidence.baseline), centred(evidence, evidence.baseline)
         model = evidence.of_model(fit, excluded)

@@ -246,6 +246,16 @@ class Excluded(TypedDict):
     above: Number
 
 
+class Unlisted(TypedDict):
+    """An unknown function of a quantity, times a factor if any, shows at a place from a size on; None: not surely."""
+
+    place: str
+    quantity: str
+    factor: NotRequired[str]
+    size: Number | None
+    unit: str
+
+
 class Dependence(TypedDict):
     """Part of a component's sum of squares that a smooth function of `on` predicts, and what is more than noise."""
 
@@ -325,6 +335,8 @@ class Diagnosis(Told):
         where the search was cut off: the number of effects of the sets that were not all tried, no smaller one will do
     equivalent_sets : tuple of tuple of NamedEffect
         other sets that no measurement of this kind could tell from the first
+    power : tuple of Unlisted
+        from which size on what is in no catalogue would have falsified the model, whatever the noise
     not_named : tuple of str
         why a set that would do is not named
     objections : tuple of str
@@ -375,6 +387,7 @@ class Diagnosis(Told):
     targets: tuple[Target, ...] | None = None
     excluded: tuple[Excluded, ...] | None = None
     cannot_be_seen: tuple[NamedEffect, ...] | None = None
+    power: tuple[Unlisted, ...] | None = None
     residual_structure: tuple[Dependence, ...] | None = None
     missing: tuple[OpenTarget | str, ...] | None = None
     hypotheses: tuple[Hypothesis, ...] | None = None

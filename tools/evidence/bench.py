@@ -44,6 +44,7 @@ from .bench_model import (
     with_possible_sizes,
 )
 from .bench_pairs import pairs_of_bench
+from .bench_power import powers
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
 from .bench_visits import Circumstances, circumstances_of, is_linear, left_open, signature_columns, untold_readings
@@ -401,6 +402,11 @@ class Bench(Evidence):
                 yield place, signature_columns([place], rows)
 
     # Keys of the result
+
+    def power(self) -> Sequence[Mapping[str, Any]]:
+        """The power of the positions against the nominal model, of each place and quantity."""
+        room = self.bound * (1.0 + self.limit)
+        return [one.entry for one in powers(self.rows, self.here.parametrisation, self.nominal, room)]
 
     def head(self) -> Mapping[str, Any]:
         """The noise bound, the baseline and what falsifies it."""

@@ -6,14 +6,15 @@ circle. The model imitates some of them (a constant is a bias, a wave of α is a
 the size of a function with values v at the knots is max |P v|, where P takes off the least-squares fit to v of what the
 model imitates anywhere on the bench.
 
-Some noise and some parameters x hide a fault v as long as |J x + S v| is nowhere beyond what errors and residuals may be
-together. From the greatest size on that this allows every fault of the class falsifies the model, whatever the noise:
-one linear programme for each knot, so that it is exact, and smaller than it no size is sure.
+Some noise and some parameters x hide a fault v as long as |J x + S v| is nowhere beyond what errors and residuals may
+be together. From the greatest size on that this allows every fault of the class falsifies the model, whatever the
+noise. One linear programme for each knot finds it exactly: of any smaller size some fault can hide.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.lookup import TILT, TURN, values_of
 from ..bounded.programmes import DETERMINED, Possible, column_space
 from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
+from ..result import finite_or_none
 from .bench_predictions import DenseVisits
 from .bench_visits import Circumstances, Visits, signature_columns
 
@@ -81,6 +83,13 @@ class Power:
     pair: Pair
     size: float
 
+    @property
+    def entry(self) -> dict[str, Any]:
+        """As results write it: ``place``, ``quantity``, where there is one ``factor``, ``size``, ``unit``."""
+        factor = {"factor": self.pair.factor} if self.pair.factor else {}
+        own = {"place": self.pair.where, "quantity": self.pair.quantity, **factor}
+        return {**own, "size": finite_or_none(self.size), "unit": self.pair.unit}
+
 
 def pairs_of(rows: Rows, *, passing: bool = True) -> Iterator[Pair]:
     """The pairs of which rows can say something: `passing`: of time and temperature too, where they vary."""
@@ -126,7 +135,7 @@ def class_of(pair: Pair, rows: Rows, p: Parametrisation, jacobian: NDArray) -> t
 
 @lru_cache(maxsize=8)
 def _scattered(matrices: bytes, symmetric: bool) -> DenseVisits:
-    """Positions, times and temperatures scattered evenly, with every mounting (of these bytes), of a faultless bench."""
+    """Positions, times and temperatures scattered evenly, with every mounting, of a faultless bench."""
     every = np.frombuffer(matrices).reshape(-1, 3, 3)
     p = parametrise({str(k): matrix for k, matrix in enumerate(every)}, symmetric=symmetric)
     index = np.arange(SCATTERED * len(every))

@@ -391,6 +391,10 @@ class Evidence:
         """Keys of the result where nothing can be fitted: what is missing; empty where all is there."""
         return {}
 
+    def power(self) -> Sequence[Mapping[str, Any]]:
+        """From which size on an unlisted fault of each place and quantity would have shown; empty: not judged."""
+        return ()
+
     def objections(self) -> tuple[str, ...]:
         """Why the record cannot be what it says."""
         return ()

@@ -107,7 +107,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
         )
     if result.cut_off_at is not None:
         said.append(f"warning: {cut_off(result.cut_off_at)}")
-    return said + _structure_lines(result, "residual of accelerometer", 5)
+    return [*said, *_structure_lines(result, "residual of accelerometer", 5), *evidence.power_lines(result)]
 
 
 def _carried_lines(result: Diagnosis) -> list[str]:
@@ -401,6 +401,7 @@ def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Sect
         evidence.judgement_section(result),
         evidence.structure_section(result),
         *evidence.excluded_sections(result),
+        evidence.power_section(result),
         after,
     ]
     return [section for section in told if section is not None]

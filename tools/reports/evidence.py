@@ -20,6 +20,7 @@ from ..document.notation import (
     symbol_text,
     unit_text,
 )
+from ..evidence.bench_power import PIECES, SECTORS
 from ..rounding import digits, exactly, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
@@ -379,6 +380,56 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
         said = f"No possible size of these effects would show in this record, and they were not searched: {names}."
         sections.append(Section("What the record cannot show", [said]))
     return sections
+
+
+POWERS = (*COLUMNS["accelerometers"], *COLUMNS["table"][:2])
+QUANTITIES = {"hours": "time", "alpha": "α", "beta": "β"}
+
+
+def power_section(result: Diagnosis) -> Section | None:
+    """From which size on what is in no catalogue would have shown, a column for each place."""
+    rows: dict[tuple[str, str, str], dict[str, Cell]] = {}
+    for entry in result.power or ():
+        own = "n" + entry["place"][-1]
+        # An accelerometer's own input is one quantity, whichever it is.
+        words = {own: "own input", "tilt": "tilt of the axis"}
+        quantity, factor = (words.get(entry.get(key, ""), entry.get(key, "")) for key in ("quantity", "factor"))
+        row = rows.setdefault((QUANTITIES.get(quantity, quantity), factor, unit_text(entry["unit"])), {})
+        row[entry["place"].replace("-", " ")] = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
+    if not rows:
+        return None
+    header = ["function of", "times", *POWERS, "unit"]
+    table = [[*key[:2], *(row.get(column) for column in POWERS), key[2]] for key, row in rows.items()]
+    return Section(
+        "What would have shown that is in no catalogue",
+        [
+            "From these sizes on every function of a quantity at a place contradicts the nominal model at these "
+            "positions, whatever the noise within its bound. The functions are straight between knots: "
+            f"{PIECES} pieces over the range of the quantity, {SECTORS} round a circle. What the model's own "
+            "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
+            "hide at a larger size."
+        ],
+        table=Table(header, table).told(),
+    )
+
+
+def power_lines(result: Diagnosis) -> list[str]:
+    """The same in a line: from which size on the worst of those that show at all would have shown."""
+    every, said = result.power or (), []
+    for unit, what in (("g", "accelerometer"), ("rad", "axis")):
+        shown = [e for e in every if e["unit"] == unit and e["size"] is not None]
+        if shown:
+            worst = max(shown, key=lambda entry: entry["size"])
+            said.append(f"of an {what} from {upwards(worst['size'], 2)} {unit} on ({_of_words(worst)} least)")
+    never = [f"{entry['place']} by {_of_words(entry)}" for entry in every if entry["size"] is None]
+    said += [f"at no size surely: {', '.join(never)}"] if never else []
+    return [f"a smooth fault that is in no catalogue would have shown: {'; '.join(said)}"] if said else []
+
+
+def _of_words(entry: Mapping[str, Any]) -> str:
+    """The quantity, and the factor, of which a fault is a function."""
+    factor = f"{entry['factor']} times " if entry.get("factor") else ""
+    return factor + QUANTITIES.get(entry["quantity"], entry["quantity"])
 
 
 def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
