@@ -7,7 +7,7 @@ sum of squares, and the others' weights then sum to 1 - w_a; two readings have a
 
 import numpy as np
 
-from ..compiled import compiled_and_kept
+from ..compiled import compile_callee, compiled_and_kept
 
 WIDTH = 5
 MOST_COLUMNS = 32
@@ -17,7 +17,7 @@ ROUNDS = 30
 """Rounds before a set is handed to a linear programme."""
 
 
-@compiled_and_kept
+@compile_callee
 def _append(projection, candidate, factor, count):
     """Extend a Cholesky factor of so many columns by those of a candidate; dependent ones are passed over."""
     _, _, _, _, gram, product, starts, sizes = projection
@@ -43,7 +43,7 @@ def _append(projection, candidate, factor, count):
     return count
 
 
-@compiled_and_kept
+@compile_callee
 def _of_effects(projection, total, candidates, factor):
     """How many columns candidates (3,) have in their factor, and their squared bound."""
     count = 0
@@ -56,12 +56,14 @@ def _of_effects(projection, total, candidates, factor):
     return count, max(0.0, square)
 
 
-@compiled_and_kept
+@compile_callee
 def _reading(projection, row, factor, count, own):
     """Residual and leverage of a reading beside the chosen columns; `own` takes its row of these, made orthonormal."""
     _, basis, residual, columns, _, _, _, _ = projection
     chosen, triangle, solved = factor
-    left, leverage = residual[row], np.sum(basis[row] * basis[row])
+    left, leverage = residual[row], 0.0
+    for q in range(basis.shape[1]):
+        leverage += basis[row, q] * basis[row, q]
     for m in range(count):
         value = columns[row, chosen[m]]
         for q in range(m):
@@ -72,7 +74,7 @@ def _reading(projection, row, factor, count, own):
     return left, leverage
 
 
-@compiled_and_kept
+@compile_callee
 def _product(basis, a, b, own, count):
     """Of the rows of two readings in the space of nominal and chosen columns."""
     product = 0.0
@@ -83,7 +85,7 @@ def _product(basis, a, b, own, count):
     return product
 
 
-@compiled_and_kept
+@compile_callee
 def _without_one(square, residual, leverage, weight):
     left = 1.0 - leverage
     if left <= 1e-9 or weight >= 1.0 - 1e-9:
@@ -91,7 +93,7 @@ def _without_one(square, residual, leverage, weight):
     return max(0.0, square - residual * residual / left) / (1.0 - weight)
 
 
-@compiled_and_kept
+@compile_callee
 def _without_two(square, residuals, leverages, cross, weight):
     ra, rb = residuals
     left_a, left_b = 1.0 - leverages[0], 1.0 - leverages[1]
@@ -127,7 +129,7 @@ def bounds_of(sets, projection):
     return found
 
 
-@compiled_and_kept
+@compile_callee
 def _room(residual):
     """A Cholesky factor of no columns, room for a row of each reading, and the residual's sum of squares."""
     factor = np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
@@ -137,11 +139,17 @@ def _room(residual):
     return factor, np.zeros((len(residual), MOST_COLUMNS)), total
 
 
-@compiled_and_kept
+@compile_callee
 def _kept(survivors, count, numbers, a, b):
     if count == len(survivors):
-        survivors = np.concatenate((survivors, np.empty_like(survivors)))
-    survivors[count] = (numbers[0], numbers[1], numbers[2], a, b)
+        fewer = survivors
+        survivors = np.empty((2 * count, WIDTH), np.int64)
+        for m in range(count):
+            for q in range(WIDTH):
+                survivors[m, q] = fewer[m, q]
+    for q in range(3):
+        survivors[count, q] = numbers[q]
+    survivors[count, 3], survivors[count, 4] = a, b
     return survivors
 
 
@@ -194,34 +202,57 @@ def settle(problem, chosen_set, weights, limit):
     these and the number of columns of each candidate; the chosen set is a row of five.
     """
     matrix, residual, always, starts, sizes = problem
-    used = np.arange(always)
-    w = weights.copy()
+    rows, count, kept = len(residual), always, 0
+    used, w = np.empty(always + MOST_COLUMNS, np.int64), weights.copy()
+    for q in range(always):
+        used[q] = q
     for k in range(len(chosen_set)):
         if chosen_set[k] >= 0 and k < 3:
             first = always + starts[chosen_set[k]]
-            used = np.append(used, np.arange(first, first + sizes[chosen_set[k]]))
+            for column in range(first, first + sizes[chosen_set[k]]):
+                used[count] = column
+                count += 1
         elif chosen_set[k] >= 0:
             w[chosen_set[k]] = 0.0
-    w /= w.sum()
-    columns, counted = matrix[:, used], w > 0.0
-    x, correction = np.empty(len(used)), np.empty(len(used))
+    total = 0.0
+    for m in range(rows):
+        total += w[m]
+        kept += w[m] > 0.0
+    columns, weighted, misfit = np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
+    x, correction = np.empty(count), np.empty(count)
+    for m in range(rows):
+        w[m] /= total
+        for q in range(count):
+            columns[m, q] = matrix[m, used[q]]
+    # Loops over numbers: whole arrays take numba four times as long to compile.
     for _ in range(ROUNDS):
-        weighted = columns * w.reshape(-1, 1)
+        for m in range(rows):
+            for q in range(count):
+                weighted[m, q] = columns[m, q] * w[m]
         normal = weighted.T @ columns
         _solve(normal, weighted.T @ residual, x)
         # Once more with what is left, so that the sum of squares is the least to rounding.
         _substitute(normal, weighted.T @ (residual - columns @ x), correction)
-        x += correction
-        misfit = np.abs(residual - columns @ x) * counted
-        if np.sum(w * misfit * misfit) > limit:
+        for q in range(count):
+            x[q] += correction[q]
+        predicted = columns @ x
+        total = square = largest = 0.0
+        for m in range(rows):
+            misfit[m] = abs(residual[m] - predicted[m]) if w[m] > 0.0 else 0.0
+            total += w[m] * misfit[m]
+            square += w[m] * misfit[m] * misfit[m]
+            largest = max(largest, misfit[m])
+        if square > limit:
             return REFUSED, w
-        if misfit.max() <= 1.0:
+        if largest <= 1.0:
             return ACCEPTED, w
-        w = (0.99 * w * misfit / np.sum(w * misfit) + 0.01 / counted.sum()) * counted
+        for m in range(rows):
+            if w[m] > 0.0:
+                w[m] = 0.99 * w[m] * misfit[m] / total + 0.01 / kept
     return UNDECIDED, w
 
 
-@compiled_and_kept
+@compile_callee
 def _solve(normal, right, x):
     """Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column) and the solution."""
     count = len(right)
@@ -238,7 +269,7 @@ def _solve(normal, right, x):
     _substitute(normal, right, x)
 
 
-@compiled_and_kept
+@compile_callee
 def _substitute(factor, right, x):
     count = len(right)
     for p in range(count):

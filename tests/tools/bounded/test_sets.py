@@ -50,6 +50,22 @@ def test_bounds_never_exceed_the_radius(seed, rounds, size):
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3])
+def test_a_bound_is_the_least_weighted_mean_square_of_the_readings_that_are_kept(size):
+    """No less than that: what is lost of it, a linear programme has to make up for, set by set."""
+    problem = random_problem(5, rows=24, effects=5)
+    weights = sharp_weights(problem, np.full(24, 1 / 24), 3)
+    sets = every_set(size, 5, 24)[:: 1 + 4 * size]
+    bounds = bounds_of(np.array([as_row(one) for one in sets]), parts(problem, project(problem, weights)))
+    for one, bound in zip(sets, bounds, strict=True):
+        kept = np.setdiff1d(np.arange(24), one.outliers)
+        root = np.sqrt(weights[kept] / weights[kept].sum())
+        columns = np.hstack([problem.nominal, *(problem.columns[:, problem.blocks[effect]] for effect in one.effects)])
+        right = root * problem.residual[kept]
+        left = right - (own := root[:, None] * columns[kept]) @ np.linalg.lstsq(own, right, rcond=None)[0]
+        assert bound == pytest.approx(left @ left, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [0, 1, 2, 3])
 def test_the_scan_keeps_exactly_the_sets_within_the_limit(size):
     problem = random_problem(7, rows=20, effects=5)
     projection = project(problem, sharp_weights(problem, np.full(20, 1 / 20), 2))
@@ -100,7 +116,7 @@ def test_lawsons_algorithm_makes_the_bound_sharp():
     assert settle(scaled.system, one, start, 1.0)[0] == ACCEPTED
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_the_search_finds_exactly_the_sets_that_will_do(seed):
     """Against exhaustive search by linear programmes over every set of up to three."""
     rng = np.random.default_rng(seed)
@@ -117,7 +133,9 @@ def test_the_search_finds_exactly_the_sets_that_will_do(seed):
     problem = Problem(residual, problem.nominal, problem.columns, problem.blocks)
     assert not list(sets_of_size(problem, 0, 0.0))
     for size in (1, 2, 3):
-        expected = [s for s in every_set(size, 5, 24) if linear_radius(problem, s) <= 1.0]
-        assert sorted(sets_of_size(problem, size, 0.0)) == sorted(expected)
-        if expected:
+        radii = {one: linear_radius(problem, one) for one in every_set(size, 5, 24)}
+        for slack in (0.0, 0.3):
+            expected = [one for one, radius in radii.items() if radius <= 1.0 + slack]
+            assert sorted(sets_of_size(problem, size, slack)) == sorted(expected)
+        if min(radii.values()) <= 1.0:
             break

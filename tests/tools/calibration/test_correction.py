@@ -13,6 +13,7 @@ from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import TARGETS, target_values
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import (
+    Correction,
     apply_calibration,
     corrected,
     correction_of,
@@ -78,6 +79,34 @@ def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(
     raw = np.arcsin(np.linalg.norm(np.cross(reading[:206], unit), axis=1) / np.linalg.norm(reading[:206], axis=1))
     assert np.all(np.abs(raw - gained.before) <= gained.after * 1.01)
     assert gained.before.max() > 100 * gained.after.max()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_readings_that_err_are_further_from_the_truth_by_what_they_err(side):
+    """Every reading at its bound: truth is within what remains only where both ends have room for it."""
+    bench, _, correction = calibrated(1)
+    truth, noise = directions(np.random.default_rng(7), 50), 30.0 * SIGMA
+    reading = block_readings(bench, truth) + side * noise
+    n = corrected(correction, GRAVITY * reading) / GRAVITY
+    low, high = remaining_error(correction, n, noise)
+    assert np.all((low <= truth - n) & (truth - n <= high))
+    assert np.abs(np.stack([low, high])).max() < noise + 10 * SIGMA
+    error = np.linalg.norm(np.cross(n[:56], truth[:56]), axis=1)
+    assert np.all(error <= levelling(correction, reading[:56], noise).after * (1 + 1e-9))
+
+
+def test_the_errors_are_those_of_the_true_input_not_of_the_corrected_one():
+    """A scale factor that may be s too small: the truth is s / (1 − s) of the reading further, not s."""
+    s, none = 0.05, np.zeros((3, 3, 3, 3))
+    low, high = none.copy(), none.copy()
+    for at, side in ((0, -1.0), (2, 1.0)):
+        low[0, at], high[0, at] = min(0.0, -side * s), max(0.0, -side * s)
+    correction = Correction(GRAVITY, np.ones(3), np.ones(3), np.zeros((3, 3)), np.zeros(3), low, high)
+    truth = np.array([[0.9, 0.1, 0.2], [-0.9, 0.1, 0.2]])
+    reading = truth * [1.0 - s, 1.0, 1.0]
+    least, most = remaining_error(correction, reading)
+    assert np.all((least - 1e-12 <= truth - reading) & (truth - reading <= most + 1e-12))
+    assert np.all(np.abs(truth - reading)[:, 0] > s * np.abs(reading[:, 0]))
 
 
 def test_the_correction_is_the_component():
