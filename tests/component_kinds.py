@@ -22,6 +22,9 @@ GYRO_EFFECTS = [
         "gyro-rate-cubed",
         "gyro-scale-drift",
         "lag",
+        "gyro-bias-step",
+        "gyro-scale-step",
+        "latency-step",
         "jitter",
     )
 ] + [Formula.of("w2 += c*w1**3 + d*n1*exp(-time_s)").place]

@@ -199,6 +199,9 @@ class Effect:
         place's law is none
     in_motion : bool
         an effect of a record in motion: its signature takes `MotionRows`, and no record of rests shows it
+    sets_in : bool
+        it acts from a time on, its last parameter "start" [h], which is found; its signature is that of what it does
+        from then on, and its linear coefficients are the other parameters
     contains : tuple of str
         names of effects at the same place that it can be, with some values of its parameters: where one of them
         stands, it is no rival
@@ -223,6 +226,7 @@ class Effect:
     open_argument: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
+    sets_in: bool = False
     contains: tuple[str, ...] = ()
 
     def at(self, place: EffectPlace) -> "Effect":
@@ -233,6 +237,11 @@ class Effect:
     def of_law(self) -> bool:
         """Whether it is made from the law of its place: it has no places of its own, and no search tries it."""
         return not self.places and self.of_place is not None
+
+    @property
+    def linear_parameters(self) -> tuple[EffectParameter, ...]:
+        """The parameters of an effect without variants that its linear coefficients give."""
+        return self.parameters[: len(self.parameters) - self.sets_in]
 
     def place_numbers(self, place: EffectPlace) -> tuple[int, ...]:
         """The whole numbers that the kernel takes at a place, by their names.

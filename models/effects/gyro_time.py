@@ -2,6 +2,8 @@
 
 gyro_scale_drift
     scale factors grow with time
+gyro_bias_step, gyro_scale_step, latency_step
+    biases, scale factors, the lag of the gyros are others from a time on
 lag
     each gyro follows its rate through a low-pass of the first order
 """
@@ -10,8 +12,11 @@ import math
 from collections.abc import Mapping
 
 from ..restricted import HOURS, PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
-from .definition import EffectParameter, EffectPlace, gyro_effect
-from .gyro import gyro_columns, of_each_gyro, sentence_of
+from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect
+from .gyro import BIAS, LATENCY, gyro_bias, gyro_columns, latency, listed, of_each_gyro, sentence_of
+from .last_stage import LAST_HOUR
+
+START = EffectParameter("start", "h", "time after which it is so", LAST_HOUR, smallest=0.0)
 
 
 def gyro_scale_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float, rate_3: float, added: Vector) -> None:
@@ -27,6 +32,74 @@ SCALE_DRIFT = gyro_effect(
     lambda place, rows: gyro_columns(rows.rate * rows.hours[:, None]),
     sentence_of("the scale factors of the gyros drift", "an hour"),
     formula="Δω = ({rate_1} ω_1, {rate_2} ω_2, {rate_3} ω_3) t, t 'in hours'",
+)
+
+
+def changed(words: str, unit: str) -> Sentence:
+    """A sentence of what changes by how much, and when."""
+
+    def say(place: EffectPlace, values: Mapping[str, float]) -> str:
+        *sizes, start = values.values()
+        return f"{words} change by {listed(sizes)}" + (f" {unit}" if unit else "") + f" at {3600.0 * start:.5g} s"
+
+    return say
+
+
+def gyro_bias_step(
+    context: Vector, rate: Vector, size_1: float, size_2: float, size_3: float, start: float, added: Vector
+) -> None:
+    """Add a constant [rad/s] to each gyro's reading after `start` hours."""
+    if context[HOURS] > start:
+        gyro_bias(context, rate, size_1, size_2, size_3, added)
+
+
+BIAS_STEP = gyro_effect(
+    gyro_bias_step,
+    (*of_each_gyro("size", "rad/s", "change of the bias", 0.2), START),
+    BIAS.signature,
+    changed("the biases of the gyros", "rad/s"),
+    sets_in=True,
+    contains=("gyro-bias",),
+    formula="Δω = ({size_1}, {size_2}, {size_3}) 'rad/s from' t = {start} 'h on'",
+)
+
+
+def gyro_scale_step(
+    context: Vector, rate: Vector, size_1: float, size_2: float, size_3: float, start: float, added: Vector
+) -> None:
+    """Add size·ω_p to the reading of each gyro p after `start` hours."""
+    if context[HOURS] > start:
+        added[0] = added[0] + size_1 * rate[0]
+        added[1] = added[1] + size_2 * rate[1]
+        added[2] = added[2] + size_3 * rate[2]
+
+
+SCALE_STEP = gyro_effect(
+    gyro_scale_step,
+    (*of_each_gyro("size", "1", "change of the scale factor", 0.2), START),
+    lambda place, rows: gyro_columns(rows.rate),
+    changed("the scale factors of the gyros", ""),
+    sets_in=True,
+    formula="Δω = ({size_1} ω_1, {size_2} ω_2, {size_3} ω_3) 'from' t = {start} 'h on'",
+)
+
+
+def latency_step(context: Vector, rate: Vector, change: float, start: float, added: Vector) -> None:
+    """Read the rate of a while before, from `start` hours on."""
+    if context[HOURS] > start:
+        latency(context, rate, change, added)
+
+
+LATENCY_STEP = gyro_effect(
+    latency_step,
+    (EffectParameter("change", "s", "of the gyros' lag", 0.2), START),
+    LATENCY.signature,
+    lambda place, values: (
+        f"the lag of the gyros changes by {1e3 * values['change']:+.4g} ms at {3600.0 * values['start']:.5g} s"
+    ),
+    sets_in=True,
+    contains=("latency",),
+    formula="ω_read(t) = ω(t − ({change}) 's') 'from' t = {start} 'h on'",
 )
 
 
@@ -72,4 +145,4 @@ LAG = gyro_effect(
     formula="ω_read + ({time_1}, {time_2}, {time_3}) 's' dω_read/dt = ω",
 )
 
-EFFECTS = (SCALE_DRIFT, LAG)
+EFFECTS = (SCALE_DRIFT, BIAS_STEP, SCALE_STEP, LATENCY_STEP, LAG)

@@ -41,7 +41,7 @@ def test_it_undoes_effects_to_second_order(place):
     """What is left falls with the third power of an effect's size, or is nothing but rounding."""
     effect, rows = STRAPDOWN_EFFECTS[place.effect], lively_motion()
     regular = place.effect == "jitter"
-    scale = 0.2 * PERIOD if place.effect in ("latency", "lag") else 0.02
+    scale = 0.2 * PERIOD if place.effect in ("latency", "latency-step", "lag") else 0.02
     direction = np.linspace(1.0, 0.4 if place.effect == "lag" else -0.8, len(effect.parameters))
     left, size = [], []
     for part in (1.0, 0.5):

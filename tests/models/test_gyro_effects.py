@@ -31,8 +31,10 @@ CONTRACT = {
     "jitter": (1, "1"),
 }
 """Number of parameters and unit."""
+SETTING_IN = {"gyro-bias-step": (3, "rad/s"), "gyro-scale-step": (3, "1"), "latency-step": (1, "s")}
+"""The same of those that act from a time on, without that."""
 IN_GYROS = [p for effect in STRAPDOWN_EFFECTS.values() if effect.component == "GyroBlock" for p in effect.places]
-LINEAR = [place for place in IN_GYROS if STRAPDOWN_EFFECTS[place.effect].variants is None]
+LINEAR = [place for place in IN_GYROS if (e := place.definition).variants is None and not e.sets_in]
 
 
 def test_the_catalogue_is_the_contracts():
@@ -41,7 +43,10 @@ def test_the_catalogue_is_the_contracts():
         assert [place.where for place in effect.places] == ["gyro-block"]
         assert [p.unit for p in effect.parameters] == [unit] * count
     assert [place.where for place in STRAPDOWN_EFFECTS["undersampling"].places] == ["attitude-computer"]
-    assert set(STRAPDOWN_EFFECTS) == {*CONTRACT, "undersampling"}
+    for name, (count, unit) in SETTING_IN.items():
+        *sizes, start = STRAPDOWN_EFFECTS[name].parameters
+        assert ([p.unit for p in sizes], start.name, start.unit) == ([unit] * count, "start", "h")
+    assert set(STRAPDOWN_EFFECTS) == {*CONTRACT, *SETTING_IN, "undersampling"}
     assert not set(STRAPDOWN_EFFECTS) & set(POSITION_EFFECTS)
 
 
@@ -136,6 +141,20 @@ def test_a_long_lag_is_as_long_as_it_says():
         shown = gyro_readings([(EffectPlace("lag", "gyro-block"), [time] * 3)], growing)
         behind = (growing.rate - shown)[12:] / np.array([0.01, -0.02, 0.03]) * PERIOD
         assert behind == pytest.approx(np.full(behind.shape, time), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", SETTING_IN)
+def test_what_sets_in_does_nothing_before_its_time_and_then_what_its_signature_says(name):
+    rows = lively_motion(even=True)
+    place = EffectPlace(name, "gyro-block")
+    count, begun = SETTING_IN[name][0], 23
+    start = 0.5 * (rows.hours[begun - 1] + rows.hours[begun])
+    sizes = 1e-3 * np.linspace(1.0, -0.8, count)
+    change = gyro_readings([(place, [*sizes, start])], rows) - rows.rate
+    expected = place.definition.signature(place, rows) @ sizes
+    assert np.abs(change[:begun]).max() < 1e-14
+    assert np.abs(expected[:begun]).max() > 1e-5
+    assert change[begun:] == pytest.approx(expected[begun:], abs=1e-13)
 
 
 def test_effects_of_gyros_add_up_in_any_order():

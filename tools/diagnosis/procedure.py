@@ -541,6 +541,9 @@ def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) 
     """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
     said = []
     for place, block in zip(fit.places, fit.blocks, strict=True):
+        if place not in evidence.places:
+            # Of one that sets in at a time a length by itself tells less of the time than of the size.
+            continue
         own, size = evidence.numbers_of([place]), fit.central[len(fit.point) :][block]
         alone = evidence.with_errors([part.columns[..., own] @ size for part in evidence.parts])
         others = [p for p in fit.places if p != place]

@@ -16,21 +16,20 @@ from numpy.typing import NDArray
 from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
-from ..motion.carry import GyroModel, Motion, carried_attitude, carried_scenario, reads
+from ..motion.carry import GyroModel, carried_attitude, carried_scenario, reads
 from ..motion.increments import starting_attitude
-from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
 from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
 from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
 from ..rounding import digits, downwards, exactly, residual, upwards
+from .carried_run import BIAS, CarriedRun
 from .evidence import Channel, Evidence, ReadOff, Trial, estimated, rms_size
 from .extension import Extension, Sized, Start
-from .fit import ARCMIN, Fit, Gain, coefficient_count, extended_fmus, gain_of
-from .references import Gravity, Truth, all_rows, has_truth, rotation_vectors, turned
+from .fit import ARCMIN, Fit, Gain, extended_fmus, gain_of
+from .references import Gravity, Truth, all_rows, rotation_vectors, turned
 
-BIAS = EffectPlace("gyro-bias", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
 LATENCY = EffectPlace("latency", "gyro-block")
 COMPONENTS = ("GyroBlock", "AttitudeComputer", "AccelerometerBlock")
@@ -49,6 +48,9 @@ SHOWN_BY = {
     "gyro-rate-squared": "turns about each axis in both senses, slow and fast",
     "gyro-rate-cubed": "turns about each axis, slow and fast",
     "gyro-scale-drift": "the same turns about each axis at the beginning and at the end of a longer record",
+    "gyro-bias-step": "rests throughout the record",
+    "gyro-scale-step": "the same turns about each axis throughout the record",
+    "latency-step": "the same fast turns to and fro throughout the record, compared with the true attitude",
     "lag": "fast turns to and fro about each axis, compared with the true attitude while they last",
     "latency": "fast turns to and fro about each axis, compared with the true attitude while they last",
     "undersampling": "the same motion at another sampling rate",
@@ -59,57 +61,13 @@ OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them rep
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedRecord(Evidence):
-    """A record of a block that is carried, as far as it is known before the simulation is run.
+class Carried(CarriedRun):
+    """Evidence of a carried block.
 
-    `block` is "calibrated" or "nominal": whether the gyros' scale factors and misalignments are parameters; `rates`,
-    "instantaneous" or "averaged", is what a rate in the record was taken for; `lacks` is what to add where nothing can
-    be run.
+    `bounds_from` says in words what the bounds come from; `least_radius` is what all effects together leave, where that
+    is more than one bound; `limits` are those that the accelerometers show in rests.
     """
 
-    found: Inspection
-    block: str
-    rates: str
-    warnings: tuple[str, ...]
-    lacks: tuple[str, ...]
-
-    def missing(self) -> Mapping[str, Any]:
-        """What to add where nothing can be run."""
-        return {"missing": self.lacks} if self.lacks else {}
-
-    def head(self) -> Mapping[str, Any]:
-        """The record and what it is held against."""
-        record = self.found.record
-        return {
-            "unit": "arcmin",
-            "record": {"rows": len(record), "sha256": record.sha256},
-            "reference": "true attitude" if has_truth(self.found) else "gravity",
-            "noise_bound_arcmin": None,
-            "noise_bound_from": "",
-            "baseline_model": self.block,
-            "baseline": {"radius": None, "falsified": None, "parameters": ()},
-            "lengths": (),
-            "order_stable": None,
-            "warnings": self.warnings,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class Carried(CarriedRecord):
-    """Evidence of a carried block, and what it was made from.
-
-    `own` is the gyros' part of the model's parameters; about `model` the rows are linear, and `attitude` (N, 4) was
-    carried with it. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s], None
-    where the bias is free; `bounds_from` says in words what the bounds come from; `least_radius` is what all effects
-    together leave, where that is more than one bound; `limits` are those that the accelerometers show in rests.
-    """
-
-    own: tuple[EffectPlace, ...]
-    motion: Motion
-    model: GyroModel
-    attitude: NDArray[np.float64]
-    reference: Gravity | Truth
-    at_rest: NDArray[np.float64] | None
     bounds_from: str = ""
     least_radius: float | None = None
     limits: tuple[ReadOff, ...] = ()
@@ -118,11 +76,6 @@ class Carried(CarriedRecord):
     def read_off(self) -> tuple[ReadOff, ...]:
         """Accelerometers' limits that the model cannot do without."""
         return self.limits
-
-    @property
-    def of_forces(self) -> int:
-        """How many of the parameters are the accelerometers': nine where gravity is the reference."""
-        return len(self.names) - sum(coefficient_count(place) for place in self.own)
 
     @property
     def quoted(self) -> int:
@@ -138,7 +91,7 @@ class Carried(CarriedRecord):
     def not_seen(self) -> tuple[EffectPlace, ...]:
         """Effects on the block that this record could not show at any possible size."""
         every = (p for e in CATALOGUE.values() if e.component in COMPONENTS for p in e.places)
-        told = (*self.own, *self.places, *(effect.place for effect in self.read_off))
+        told = (*self.own, *self.places, *self.starting, *(effect.place for effect in self.read_off))
         others = [place for place in every if place not in told]
         return (*(place for place in self.places if place not in self.seen), *others)
 
@@ -161,11 +114,6 @@ class Carried(CarriedRecord):
         if motion.temperature is not None:
             found["temperature"] = motion.temperature[pieces.first][:, None]
         return found
-
-    def without(self, places: Sequence[EffectPlace]) -> "Carried":
-        """The evidence with fewer effects that can be tried."""
-        fewer = super().without(places)
-        return fewer if self.at_rest is None else replace(fewer, at_rest=self.at_rest[:, self.numbers_of(fewer.places)])
 
     # Runs of the simulation
 
@@ -219,7 +167,17 @@ class Carried(CarriedRecord):
     @property
     def falsified(self) -> bool:
         """Whether the model cannot be true of the record; a bias that is not constant is not its."""
-        return super().falsified or (self.reference.noise is not None and bool(self.reference.noise.unsteady))
+        return super().falsified or self.unsteady is not None
+
+    @property
+    def unsteady(self) -> str | None:
+        """That the gyros are not constant at rest; None where they are but for noise."""
+        return None if self.reference.noise is None else self.reference.noise.said
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a change of the biases between two rests makes the gyros constant at rest."""
+        return self.reference.noise is not None and self.reference.noise.jumps
 
     def head(self) -> Mapping[str, Any]:
         """The record, what it is held against, the bound, the baseline and what no record of this kind shows."""
@@ -227,8 +185,10 @@ class Carried(CarriedRecord):
         stated = {}
         if isinstance(self.reference, Truth) and self.reference.stated is not None:
             stated = {"reference_bound_arcmin": self.reference.stated / ARCMIN}
+        jumping = (self.unsteady,) if self.jumps and self.unsteady else ()
         return {
             **super().head(),
+            "warnings": (*self.warnings, *jumping),
             "noise_bound_arcmin": float(np.median(self.parts[self.quoted].bound)) / ARCMIN,
             "noise_bound_from": self.bounds_from,
             "cannot_be_seen": [place.entry for place in self.not_seen],
@@ -308,8 +268,7 @@ class Carried(CarriedRecord):
 
     def objections(self) -> tuple[str, ...]:
         """Parameters that no instrument has, gyros that wander at rest, errors that all effects together leave."""
-        unsteady = None if self.reference.noise is None else self.reference.noise.said
-        wandering = () if unsteady is None else (unsteady,)
+        wandering = () if self.unsteady is None or self.jumps else (self.unsteady,)
         too_large = () if self.least_radius is None else (self._too_large(self.least_radius),)
         parameters = tuple(
             f"{name} would be {digits(value, 2)}: check units, order and signs of the axes"
@@ -370,12 +329,13 @@ class Carried(CarriedRecord):
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Each effect of a fit: blocks in time left out without it, with it, with its signature at other pieces."""
-        folds, rng = self.folds(), np.random.default_rng(len(self.residual))
-        reached = self.left_out(fit.places, folds)
+        made = self.with_onsets(fit)
+        folds, rng = made.folds(), np.random.default_rng(len(made.residual))
+        reached = made.left_out(fit.places, folds)
         for place in fit.places:
             others = [p for p in fit.places if p != place]
-            shuffled = (self._shuffled(place, rng).left_out(fit.places, folds) for _ in range(SHUFFLES))
-            yield Trial((place,), (self.left_out(others, folds), reached), None, shuffled)
+            shuffled = (made._shuffled(place, rng).left_out(fit.places, folds) for _ in range(SHUFFLES))
+            yield Trial((place,), (made.left_out(others, folds), reached), None, shuffled)
 
     def _shuffled(self, place: EffectPlace, rng: np.random.Generator) -> Evidence:
         """The evidence with the signature of one effect moved to other pieces of the same kind."""
@@ -392,26 +352,27 @@ class Carried(CarriedRecord):
         For each block in time the parameters are estimated on the others, without the effects and with them; the
         exported FMUs are run with these; the errors of the block's own pieces count.
         """
-        folds, results = self.folds(FOLDS if len(self.motion) <= LONG else FOLDS_OF_LONG), []
-        of_rows = self.of_rows(folds)
+        made = self.with_onsets(fit)
+        folds, results = made.folds(FOLDS if len(made.motion) <= LONG else FOLDS_OF_LONG), []
+        of_rows = made.of_rows(folds)
         with tempfile.TemporaryDirectory(prefix="trihedron-extended-", ignore_cleanup_errors=True) as name:
             for number, places in enumerate(((), fit.places)):
                 folder = Path(name) / str(number)
                 folder.mkdir()
                 fmus = extended_fmus(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
-                matrix = self.matrix(places)
-                errors = [np.full(self.parts[k].error.shape, np.nan) for k in self.scored]
+                matrix = made.matrix(places)
+                errors = [np.full(made.parts[k].error.shape, np.nan) for k in made.scored]
                 for fold in range(of_rows.max() + 1):
-                    solution = estimated(matrix[of_rows != fold], self.residual[of_rows != fold])
-                    held = [np.flatnonzero(folds[k] == fold) for k in self.scored]
-                    for error, at, mine in zip(errors, held, self.simulated(fmus, places, solution, held), strict=True):
+                    solution = estimated(matrix[of_rows != fold], made.residual[of_rows != fold])
+                    held = [np.flatnonzero(folds[k] == fold) for k in made.scored]
+                    for error, at, mine in zip(errors, held, made.simulated(fmus, places, solution, held), strict=True):
                         error[at] = mine
                 results.append(errors)
         kinds = [
-            gain_of(before, after, ARCMIN, over=self.parts[k].label, pieces=len(before))
-            for k, before, after in zip(self.scored, *results, strict=True)
+            gain_of(before, after, ARCMIN, over=made.parts[k].label, pieces=len(before))
+            for k, before, after in zip(made.scored, *results, strict=True)
         ]
-        quoted = self.scored.index(self.quoted)
+        quoted = made.scored.index(made.quoted)
         first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - quoted))
         return first.model_copy(update={"others": others})
 
@@ -422,7 +383,8 @@ class Carried(CarriedRecord):
         accelerometers' readings go through their inverse, unless they have effects, which it cannot take out.
         """
         point = fit.estimate[: len(self.names)]
-        bias = self.gyros_with(fit.places, np.append(point - self.point, fit.stated)).bias
+        gyros = self.with_onsets(fit).gyros_with(fit.places, np.append(point - self.point, fit.stated))
+        bias = gyros.bias
         vectors = (point, *fit.ends(0.0, self.most_rows).T, np.full(len(point), np.nan))
         found, low, high, depends = (self._parameters(vector, bias) for vector in vectors)
         starts = []

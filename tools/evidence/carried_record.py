@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
+from ..bounded.sets import Work
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
@@ -22,7 +23,8 @@ from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
 from ..rounding import exactly
-from .carried import BIAS, LATENCY, LONG, SCALE, Carried, CarriedRecord, is_of_gyros, with_parameters
+from .carried import LATENCY, LONG, SCALE, Carried, is_of_gyros, with_parameters
+from .carried_run import BIAS, CarriedRecord
 from .evidence import estimated
 from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains
 from .limited import with_limits
@@ -133,7 +135,7 @@ def warnings_of(found: Inspection) -> tuple[str, ...]:
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
     """Places of those effects that are linear and whose circumstances the record tells."""
     told = [e for e in effects if "temperature" not in e.needs or motion.temperature is not None]
-    return [place for effect in told if effect.variants is None for place in effect.places]
+    return [place for effect in told if effect.variants is None and not effect.sets_in for place in effect.places]
 
 
 def linear_evidence(
@@ -177,7 +179,9 @@ def linear_evidence(
         names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
         whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
-        return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest)
+        setting_in = [p for e in STRAPDOWN_EFFECTS.values() if e.sets_in for p in e.places]
+        starting = tuple(setting_in) if tried and len(motion) <= LONG else ()
+        return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest, starting=starting)
 
     for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0):
         # An hour's attitudes are large: those of one run go before the next.
@@ -313,7 +317,7 @@ def judged(made: Carried) -> Carried:
     if isinstance(made.reference, Gravity):
         return replace(made, bounds_from=RECORD_NOISE)
     made = replace(made, bounds_from=WITH_TRUTH)
-    if made.refit(made.places).radius <= made.limit:
+    if made.refit(made.places).radius <= made.limit or any(made.mended([p], Work()) for p in made.starting):
         return made
     made = without_jumps(made)
     least, gyros = made.refit(made.places).radius, [place for place in made.places if is_of_gyros(place)]

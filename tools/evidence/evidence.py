@@ -178,12 +178,12 @@ class Evidence:
     @cached_property
     def nominal(self) -> NDArray[np.float64]:
         """Columns (M, P) of the model over the bounds."""
-        return np.concatenate([_rows(part.nominal, part.bound) for part in self.parts])
+        return np.concatenate([rows_over(part.nominal, part.bound) for part in self.parts])
 
     @cached_property
     def columns(self) -> NDArray[np.float64]:
         """Columns (M, K) of all effects over the bounds."""
-        return np.concatenate([_rows(part.columns, part.bound) for part in self.parts])
+        return np.concatenate([rows_over(part.columns, part.bound) for part in self.parts])
 
     @cached_property
     def blocks(self) -> tuple[slice, ...]:
@@ -265,20 +265,7 @@ class Evidence:
         low, high = np.append(-free, ends[0]), np.append(free, ends[1])
         at = np.concatenate([self.point, np.zeros(matrix.shape[1] - count)])
         squares = estimated(matrix, self.residual)
-        # Of many rows few matter: those that least squares fit worst, and what a fit to them violates.
-        taken = np.argsort(-np.abs(self.residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
-        step, radius = at, float(np.abs(self.residual).max(initial=0.0))
-        while matrix.shape[1]:
-            radius, step, _ = chebyshev_radius(
-                matrix[taken], self.residual[taken], self.bound[taken], low=low, high=high
-            )
-            excess = np.abs(self.residual - matrix @ step) - radius
-            excess[taken] = 0.0
-            more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
-            more = more[excess[more] > TOLERANCE * max(1.0, radius)]
-            if not len(more):
-                break
-            taken = np.concatenate([taken, more])
+        radius, step = least_radius(matrix, self.residual, (low, high), squares)
         blocks = blocks_of(places)
         estimate = at + squares
         return Fit(
@@ -488,6 +475,27 @@ def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
     return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
 
 
+def least_radius(
+    matrix: NDArray, residual: NDArray, ends: tuple[NDArray, NDArray], squares: NDArray
+) -> tuple[float, NDArray[np.float64]]:
+    """Least radius of rows (M, P) in units of their bounds, with limits (P,) of the coefficients, and these (P,) there.
+
+    Of many rows few matter: those that least squares `squares` (P,) fit worst, and what a fit to them violates.
+    """
+    taken = np.argsort(-np.abs(residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
+    step, radius, bound = np.zeros(matrix.shape[1]), float(np.abs(residual).max(initial=0.0)), np.ones(len(residual))
+    while matrix.shape[1]:
+        radius, step, _ = chebyshev_radius(matrix[taken], residual[taken], bound[taken], low=ends[0], high=ends[1])
+        excess = np.abs(residual - matrix @ step) - radius
+        excess[taken] = 0.0
+        more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
+        more = more[excess[more] > TOLERANCE * max(1.0, radius)]
+        if not len(more):
+            break
+        taken = np.concatenate([taken, more])
+    return radius, step
+
+
 def rms_size(error: NDArray) -> float:
     """Root mean square of the size of errors (S, d)."""
     return float(np.sqrt(np.mean((error**2).sum(axis=1)))) if len(error) else 0.0
@@ -498,7 +506,7 @@ def largest_size(error: NDArray) -> float:
     return float(np.linalg.norm(error, axis=1).max(initial=0.0))
 
 
-def _rows(columns: NDArray, bound: NDArray) -> NDArray:
+def rows_over(columns: NDArray, bound: NDArray) -> NDArray:
     """Columns (S, d, K) over bounds (S, d), as rows (S d, K)."""
     return (columns / bound[..., None]).reshape(bound.size, columns.shape[-1])
 

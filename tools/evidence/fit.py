@@ -341,7 +341,7 @@ def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Variant | None] 
 def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Ends of the possible coefficients of a linear effect; of amplitude and phase those of the pair that they are."""
     ends: list[tuple[float, float]] = []
-    for parameter in place.definition.parameters:
+    for parameter in place.definition.linear_parameters:
         largest, smallest = parameter.largest, parameter.smallest
         if parameter.name.endswith("amplitude"):
             # The square within the circle of the largest amplitude.
@@ -354,8 +354,8 @@ def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray
 
 
 def coefficient_count(place: EffectPlace) -> int:
-    """How many coefficients an effect has."""
-    return len(place.definition.parameters)
+    """How many linear coefficients an effect has."""
+    return len(place.definition.linear_parameters)
 
 
 def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> Gain:

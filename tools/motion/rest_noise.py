@@ -44,7 +44,8 @@ class RestNoise:
     deviation [rad²/s²]; `least` (3,): square of its least value, white noise included, and `count` (3,) its degrees of
     freedom; `wander` (3,): mean square of what the means at rest differ by from one rest to the next beside white
     noise [rad²/s²], NaN where it is not known or no noise; `span`: length of the record [s]; `unsteady`: of each gyro
-    whose means differ by more than noise makes, its number, by how much, and what noise makes, rms [rad/s].
+    whose means differ by more than noise makes, its number, by how much, and what noise makes, rms [rad/s]; `jumps`:
+    whether they differ by no more where the biases change once, between two rests; what wanders is beside that.
     """
 
     white: NDArray[np.float64]
@@ -54,6 +55,7 @@ class RestNoise:
     wander: NDArray[np.float64]
     span: float
     unsteady: tuple[tuple[int, float, float], ...] = ()
+    jumps: bool = False
 
     def rate_square(self, seconds: NDArray) -> NDArray[np.float64]:
         """Mean square (S, 3) of a mean rate's error over times (S,) [rad²/s²]."""
@@ -93,9 +95,10 @@ class RestNoise:
             f"gyro {gyro} by {digits(found, 2)} rad/s rms, where noise makes {digits(made, 2)}"
             for gyro, found, made in self.unsteady
         )
+        once = "; a change of the biases between two rests explains that" if self.jumps else ""
         return (
             "the gyros are not constant at rest: beside what time, temperature and gravity explain, their means differ "
-            f"from rest to rest, {gyros}"
+            f"from rest to rest, {gyros}{once}"
         )
 
     def _octaves(self, seconds: NDArray) -> NDArray[np.float64]:
@@ -120,7 +123,18 @@ def gyro_noise(
     scatter = None if noise is None else rest_scatter(rests, up)
     if noise is None or scatter is None:
         return noise
-    return noise.judged(*scatter, rest_lengths(rests, period))
+    lengths = rest_lengths(rests, period)
+    judged = noise.judged(*scatter, lengths)
+    if not judged.unsteady:
+        return judged
+    # Beside the rests before and after it a change at one of them could be anything.
+    changes = (rest_scatter(rests, up, k) for k in range(2, len(rests) - 1))
+    others = [noise.judged(*found, lengths) for found in changes if found is not None]
+    steady = [other for other in others if not other.unsteady]
+    if not steady:
+        return judged
+    least = min(steady, key=lambda other: float(other.wander.sum()))
+    return replace(least, unsteady=judged.unsteady, jumps=True)
 
 
 def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) -> RestNoise | None:
@@ -166,13 +180,15 @@ def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
     return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
 
 
-def rest_scatter(rests: Rests, up: NDArray | None) -> tuple[NDArray[np.float64], int] | None:
+def rest_scatter(rests: Rests, up: NDArray | None, change: int | None = None) -> tuple[NDArray[np.float64], int] | None:
     """Mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if it cannot be told.
 
     Everything that an effect could do at rest is fitted and taken away: what grows with time, with temperature, with
-    gravity and, where there are enough rests, with its products.
+    gravity and, where there are enough rests, with its products; a change before rest number `change`, where given.
     """
     columns = [np.ones(len(rests)), rests.time_s - rests.time_s[0]]
+    if change is not None:
+        columns.append((np.arange(len(rests)) >= change).astype(float))
     if rests.temperature is not None:
         columns.append(rests.temperature)
     if up is not None:

@@ -17,6 +17,7 @@ from ..calibration.model import Linearisation
 from ..diagnosis.cause import NamedEffect
 from ..errors import InputError, nearest
 from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
+from ..evidence.carried import Carried
 from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Classes, coefficient_count
@@ -67,7 +68,9 @@ BASELINE = {"gravity": "calibrated", "truth": "nominal"}
 """What the diagnosis of a moved block takes for known, by the record's reference."""
 TAKEN_OUT = ("gyro-bias",)
 """The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
-UNSEEN_BETWEEN_RESTS = ("lag", "latency")
+MIDDLE_OF_RECORD = 0.2, 0.8
+"""Parts of the times at which an effect may set in."""
+UNSEEN_BETWEEN_RESTS = ("lag", "latency", "latency-step")
 """A lag turns nothing from one rest to the next."""
 
 
@@ -323,8 +326,8 @@ def _draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
     """A direction of an effect's coefficients, of length one; one that only grows is positive."""
     direction = rng.normal(size=coefficient_count(place))
     direction /= np.linalg.norm(direction)
-    grows = place.definition.parameters[0].smallest == 0.0
-    return np.abs(direction) if grows and len(direction) == 1 else direction
+    only_grow = all(parameter.smallest == 0.0 for parameter in place.definition.linear_parameters)
+    return np.abs(direction) if only_grow else direction
 
 
 def _made(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> tuple[Hidden] | None:
@@ -442,12 +445,16 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
     if evidence is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
     unseen = (*TAKEN_OUT, *(UNSEEN_BETWEEN_RESTS if block.reference == "gravity" else ()))
-    shown = {place.effect for place in evidence.places if not options.effects or place.effect in options.effects}
+    every = (*evidence.places, *evidence.starting)
+    shown = {place.effect for place in every if not options.effects or place.effect in options.effects}
     names = sorted(shown - set(unseen))
     for redrawn in range(BLOCK_TRIES if names else 0):
         name = names[rng.integers(len(names))]
-        places = [place for place in evidence.places if place.effect == name]
+        places = [place for place in every if place.effect == name]
         place = places[rng.integers(len(places))]
+        # What sets in at a time does so at any, but near the ends, where it shows in hardly any piece.
+        low, high = np.quantile(evidence.onsets.edges, MIDDLE_OF_RECORD)
+        here = evidence.with_onset(place, int(rng.integers(low, high))) if place in evidence.starting else evidence
         wanted = float(rng.uniform(*options.sizes))
         effect = place.definition
         if effect.component == "AttitudeComputer" and not block.instruments.increments:
@@ -459,13 +466,14 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
                 return Case(clean.seed, index, replace(block, jitter=jitter), hidden, redrawn)
             continue
         direction = _draw_direction(rng, place)
-        values = effect.from_coefficients(wanted * size_in_block(evidence, place, direction) * direction)
+        coefficients = wanted * size_in_block(here, place, direction) * direction
+        values = here.values_of([place], np.append(np.zeros(len(here.names)), coefficients))[place]
         if all(np.isfinite(v) and p.possible(v) for v, p in zip(values, effect.parameters, strict=True)):
             return replace(clean, hidden=(Hidden(place, values, wanted),), redrawn=redrawn)
     raise InputError(f"case {index}: a record with {block.reference} for its reference cannot show such an effect")
 
 
-def evidence_of(case: Case) -> Evidence | None:
+def evidence_of(case: Case) -> Carried | None:
     """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
     found, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
     if reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):

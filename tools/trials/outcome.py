@@ -276,11 +276,11 @@ def relative_error(hidden: Hidden, cause: Cause) -> float:
 
 
 def _vector(names: Sequence[str], values: Sequence[float]) -> list[float]:
-    """Parameters as a vector in which errors add: amplitudes and phases by their components."""
+    """Parameters as a vector in which errors add: amplitudes and phases by their components; times are not in it."""
     vector: list[float] = []
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         if name.endswith("amplitude"):
             vector += [value * math.cos(values[k + 1]), value * math.sin(values[k + 1])]
-        elif not name.endswith("phase"):
+        elif not name.endswith(("phase", "start")):
             vector.append(value)
     return vector

@@ -1,0 +1,88 @@
+"""Effects that set in at a time: what is proven of a stretch of times is true of each time within it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown_records import drawn_motion, seen_attitude, strapdown_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.sets import Work
+from trihedron.tools.evidence.carried import Carried
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.fit import contains
+from trihedron.tools.evidence.onsets import refused
+
+PERIOD = 0.02
+STEP = EffectPlace("gyro-bias-step", "gyro-block")
+
+
+def made(*, filmed: bool, step: float = 0.0, at: float = 0.5) -> Carried:
+    """Evidence of drawn moves; the bias of gyro 2 may change by a step [rad/s] at a part of the time."""
+    rng = np.random.default_rng(4)
+    time, rate, n, attitude = drawn_motion(rng, moves=8 if filmed else 14, rest=2.0, period=PERIOD)
+    rate[time > at * time[-1], 1] += step
+    record = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
+    if filmed:
+        record = replace(record, attitude=seen_attitude(rng, attitude, 1e-4))
+    evidence = carried_evidence(record)
+    assert isinstance(evidence, Carried)
+    return evidence
+
+
+@pytest.mark.parametrize("filmed", [False, True])
+def test_a_stretch_holds_what_each_time_within_it_does(filmed):
+    """Columns of an effect that sets in within a stretch lie in those of the stretch, where these are known."""
+    evidence = made(filmed=filmed)
+    edges = evidence.onsets.edges
+    for place in evidence.starting:
+        acting = evidence.acting[place]
+        for low, high in ((5, 6), (5, 9), (len(edges) // 2, len(edges) - 1)):
+            begin, end = int(edges[low]), int(edges[high])
+            within = np.concatenate([c.reshape(-1, c.shape[2]) for c in evidence.onsets.within(acting, begin, end)])
+            kept = np.isfinite(within).all(axis=1)
+            assert 0 < kept.sum() <= len(kept)
+            for row in (begin, (begin + end) // 2, end - 1):
+                exact = evidence.onsets.columns(acting, row)[0]
+                target = np.concatenate([c.reshape(-1, c.shape[2]) for c in exact])[kept]
+                scale = np.linalg.norm(within[kept], axis=0)
+                basis = within[kept][:, scale > 0.0] / scale[scale > 0.0]
+                left = target - basis @ np.linalg.lstsq(basis, target, rcond=1e-12)[0]
+                assert np.abs(left).max() < 1e-7 * np.abs(target).max()
+
+
+@pytest.mark.parametrize("filmed", [False, True])
+def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(filmed):
+    evidence = made(filmed=filmed)
+    latency, step = EffectPlace("latency", "gyro-block"), EffectPlace("latency-step", "gyro-block")
+    first = evidence.with_onset(step, 0)
+    assert first.columns_of([step]) == pytest.approx(evidence.columns_of([latency]), abs=1e-9)
+    assert contains([step], [latency])
+    assert not contains([latency], [step])
+    last = evidence.with_onset(step, len(evidence.motion) - 2)
+    assert np.abs(last.columns_of([step])).max() < 1e-2 * np.abs(first.columns_of([step])).max()
+
+
+@pytest.mark.parametrize("at", [0.23, 0.5, 0.71])
+def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
+    evidence = made(filmed=True, step=2e-3, at=at)
+    (fit,) = evidence.mended([STEP], Work())
+    ((*sizes, start),) = fit.values()
+    (intervals,) = fit.intervals()
+    hours = evidence.motion.time_s[-1] / 3600.0
+    assert sizes[1] == pytest.approx(2e-3, rel=0.2)
+    assert start == pytest.approx(at * hours, abs=4.0 / 3600.0)
+    for true, (low, high) in zip((0.0, 2e-3, 0.0, at * hours), intervals, strict=True):
+        assert low <= true <= high
+    assert evidence.with_onsets(fit).values_of([STEP], fit.estimate)[STEP][-1] == pytest.approx(start, abs=1e-9)
+    assert not evidence.mended([EffectPlace("latency-step", "gyro-block")], Work())
+
+
+def test_what_is_refused_has_no_fit():
+    rng = np.random.default_rng(1)
+    matrix = rng.normal(size=(400, 5))
+    inside = matrix @ rng.normal(size=5) + rng.uniform(-1.0, 1.0, 400)
+    assert not refused(matrix, inside, 1.0)
+    beyond = inside + 3.0 * np.sign(rng.normal(size=400))
+    assert refused(matrix, beyond, 1.0)
+    assert not refused(matrix[:0], inside[:0], 1.0)
