@@ -3,7 +3,7 @@
     python tests/outside_shapes.py FOLDER --cases 200 --seed 1
 
 writes caseNNN.positions.csv and truth.json. A fault is an unknown function of one quantity at one place, with a known
-factor or without, or two quantities at once. Its size is in units of detection: 2 σ over the Chebyshev distance of the
+factor or without. Its size is in units of detection: 2 σ over the Chebyshev distance of the
 unit fault from what the model of bench and block can say at these positions, by a programme of this module's own.
 
 What a record cannot tell from the truth counts as the truth: another place and quantity of which some function, of no
@@ -43,9 +43,9 @@ class Pair:
 class Fault:
     """What a fault of unit size does at each of N rows.
 
-    `kind` is smooth, jump, sharp (a smooth function is no description of it at so few positions) or several (of more
-    than one quantity). `readings` (N, 3) [g] are added; `encoder` (2, N) [rad] is what outer and inner encoder read too
-    much; `turn` (2, N) [rad] what the axes turn further than they read. `also` are effects of a catalogue that hold it.
+    `kind` is smooth, jump, or sharp (a smooth function is no description of it at so few positions). `readings` (N, 3)
+    [g] are added; `encoder` (2, N) [rad] is what outer and inner encoder read too much; `turn` (2, N) [rad] what the
+    axes turn further than they read. `also` are effects of a catalogue that hold it.
     """
 
     pair: Pair
@@ -103,7 +103,7 @@ class Known:
         """A quantity (N,)."""
         found = {"alpha": self.session.alpha, "beta": self.session.beta, "time": self.session.hours}
         found |= {"temperature": self.session.temperature, "n1": self.n[:, 0], "n2": self.n[:, 1], "n3": self.n[:, 2]}
-        return found[quantity]
+        return np.prod([found[name] for name in quantity.split()], axis=0)
 
     def part(self, quantity: str) -> np.ndarray:
         """A quantity (N,) from 0 at its least to 1 at its greatest."""
@@ -141,13 +141,17 @@ class Known:
         turns = self.unit_turns()
         for p in range(3):
             on, own = np.eye(3)[p] * np.ones_like(self.n), f"n{p + 1}"
-            for quantity in ("n1", "n2", "n3", "alpha", "beta", "time", "temperature"):
+            products = ("n1 n2", "n1 n3", "n2 n3")
+            for quantity in ("n1", "n2", "n3", *products, "alpha", "beta", "time", "temperature"):
                 yield Pair(f"accelerometer-{p + 1}", quantity), [on]
             for quantity in ("time", "temperature"):
                 yield Pair(f"accelerometer-{p + 1}", quantity, own), [on * self.n[:, [p]]]
+                zero = 20.0 if quantity == "temperature" else 0.0
+                yield Pair(f"accelerometer-{p + 1}", own, quantity), [on * (self.values(quantity)[:, None] - zero)]
         for quantity in ("alpha", "beta", "time", "temperature"):
             yield Pair("outer-axis", quantity), [turns["outer"], turns["kappa"]]
             yield Pair("inner-axis", quantity), [turns["inner"], turns["epsilon"]]
+        yield Pair("inner-axis", "beta", "sin alpha"), [turns["inner"] * np.sin(self.session.alpha)[:, None]]
 
     def pieces(self, quantity: str, count: int) -> np.ndarray:
         """Hat functions (N, ...) of so many equal pieces; on a circle for an angle."""
@@ -241,7 +245,7 @@ def slow_sine(known: Known, rng: np.random.Generator) -> Fault:
 def sag_twice(known: Known, rng: np.random.Generator) -> Fault:
     turn = np.zeros((2, len(known.n)))
     turn[1] = np.sin(known.session.alpha) * np.sin(2.0 * known.session.beta + rng.uniform(0.0, 2.0 * np.pi))
-    return Fault(Pair("inner-axis", "beta", "sin alpha"), "several", turn=turn)
+    return Fault(Pair("inner-axis", "beta", "sin alpha"), "smooth", turn=turn)
 
 
 def varying_scale(known: Known, rng: np.random.Generator) -> Fault:

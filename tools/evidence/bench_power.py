@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.effects import EffectPlace, Rows
-from ...models.effects.definition import ACCELEROMETERS, AXES
-from ...models.effects.lookup import TILT, TURN, values_of
+from ...models.effects import Rows
+from ...models.effects.definition import AXES
 from ..bounded.programmes import DETERMINED, Possible, column_space
 from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
 from ..result import finite_or_none
-from .bench_predictions import DenseVisits
-from .bench_visits import Circumstances, Visits, signature_columns
+from .bench_pairs import pairs_of_bench
+from .bench_visits import Circumstances, Visits
+from .pairs import TURN, Form, Pair
 
 PIECES, SECTORS = 6, 8
 """Pieces of a function over the range of a quantity, and round a circle."""
@@ -43,63 +43,34 @@ SCATTERED = 300
 LEAST = 1e-9
 """What is smaller, relatively, is rounding."""
 INPUTS = ("n1", "n2", "n3")
-ANGLES = ("alpha", "beta")
-PASSING = ("hours", "temperature")
-
-
-@dataclass(frozen=True)
-class Pair:
-    """A place, the quantity of which a fault there is an unknown function, and what that function is multiplied by."""
-
-    where: str
-    quantity: str
-    factor: str = ""
-
-    def at(self, knots: NDArray) -> EffectPlace:
-        """The function by its values at knots (K,), as an effect."""
-        kind = "around" if self.quantity in ANGLES else "at"
-        factor = f"{self.factor} times " if self.factor else ""
-        law = f"{factor}{self.quantity} {kind} {' '.join(map(repr, knots.tolist()))}"
-        return EffectPlace("lookup", self.where, law=law)
-
-    def knots(self, rows: Rows, finer: int = 1) -> NDArray[np.float64]:
-        """Knots (K,) round the circle, over the range of inputs, or over that of the rows."""
-        if self.quantity in ANGLES:
-            return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
-        values = values_of(self.quantity, rows)
-        low, high = (-LARGEST_INPUT, LARGEST_INPUT) if self.quantity in INPUTS else (values.min(), values.max())
-        return np.linspace(low, high, finer * PIECES + 1)
-
-    @property
-    def unit(self) -> str:
-        """Of the function's values."""
-        return "rad" if self.where in AXES else "1" if self.factor in INPUTS else "g"
+Named = tuple[str, str, str]
+"""Place, quantity and factor of a pair."""
 
 
 @dataclass(frozen=True)
 class Power:
-    """The size [unit of the pair] from which on every fault falsifies the model, whatever the noise; infinite: none."""
+    """The size [unit] from which on every fault of a pair falsifies the model, whatever the noise; infinite: none."""
 
     pair: Pair
     size: float
+
+    @property
+    def unit(self) -> str:
+        """Of the function's values; times a time or a temperature that is one at its largest."""
+        own = "rad" if self.pair.where in (*AXES, "base") else "g"
+        return "1" if self.pair.factor in INPUTS else own
 
     @property
     def entry(self) -> dict[str, Any]:
         """As results write it: ``place``, ``quantity``, where there is one ``factor``, ``size``, ``unit``."""
         factor = {"factor": self.pair.factor} if self.pair.factor else {}
         own = {"place": self.pair.where, "quantity": self.pair.quantity, **factor}
-        return {**own, "size": finite_or_none(self.size), "unit": self.pair.unit}
+        return {**own, "size": finite_or_none(self.size), "unit": self.unit}
 
 
-def pairs_of(rows: Rows, *, passing: bool = True) -> Iterator[Pair]:
-    """The pairs of which rows can say something: `passing`: of time and temperature too, where they vary."""
-    vary = [q for q in PASSING if passing and getattr(rows, q) is not None and np.ptp(values_of(q, rows)) > 0.0]
-    for own, where in zip(INPUTS, ACCELEROMETERS, strict=True):
-        yield from (Pair(where, quantity) for quantity in (*INPUTS, *ANGLES, *vary))
-        yield from (Pair(where, quantity, own) for quantity in vary)
-    for where, angle in zip(AXES, ANGLES, strict=True):
-        yield from (Pair(where, angle, factor) for factor in ("", TILT))
-        yield from (Pair(where, quantity) for quantity in vary)
+def judged_pairs(rows: Rows) -> Iterator[Pair]:
+    """The pairs of rows that are judged: those whose quantity has a range."""
+    return (pair for pair in pairs_of_bench(rows) if not pair.told)
 
 
 def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> tuple[Power, ...]:
@@ -107,12 +78,12 @@ def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> 
 
     `room` (M,): how far errors and residuals of a model that stands may be from each other [g].
     """
-    return tuple(Power(pair, largest_hidden(pair, rows, p, jacobian, room)) for pair in pairs_of(rows))
+    return tuple(Power(pair, largest_hidden(pair, p, jacobian, room)) for pair in judged_pairs(rows))
 
 
-def largest_hidden(pair: Pair, rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> float:
+def largest_hidden(pair: Pair, p: Parametrisation, jacobian: NDArray, room: NDArray) -> float:
     """The greatest size that some fault of a pair can have and be hidden; arguments as of `powers`."""
-    columns, told = class_of(pair, rows, p, jacobian)
+    columns, told = class_of(pair, p, jacobian)
     possible = Possible(columns, np.zeros(len(room)), room)
     # Weights that give a value bound it; those of least squares are at hand.
     weights = told / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])
@@ -125,36 +96,62 @@ def largest_hidden(pair: Pair, rows: Rows, p: Parametrisation, jacobian: NDArray
     return largest
 
 
-def class_of(pair: Pair, rows: Rows, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:
+def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:
     """Derivatives (M, P + K) by the parameters and the values at the knots, and of these (k, P + K) what counts."""
-    columns = signature_columns([pair.at(pair.knots(rows))], rows)
-    own = _own_part(pair, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
+    key = pair.where, pair.quantity, pair.factor
+    own = _own_part(key, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
     own = own[np.abs(own).max(axis=1) > LEAST]
+    columns = pair.spread(_hats(pair, 1, pair.values))
     return np.hstack((jacobian, columns)), np.hstack((np.zeros((len(own), jacobian.shape[1])), own))
 
 
+def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
+    """Functions (n, K) of the class, or of a finer one, that are one at a knot each, at values (n,)."""
+    if pair.circle:
+        return Form("around", finer * SECTORS).columns(values)
+    ends = _range(pair)
+    return Form("pieces", finer * PIECES).columns(np.append(values, ends))[: len(values)]
+
+
+def _range(pair: Pair) -> NDArray[np.float64]:
+    """Ends (2,) of a quantity that is no angle: those of inputs, else those of the rows."""
+    if all(name in INPUTS for name in pair.quantity.split()):
+        largest = LARGEST_INPUT ** len(pair.quantity.split()) / len(pair.quantity.split())
+        return np.array([-largest, largest])
+    return np.array([pair.values.min(), pair.values.max()])
+
+
+def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
+    """Where the pieces meet (K,)."""
+    if pair.circle:
+        return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
+    return np.linspace(*_range(pair), finer * PIECES + 1)
+
+
 @lru_cache(maxsize=8)
-def _scattered(matrices: bytes, symmetric: bool) -> DenseVisits:
-    """Positions, times and temperatures scattered evenly, with every mounting, of a faultless bench."""
+def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], NDArray[np.float64]]:
+    """Pairs at positions, times and temperatures scattered evenly over a faultless bench; the model's space (M, P)."""
     every = np.frombuffer(matrices).reshape(-1, 3, 3)
     p = parametrise({str(k): matrix for k, matrix in enumerate(every)}, symmetric=symmetric)
     index = np.arange(SCATTERED * len(every))
     # Multiples of irrational numbers, unrelated: no angle and no input comes twice.
     alpha, beta, time, temperature = (index * step % 1.0 for step in (0.754878, 0.569840, 0.618034, 0.414214))
     at, point = Positions(TURN * alpha, TURN * beta, index % len(every)), np.zeros(len(p.symbols))
-    visits = Visits(p, at, Circumstances(time, temperature, 0.0 * time, 0.0 * time, True))
-    return DenseVisits(visits.rows(point), column_space(reading_jacobian(p, point, at).reshape(3 * len(index), -1)))
+    visits = Visits(p, at, Circumstances(time, 20.0 + temperature, 0.0 * time, 0.0 * time, True))
+    space = column_space(reading_jacobian(p, point, at).reshape(3 * len(index), -1))
+    return {(pair.where, pair.quantity, pair.factor): pair for pair in judged_pairs(visits.rows(point))}, space
 
 
 @lru_cache(maxsize=512)
-def _own_part(pair: Pair, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
+def _own_part(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
     """The matrix P (K, K) that takes off values at the knots what fits them of functions that the model imitates."""
-    dense = _scattered(matrices, symmetric)
-    knots, fine = pair.knots(dense.rows), pair.knots(dense.rows, FINER)
+    pairs, space = _scattered(matrices, symmetric)
+    pair = pairs[name]
+    knots, fine = _knots(pair, 1), _knots(pair, FINER)
     # What the class itself holds is taken off exactly, a wave by its values at the knots.
-    base = column_space(_imitated(pair, dense, 1, LEAST))
-    near = _imitated(pair, dense, FINER, IMITATED)
-    if pair.quantity in ANGLES:
+    base = column_space(_imitated(pair, space, 1, LEAST))
+    near = _imitated(pair, space, FINER, IMITATED)
+    if pair.circle:
         fine, near = np.append(fine, TURN), np.vstack((near, near[:1]))
     values = np.array([np.interp(knots, fine, one) for one in near.T]).reshape(-1, len(knots)).T
     values = values / np.linalg.norm(values, axis=0)
@@ -163,10 +160,10 @@ def _own_part(pair: Pair, matrices: bytes, symmetric: bool) -> NDArray[np.float6
     return np.eye(len(knots)) - base @ base.T
 
 
-def _imitated(pair: Pair, dense: DenseVisits, finer: int, most: float) -> NDArray[np.float64]:
+def _imitated(pair: Pair, space: NDArray, finer: int, most: float) -> NDArray[np.float64]:
     """Functions (K, d) of which at most such a part of the sum of squares is left beside the model."""
-    columns = signature_columns([pair.at(pair.knots(dense.rows, finer))], dense.rows)
-    left = columns - dense.bench @ (dense.bench.T @ columns)
+    columns = pair.spread(_hats(pair, finer, pair.values))
+    left = columns - space @ (space.T @ columns)
     sizes, turned = np.linalg.eigh(columns.T @ columns)
     whitened = turned / np.sqrt(np.maximum(sizes, LEAST * sizes.max()))
     parts, functions = np.linalg.eigh(whitened.T @ (left.T @ left) @ whitened)

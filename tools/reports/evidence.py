@@ -382,8 +382,7 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
     return sections
 
 
-POWERS = (*COLUMNS["accelerometers"], *COLUMNS["table"][:2])
-QUANTITIES = {"hours": "time", "alpha": "α", "beta": "β"}
+POWERS = (*COLUMNS["accelerometers"], *COLUMNS["table"])
 
 
 def power_section(result: Diagnosis) -> Section | None:
@@ -394,7 +393,7 @@ def power_section(result: Diagnosis) -> Section | None:
         # An accelerometer's own input is one quantity, whichever it is.
         words = {own: "own input", "tilt": "tilt of the axis"}
         quantity, factor = (words.get(entry.get(key, ""), entry.get(key, "")) for key in ("quantity", "factor"))
-        row = rows.setdefault((QUANTITIES.get(quantity, quantity), factor, unit_text(entry["unit"])), {})
+        row = rows.setdefault((_in_short(quantity), _in_short(factor), unit_text(entry["unit"])), {})
         row[entry["place"].replace("-", " ")] = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
     if not rows:
         return None
@@ -428,8 +427,13 @@ def power_lines(result: Diagnosis) -> list[str]:
 
 def _of_words(entry: Mapping[str, Any]) -> str:
     """The quantity, and the factor, of which a fault is a function."""
-    factor = f"{entry['factor']} times " if entry.get("factor") else ""
-    return factor + QUANTITIES.get(entry["quantity"], entry["quantity"])
+    factor = f"{_in_short(entry['factor'])} times " if entry.get("factor") else ""
+    return factor + _in_short(entry["quantity"])
+
+
+def _in_short(quantity: str) -> str:
+    """A quantity as tables have it."""
+    return quantity.replace("hours", "time").replace("alpha", "α").replace("beta", "β")
 
 
 def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
