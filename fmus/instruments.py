@@ -66,6 +66,8 @@ ACCELEROMETER_BLOCK = Component(
         state("start", "time of the start", 1),
         state("previous_input", "specific force at its last change", 3),
         state("context", "the circumstances that effects read", CONTEXT_SIZE),
+        state("before", "hours and temperature [degC] of the step before", 2),
+        state("kept", "what effects keep for each accelerometer", 3),
         work("n", "inputs in g", 3),
         work("added", "what effects add", 3),
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),

@@ -299,11 +299,12 @@ def hook_source(hook: Callable[..., Any], component: Component) -> str:
     for place in component.effects:
         effect = place.definition
         count = len(effect.parameters)
-        if effect.stage == hook.__name__ and effect.kernel is not None:
+        kernel = effect.kernel_at(hook.__name__)
+        if kernel is not None:
             numbers = [str(number) for number in effect.place_numbers(place)]
             values = [f"effect[{at + i}]" for i in range(count)]
             arguments = ", ".join([*names[:2], *numbers, *values, names[-1]])
-            lines.append(f"    {effect.kernel.__name__}({arguments})")
+            lines.append(f"    {kernel.__name__}({arguments})")
         at += count
     if returns:
         lines.append("    return 1.0")
@@ -329,15 +330,13 @@ def flat_source(component: Component) -> str:
 def flat_parts(component: Component) -> tuple[Part, ...]:
     """The parts of a component's flat source, in order; raises as `flat_source` does."""
     parts: dict[str, Part] = {}
-    stages = {place.definition.stage for place in component.effects}
 
     def include(function: Callable[..., Any]) -> None:
-        if function.__name__ in stages:
-            for place in component.effects:
-                effect = place.definition
-                if effect.stage == function.__name__ and effect.kernel is not None:
-                    include_names(effect.kernel)
-                    parts.setdefault(effect.kernel.__name__, source_of(effect.kernel))
+        found = [place.definition.kernel_at(function.__name__) for place in component.effects]
+        if kernels := [kernel for kernel in found if kernel is not None]:
+            for kernel in kernels:
+                include_names(kernel)
+                parts.setdefault(kernel.__name__, source_of(kernel))
             parts[function.__name__] = replace(source_of(function), text=hook_source(function, component))
             return
         include_names(function)

@@ -17,6 +17,7 @@ from .restricted import (
     GRAVITY,
     HOURS,
     INPUT,
+    KEPT,
     RATE,
     SENSE_INPUT,
     TEMPERATURE,
@@ -39,6 +40,23 @@ def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector)
 
     `own` (3,) [g] is what each accelerometer's own input adds to its reading.
     """
+
+
+def kept_effects(context: Vector, before: Vector, effect: Vector, kept: Vector) -> None:
+    """Once a step: what effects keep for each accelerometer (3,); the nominal block keeps nothing.
+
+    `before` (2,) are hours and temperature [degC] of the step before.
+    """
+
+
+def keep(temperature: float, effect: Vector, before: Vector, kept: Vector, context: Vector) -> None:
+    """Let effects keep what they need of the step that ends with this temperature [degC], at the context's time."""
+    context[TEMPERATURE] = temperature
+    kept_effects(context, before, effect, kept)
+    before[0] = context[HOURS]
+    before[1] = temperature
+    for p in range(3):
+        context[KEPT + p] = kept[p]
 
 
 def respond(
@@ -117,12 +135,14 @@ def follow_rate(step: float, rate: Vector, context: Vector) -> None:
 def initialise(
     time: float,
     specific_force: Vector,
+    temperature: float,
     dwell: float,
     rate: Vector,
     gravity: float,
     noise_bound: float,
     held_fraction: float,
     seed: float,
+    effect: Vector,
     error: Vector,
     held: Vector,
     generator: Vector,
@@ -130,6 +150,8 @@ def initialise(
     start: Vector,
     context: Vector,
     previous_input: Vector,
+    before: Vector,
+    kept: Vector,
 ) -> int:
     """Draw the first errors; returns 0 or the number of a message."""
     if not gravity > 0.0:
@@ -144,6 +166,9 @@ def initialise(
         previous_input[p] = 0.0
         follow_input(p, specific_force[p], gravity, context, previous_input)
     follow_rate(0.0, rate, context)
+    before[0] = 0.0
+    before[1] = temperature
+    keep(temperature, effect, before, kept, context)
     held_dwell[0] = dwell
     draw_error(noise_bound, held_fraction, held, generator, error)
     return 0
@@ -153,12 +178,14 @@ def step(
     time: float,
     step: float,
     specific_force: Vector,
+    temperature: float,
     dwell: float,
     rate: Vector,
     angle: Vector,
     gravity: float,
     noise_bound: float,
     held_fraction: float,
+    effect: Vector,
     error: Vector,
     held: Vector,
     generator: Vector,
@@ -166,6 +193,8 @@ def step(
     start: Vector,
     context: Vector,
     previous_input: Vector,
+    before: Vector,
+    kept: Vector,
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
@@ -182,6 +211,7 @@ def step(
     if step > 1e-9:
         follow_rate(step, rate, context)
     context[HOURS] = (time + step - start[0]) / 3600.0
+    keep(temperature, effect, before, kept, context)
     if dwell != held_dwell[0]:
         held_dwell[0] = dwell
         for p in range(3):

@@ -42,7 +42,9 @@ ANGULAR_ACCELERATION = 15
 """angular acceleration [rad/s²] over the last step (three places)"""
 GRAVITY = 18
 """model value of gravity [m/s²]"""
-CONTEXT_SIZE = 19
+KEPT = 19
+"""what effects keep for each accelerometer (three places)"""
+CONTEXT_SIZE = 22
 """length of the context"""
 
 STEP_LENGTH = 12

@@ -51,6 +51,9 @@ SHOWN_LEVELS = {
     "quantisation": (0.2,),
     "exchanged-readings": (0.5,),
     "bias-step": (1.0, 0.5),
+    "scale-step": (1.0, 0.5),
+    "warm-up": (1.0, 0.25),
+    "thermal-lag": (0.1, 0.1),
 }
 """Levels [g], and times [h], at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
 SHOWN_ORDER = 2
@@ -192,7 +195,9 @@ def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
     # At α = 90° the first input is sin β; a tilted table shows turns of every kind.
     alpha, beta, label = 0.5 * math.pi * ones, math.asin(1.0) * (2.0 * steps - 1.0), "input [g]"
     along = np.sin(beta)
-    if effect.name.endswith(("drift", "step")) or effect.name == "exchanged-readings":
+    if effect.name.endswith(("drift", "step")) or effect.name in ("exchanged-readings", "warm-up", "thermal-lag"):
+        # A temperature that jumps shows a lag.
+        temperature = np.where(steps < 0.2, 20.0, 30.0)
         hours, label, along = steps, "time [h]", steps
         alpha, beta = 1.1 * ones, 0.6 * ones
     elif "temperature" in effect.needs:

@@ -146,6 +146,10 @@ def whole_numbers(kernel: Callable[..., None] | None) -> tuple[str, ...]:
     return tuple(a.name for a in arguments if a.annotation in (int, "int"))
 
 
+KEEPING = "kept_effects"
+"""The hook in which a component keeps what effects need of the past."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """An entry of the catalogue.
@@ -194,6 +198,9 @@ class Effect:
     open_argument : callable or None
         place, rows -> (N, 3): by how much a reading [g] may differ per unit of the size of the coefficients, within
         what is told of the quantity that the effect depends on; None where that is exact
+    memory : callable or None
+        restricted Python: what the component keeps for the effect, called once a step by its hook `kept_effects`, as
+        the kernel is by its stage's
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
         place's law is none
@@ -219,15 +226,16 @@ class Effect:
     within: str | None = None
     needs: tuple[str, ...] = ()
     turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
-    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], list[Variant]] | None = None
+    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], Sequence[Variant]] | None = None
     degree: int = 0
     untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     formula: str = ""
     open_argument: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
+    memory: Callable[..., None] | None = None
+    contains: tuple[str, ...] = ()
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
     sets_in: bool = False
-    contains: tuple[str, ...] = ()
 
     def at(self, place: EffectPlace) -> "Effect":
         """The effect as it is at one of its places."""
@@ -242,6 +250,10 @@ class Effect:
     def linear_parameters(self) -> tuple[EffectParameter, ...]:
         """The parameters of an effect without variants that its linear coefficients give."""
         return self.parameters[: len(self.parameters) - self.sets_in]
+
+    def kernel_at(self, stage: str) -> Callable[..., None] | None:
+        """Its kernel that joins a hook of the component: at its stage, or where the component keeps what it needs."""
+        return self.kernel if stage == self.stage else self.memory if stage == KEEPING else None
 
     def place_numbers(self, place: EffectPlace) -> tuple[int, ...]:
         """The whole numbers that the kernel takes at a place, by their names.
@@ -330,7 +342,7 @@ def own_input(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 def last_stage_effect(
     kernel: Callable[..., None],
     parameters: Parameters,
-    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], list[Variant]],
+    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], Sequence[Variant]],
     sentence: str | Sentence,
     **more: Any,
 ) -> Effect:

@@ -142,6 +142,11 @@ class Variant:
     stands : callable
         rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
         would change these readings there, and no others
+    paid : (N, 3, K) or None
+        by how much a reading may differ [g] per unit of the size of each coefficient, which then all have one sign: the
+        bounds grow by it; None where the columns are exact
+    sizes : (S, K) or None
+        sums of coefficients that are the first of the parameters; None where these are the coefficients
     mixed : (N, 3, 3) or None
         what becomes of the three readings where channels are exchanged: matrix times readings; None where they are not
     undecided : callable
@@ -158,9 +163,16 @@ class Variant:
     limits: tuple[tuple[float, float], ...]
     lost: NDArray[np.bool_]
     fixed: NDArray[np.bool_]
+    paid: NDArray[np.float64] | None = None
+    sizes: NDArray[np.float64] | None = None
     mixed: NDArray[np.float64] | None = None
     stands: Callable[[Rows, NDArray[np.float64]], bool] = lambda rows, coefficients: True
     undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
+
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """Sums (S, K) of coefficients that are the first of the parameters."""
+        return np.eye(self.columns.shape[2]) if self.sizes is None else self.sizes
 
     @property
     def touched(self) -> NDArray[np.bool_]:

@@ -119,11 +119,13 @@ def test_exchanged_readings_are_one_of_the_variants_from_its_time_on(place):
     assert not variants(place, rows, rows.prediction, 1e-9)
 
 
-@pytest.mark.parametrize("place", CATALOGUE["bias-step"].places, ids=lambda place: place.title)
-def test_a_bias_step_is_one_of_the_variants_from_its_time_on(place):
+@pytest.mark.parametrize(
+    "place", [*CATALOGUE["bias-step"].places, *CATALOGUE["scale-step"].places], ids=lambda place: place.title
+)
+def test_a_step_of_bias_or_scale_is_one_of_the_variants_from_its_time_on(place):
     start, size = 0.5 * (HOURS[2] + HOURS[3]), 3e-3
     rows, seen = true_bench()[1], readings({place: (size, start)})
-    variants = CATALOGUE["bias-step"].variants
+    variants = CATALOGUE[place.effect].variants
     assert variants is not None
     every = variants(place, rows, rows.prediction, 1e-5)
     found = [v for v in every if v.limits[1][0] <= start <= v.limits[1][1]]

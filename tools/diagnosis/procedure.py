@@ -122,10 +122,13 @@ def diagnosed(
     idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
     if not findings:
         return _unexplained(evidence, told, idle)
+    # What contains a set that stands can always stand, too: it is no rival, and comes behind.
+    containing = [one for one in tried if any(contains(one.fit.places, other.fit.places) for other in findings)]
+    findings = sorted(findings, key=lambda one: one in containing)
     best, judgement = findings[0], judgement_of(evidence, findings[0].fit)
     told |= {"findings": findings, "judgement": judgement}
     objections = tuple(text for witness in _heard(judgement) for text in witness.objections)
-    if len(groups) > 1 or not found.complete:
+    if len(groups) > 1 + len(containing) or not found.complete:
         return _result(
             "ambiguous",
             told | _named(best),
@@ -148,11 +151,13 @@ def diagnosed(
     if objections:
         return _unexplained(evidence, told, objections)
     excluded = excluded_sizes(evidence, best.fit)
+    same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
     return _result(
         "explained",
         told | _named(best),
         evidence.of_model(best.fit, excluded),
-        equivalent_sets=tuple(tuple(NamedEffect.of(place) for place in fit.places) for fit in groups[0][1:]),
+        containing=tuple(tuple(NamedEffect.of(place) for place in one.fit.places) for one in containing),
+        equivalent_sets=tuple(tuple(NamedEffect.of(place) for place in fit.places) for fit in same[1:]),
         gain=evidence.gain(best.fit) if rerun else None,
         excluded=excluded,
     )
@@ -400,8 +405,6 @@ def search(
                     break
         except CutOff:
             complete = False
-        # What contains a set that stands can always stand, too.
-        found = [fit for fit in found if not any(contains(fit.places, other.places) for other in found)]
         if found or not complete:
             return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), fit.title))), complete, size)
     return Found(())

@@ -337,6 +337,8 @@ class Diagnosis(Told):
         other sets that no measurement of this kind could tell from the first
     power : tuple of Unlisted
         from which size on what is in no catalogue would have falsified the model, whatever the noise
+    containing : tuple of tuple of NamedEffect
+        sets that would do, too, as they contain what is named, as a slow warm-up contains a drift: no rivals of it
     not_named : tuple of str
         why a set that would do is not named
     objections : tuple of str
@@ -380,6 +382,7 @@ class Diagnosis(Told):
     cut_off_at: int | None = None
     next: tuple[str, ...] | None = None
     equivalent_sets: tuple[tuple[NamedEffect, ...], ...] | None = None
+    containing: tuple[tuple[NamedEffect, ...], ...] | None = None
     judgement: Witness | tuple[EffectWitness, ...] | None = None
     not_named: tuple[str, ...] | None = None
     objections: tuple[str, ...] | None = None
@@ -420,6 +423,11 @@ class Diagnosis(Told):
     def equal_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
         """`equivalent_sets` as places."""
         return tuple(tuple(named.place for named in places) for places in self.equivalent_sets or ())
+
+    @property
+    def containing_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
+        """`containing` as places."""
+        return tuple(tuple(named.place for named in places) for places in self.containing or ())
 
     def to_polars(self) -> "DataFrame":
         """A row for each parameter of each cause; `set` counts the sets of effects that remain, the best first."""

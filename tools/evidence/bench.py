@@ -33,6 +33,7 @@ from .bench_model import (
     LARGEST_OF_BENCH,
     ROUNDS,
     Cast,
+    Paid,
     Readings,
     Relaxation,
     centre_of,
@@ -48,6 +49,7 @@ from .bench_power import powers
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
 from .bench_visits import Circumstances, circumstances_of, is_linear, left_open, signature_columns, untold_readings
+from .bench_wander import wanders
 from .evidence import Channel, Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
@@ -63,6 +65,8 @@ LOOSE = 10.0
 TOO_MUCH = 0.3
 """With more slack than this, effects that stand out are fitted before others are sought."""
 MOST_ANCHORS = 3
+PROVEN_WANDER = 2
+"""A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
 STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
 
@@ -155,7 +159,7 @@ class Bench(Evidence):
         return usual_centre(self.readings, self.here.point)
 
     @cached_property
-    def additive(self) -> dict[EffectPlace, list[Variant]]:
+    def additive(self) -> dict[EffectPlace, Sequence[Variant]]:
         """Effects that only add columns, others in each of their ways: they are sought by these."""
         rows = self.readings.rows(self.centre.point)
         found = {place: self.readings.variants(place, rows) for place in self.places if not is_linear(place)}
@@ -189,6 +193,10 @@ class Bench(Evidence):
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         if np.abs(self.centre.point).max() > LARGEST_OF_BENCH:
             return
+        if size > 1:
+            limit, rows = 1.0 + self.slack(self.centre), self.readings.rows_with(self.centre)
+            for wander in wanders(self.centre, rows, limit, work, proven=size == PROVEN_WANDER):
+                yield (wander,)
         free = [place for place in self.classes.places if place not in self.relaxed]
         for count in range(min(size, len(self.relaxed)) + 1):
             for chosen in combinations(self.relaxed.values(), count):
@@ -319,7 +327,7 @@ class Bench(Evidence):
         for mine in untold:
             rate[:, columns[mine.place]] = mine.rate / self.bound
         bound = 1.0 + sum(mine.widening for mine in bent) / self.bound
-        growths = growths_of(columns, rate[kept], np.zeros(jacobian.shape[1]))
+        growths = growths_of(Paid.of(columns, rate[kept]), rate[kept], np.zeros(jacobian.shape[1]))
         work.programme(*jacobian.shape)
         return least_radius(jacobian[kept], problem.residual[kept], bound[kept], growths)[0]
 
@@ -339,20 +347,23 @@ class Bench(Evidence):
         bent: dict[EffectPlace, Sequence[int]] = {}
         for place in places:
             if place in self.additive:
-                bent[place] = self._open_ways[known]
+                bent[place] = self._open_ways.get(known, range(len(self.additive[place])))
             elif place in self.relaxed and (count := self.relaxed[place].ways):
                 bent[place] = range(count)
         found: dict[tuple[float, ...], list[Fit]] = {}
+        start = self.centre.point
         for ways in product(*bent.values()):
-            fit = self._standing(Cast(tuple(places), dict(zip(bent, ways, strict=True))), work)
+            fit = self._standing(Cast(tuple(places), dict(zip(bent, ways, strict=True))), start, work)
             if fit is not None:
                 found.setdefault(fit.signs, []).append(fit)
+                # The next way is about as this one.
+                start = fit.point
         ranked = [sorted(fits, key=lambda fit: fit.radius) for fits in found.values()]
         return [replace(best, also=tuple(others)) for best, *others in ranked]
 
-    def _standing(self, cast: Cast, work: Work) -> Fit | None:
-        """A fit with possible sizes, where it mends the record."""
-        fit = fitted(self.readings, cast, self.centre.point, self.limit, work)
+    def _standing(self, cast: Cast, start: NDArray, work: Work) -> Fit | None:
+        """A fit with possible sizes, where it mends the record; begun at parameters (P,) of the bench."""
+        fit = fitted(self.readings, cast, start, self.limit, work)
         if fit is None or fit.radius > self.limit:
             return None
         work.programme(*fit.jacobian.shape)
@@ -364,7 +375,7 @@ class Bench(Evidence):
         jacobian, rate = np.hstack((self.nominal, columns)), np.zeros((len(columns), count + columns.shape[1]))
         if columns.shape[1] == 1:
             rate[:, count] = left_open(place, self.rows)
-        growths = growths_of({place: count}, rate, np.zeros(jacobian.shape[1]))
+        growths = growths_of(Paid.of({place: count}, rate), rate, np.zeros(jacobian.shape[1]))
         return least_radius(jacobian, self.residual, self.bound, growths)[0]
 
     # What the readings do not tell

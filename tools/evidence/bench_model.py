@@ -56,32 +56,42 @@ MAX_LEVERAGE = 1.0
 """A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
 
 
-def growths_of(
-    places: Mapping[EffectPlace, int], rate: NDArray[np.float64], x: NDArray[np.float64]
-) -> tuple[Growth, ...]:
+@dataclass(frozen=True)
+class Paid:
+    """Coefficients of one effect that have one sign, and for whose size bounds may grow.
+
+    `columns` are their numbers, `low` and `high` the ends of what is possible of each.
+    """
+
+    columns: slice
+    low: float
+    high: float
+
+    @staticmethod
+    def of(places: Mapping[EffectPlace, int], rate: NDArray[np.float64]) -> "list[Paid]":
+        """Of effects of one coefficient, with its column, those for whose size bounds grow by `rate` (M, n)."""
+        return [
+            Paid(slice(column, column + 1), *(float(end[0]) for end in coefficient_limits(place)))
+            for place, column in places.items()
+            if rate[:, column].any()
+        ]
+
+
+def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[Growth, ...]:
     """The bounds' growth about a solution x (n,), in every branch of signs that the coefficients may have.
 
-    `places` are effects of one coefficient with its column; by `rate` (M, n) the bounds grow per unit of its size. None
-    where nothing grows.
+    By `rate` (M, n) the bounds grow per unit of a coefficient's size. None where nothing is paid for.
     """
-    paid = [(place, column) for place, column in places.items() if rate[:, column].any()]
     if not paid:
         return ()
     found = []
-    # Of each coefficient the ends, sign by sign, that are possible.
-    ends = [
-        [
-            (sign, float(end[0]))
-            for sign, end in zip((-1.0, 1.0), coefficient_limits(place), strict=True)
-            if sign * end > 0
-        ]
-        for place, _ in paid
-    ]
+    # Of each the ends, sign by sign, that are possible.
+    ends = [[(sign, end) for sign, end in ((-1.0, one.low), (1.0, one.high)) if sign * end > 0.0] for one in paid]
     for branch in product(*ends):
         own, low, high = np.zeros(len(x)), np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        for (sign, end), (_, column) in zip(branch, paid, strict=True):
-            own[column] = sign
-            low[column], high[column] = min(0.0, end) - x[column], max(0.0, end) - x[column]
+        for (sign, end), one in zip(branch, paid, strict=True):
+            own[one.columns] = sign
+            low[one.columns], high[one.columns] = min(0.0, end) - x[one.columns], max(0.0, end) - x[one.columns]
         found.append(Growth(rate @ (own * x), rate * own, low, high))
     return tuple(found)
 
@@ -153,7 +163,7 @@ class Readings(Visits):
         measured = {"reading": self.reading[rows], "bound": self.bound[readings_at(rows)], "sign": self.sign[rows]}
         return replace(super().selected(rows), **measured)
 
-    def variants(self, place: EffectPlace, rows: Rows) -> list[Variant]:
+    def variants(self, place: EffectPlace, rows: Rows) -> Sequence[Variant]:
         """The ways in which an effect can act on the readings."""
         seen = place.definition.variants
         return [] if seen is None else seen(place, rows, self.reading, float(self.bound.min()))
@@ -225,6 +235,8 @@ class Cast:
         fixed = np.zeros(rows.n.shape, dtype=bool)
         for place, variant in zip(self.places, variants, strict=True):
             if variant is not None:
+                if variant.paid is not None:
+                    rate[:, len(point) :][:, own[place]] = variant.paid.reshape(len(reading), -1)
                 slopes = _without_lost(readings, point, at, variant, slopes)
                 reading = reading + variant.offset.ravel()
                 bound = bound + variant.widening.ravel()
@@ -300,7 +312,12 @@ def fitted(
 
     def fit_at(x: NDArray, model: Model, estimate: NDArray, *, there: bool = False) -> Fit:
         """The fit linear at x: at the centre that a step leads to, or as it is `there`."""
-        residual, growths = reading - model.reading, growths_of(single, model.rate, x)
+        paid = Paid.of(single, model.rate) + [
+            Paid(slice(count + block.start, count + block.stop), float(way.low[0]), float(way.high[0]))
+            for block, way in zip(blocks, model.variants, strict=True)
+            if way is not None and way.paid is not None
+        ]
+        residual, growths = reading - model.reading, growths_of(paid, model.rate, x)
         if there:
             # Of all branches the bounds are widest in that in which x lies.
             growths = tuple(sorted(growths, key=lambda growth: -growth.now.sum()))

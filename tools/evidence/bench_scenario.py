@@ -112,8 +112,10 @@ class Visited:
             if stops and self.circumstances.approached:
                 places[-1] = command - away
             times = begin + (arrive[k] - begin) * np.arange(stops) / max(stops, 1)
-            timed = zip([*times, arrive[k]], [*places, command], strict=True)
-            rows += [(self.circumstances.began + time, *place, degrees[k]) for time, place in timed]
+            # What follows the temperature with a lag needs it on the way, too.
+            warmth = [*np.interp(times + 0.5 * longest, seconds, degrees), degrees[k]]
+            timed = zip([*times, arrive[k]], [*places, command], warmth, strict=True)
+            rows += [(self.circumstances.began + time, *place, warm) for time, place, warm in timed]
         names = ("time_s", "alpha_rad", "beta_rad", "temperature_degC")
         return dict(zip(names, np.array(rows).T, strict=True))
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
-from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT
+from ...models.effects.accelerometer import NOMINAL_TEMPERATURE
+from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT, KEPT, TEMPERATURE
 from ..calibration.model import (
     Linearisation,
     Parametrisation,
@@ -251,11 +252,19 @@ def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, reading: NDArray) -> NDArray:
     """Readings (N, 3) after the kernels of effects that are not linear, with these parameters."""
     seen = reading.copy()
+    temperature = np.full(len(seen), NOMINAL_TEMPERATURE) if rows.temperature is None else rows.temperature
+    # What is kept of the past begins with the first row.
+    kept = np.full(3, temperature[0] if len(seen) else NOMINAL_TEMPERATURE)
     for row in range(len(seen)):
-        context = np.zeros(CONTEXT_SIZE)
+        context, past = np.zeros(CONTEXT_SIZE), max(row - 1, 0)
         context[HOURS], context[INPUT : INPUT + 3] = rows.hours[row], rows.n[row]
+        context[TEMPERATURE] = temperature[row]
         for place, values in bent:
             effect = place.definition
+            numbers = effect.place_numbers(place)
+            if effect.memory is not None:
+                effect.memory(context, (rows.hours[past], temperature[past]), *numbers, *values, kept)
+                context[KEPT : KEPT + 3] = kept
             if effect.kernel is not None:
-                effect.kernel(context, rows.own[row], *effect.place_numbers(place), *values, seen[row])
+                effect.kernel(context, rows.own[row], *numbers, *values, seen[row])
     return seen

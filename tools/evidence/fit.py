@@ -104,9 +104,10 @@ class Fit:
 
     @property
     def signs(self) -> tuple[float, ...]:
-        """Signs of the coefficients of effects that are not linear, where the radius is attained."""
+        """Signs of the sizes of effects that are not linear, where the radius is attained."""
         own = self.central[len(self.point) :]
-        return tuple(float(np.sign(c)) for _, block, variant in self.ways if variant is not None for c in own[block])
+        bent = [(variant, own[block]) for _, block, variant in self.ways if variant is not None]
+        return tuple(float(np.sign(c)) for variant, values in bent for c in variant.directions @ values)
 
     @property
     def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
@@ -252,10 +253,9 @@ def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
 
 def _variant_intervals(variant: Variant, reach: Reach) -> tuple[Interval, ...]:
     """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
-    coefficients = np.eye(variant.columns.shape[2])
     sizes = [
-        (max(low, -reach(-unit)), min(high, reach(unit)))
-        for unit, (low, high) in zip(coefficients, variant.limits, strict=False)
+        (max(low, -reach(-along)), min(high, reach(along)))
+        for along, (low, high) in zip(variant.directions, variant.limits, strict=False)
     ]
     return (*sizes, *variant.limits[len(sizes) :])
 

@@ -52,6 +52,11 @@ def sentences_of(finding: Finding, result: Diagnosis) -> str:
     return "; ".join(sentence_of(cause, result) for cause in finding.causes)
 
 
+def containing_titles(result: Diagnosis) -> list[str]:
+    """Titles of the sets that would do as well, as they contain the one that is named."""
+    return [" and ".join(place.title for place in places) for places in result.containing_sets]
+
+
 # Lines for a terminal
 
 
@@ -67,6 +72,7 @@ def lines(result: Diagnosis) -> list[str]:
     said += [f"not named: {len(why) - MOST_SETS} sets more"] if len(why) > MOST_SETS else []
     said += [f"against the first set: {text}" for text in result.objections or ()]
     said += hypothesis_lines(result)
+    said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position)}")

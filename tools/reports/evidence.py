@@ -242,6 +242,9 @@ def confusion_section(result: Diagnosis) -> Section | None:
         f"How alike effects look in this record{beyond}: 1 means that the one can be sized to look just like the "
         "other, 0 that it cannot at all. Close to 1 it takes small noise to confuse them."
     ]
+    for places_too in result.containing_sets:
+        titles_too = " and ".join(place.title for place in places_too)
+        said.append(f"Not excluded: {titles_too}, which contains what is named.")
     if result.findings and not rows:
         tells = "some measurement on this bench" if of_bench(result) else "this record"
         said.append(f"What was found is alone in its class: {tells} tells it from every other effect.")

@@ -49,7 +49,7 @@ from .sizes import Hidden, SureSizes, level_margins, sure_sizes
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
-NOT_DRAWN = ("bias-step", "exchanged-readings")
+NOT_DRAWN = ("bias-step", "scale-step", "warm-up", "thermal-lag", "exchanged-readings")
 HIDDEN_EFFECTS = tuple(name for name in POSITION_EFFECTS if name not in NOT_DRAWN)
 """What a suite of a table's positions hides. Exchanged channels have no size that could be near that of detection; a
 step has another one for each time, and its nearest rivals are steps at the times beside it."""

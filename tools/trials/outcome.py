@@ -151,7 +151,7 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
     """Hold a diagnosis against the secret of its case."""
     own = case.instrument
     sets = [finding.causes for finding in result.findings]
-    kind = kind_of(case.places, result.verdict, sets, result.equal_sets)
+    kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
     table = own.truth["TurntableMotion"] if isinstance(own, Bench) else None
     inside, errors = _held_against(case.hidden, kind, sets, table)
     if isinstance(own, Bench):
@@ -195,11 +195,12 @@ def kind_of(
     verdict: str,
     sets: Sequence[Sequence[Cause]],
     equivalent_sets: Iterable[Iterable[EffectPlace]] = (),
+    containing: Iterable[Iterable[EffectPlace]] = (),
 ) -> str:
     """One of `KINDS`, for the places of what is hidden and the verdict of a diagnosis.
 
     `sets` are the one that is named, or those that remain, the best one first; `equivalent_sets` are whole sets that
-    cannot be told from the one that is named.
+    cannot be told from the one that is named, `containing` such as are not excluded beside it, as they contain it.
     """
     if verdict in ("consistent", "insufficient", "unexplained"):
         return "right" if not places and verdict != "unexplained" else verdict
@@ -208,6 +209,8 @@ def kind_of(
     if verdict == "explained":
         if any(set(others) == set(places) for others in equivalent_sets):
             return "right"
+        if any(set(others) == set(places) for others in containing):
+            return "candidate"
         if sets and sets[0] and all(set(places) & _alike(cause) for cause in sets[0]):
             return "part"
     return "wrong"

@@ -1,0 +1,189 @@
+"""What settles with a time constant that is found.
+
+warm_up
+    the bias of an accelerometer settles exponentially after the start
+thermal_lag
+    the bias of an accelerometer depends on a temperature that follows the measured one through a first-order lag
+
+A time constant is sought in cells that cover all from the shortest to the longest that a record can show. Within a cell
+the response is a mean of those at its two ends, with weights of one sign, up to an error that is bounded by the second
+derivative by the constant's logarithm; the bounds of the readings grow by it, so that no time constant is missed.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..restricted import HOURS, KEPT, TEMPERATURE, Vector
+from .accelerometer import NOMINAL_TEMPERATURE, above_nominal
+from .definition import EffectParameter, EffectPlace, accelerometer_column, last_stage_effect
+from .last_stage import LAST_HOUR, variant
+from .rows import Rows, Variant
+
+LARGEST_OF_BIAS = 1e-1
+LARGEST_PER_KELVIN = 1e-3
+CELL = 0.15
+"""Width of a cell of time constants, as a difference of their logarithms."""
+LONGEST = 10.0
+"""Time constants up to so many times a record's length are sought: a longer one cannot be told from a drift."""
+SHORTEST_ROW = 2
+"""What settles before this row is an outlier of the first."""
+MOST_THIRD = 0.43
+"""The largest third derivative of e^(−x) by the logarithm of x."""
+
+
+def warm_up(context: Vector, n: Vector, p: int, size: float, time_constant: float, added: Vector) -> None:
+    """Add size (1 − e^(−t/τ)) to the reading of accelerometer p; a time constant of 0 stands for none."""
+    if time_constant > 0.0:
+        added[p] = added[p] + size * (1.0 - math.exp(-context[HOURS] / time_constant))
+
+
+def thermal_lag(context: Vector, n: Vector, p: int, coefficient: float, time_constant: float, added: Vector) -> None:
+    """Add c (T_lag − 20) to the reading of accelerometer p; T_lag is what `lagging_temperature` keeps."""
+    added[p] = added[p] + coefficient * (context[KEPT + p] - NOMINAL_TEMPERATURE)
+
+
+def lagging_temperature(
+    context: Vector, before: Vector, p: int, coefficient: float, time_constant: float, kept: Vector
+) -> None:
+    """Let the temperature that is kept for accelerometer p follow: τ T_lag' = T − T_lag.
+
+    `before` are hours and temperature [degC] of the step before: between, the temperature is taken as linear in time,
+    for which this is exact. It begins with the temperature at the start.
+    """
+    temperature = context[TEMPERATURE]
+    hours = context[HOURS] - before[0]
+    if time_constant > 0.0 and hours > 0.0:
+        left = math.exp(-hours / time_constant)
+        behind = time_constant * (temperature - before[1]) / hours
+        kept[p] = temperature - behind + (kept[p] - before[1] + behind) * left
+    elif time_constant <= 0.0 or context[HOURS] <= 0.0:
+        kept[p] = temperature
+
+
+def time_constants(hours: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none where these are too few."""
+    times = np.unique(hours)
+    if len(times) <= SHORTEST_ROW:
+        return np.zeros(0)
+    shortest, longest = times[SHORTEST_ROW] - times[0], LONGEST * (times[-1] - times[0])
+    count = int(np.ceil(np.log(longest / shortest) / CELL))
+    return np.geomspace(shortest, longest, count + 1)
+
+
+def settled(hours: NDArray[np.float64], ends: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+    """1 − e^(−t/τ) (N, C + 1) at the ends of cells, and by how much (N, C) means of two ends may err within a cell."""
+    x = hours[:, None] / ends
+    values = 1.0 - np.exp(-x)
+    by_log = np.abs(x * x - x) * np.exp(-x)
+    largest = np.maximum(by_log[:, :-1], by_log[:, 1:])
+    # Where it has its two extremes.
+    for peak in (0.5 * (3.0 - 5.0**0.5), 0.5 * (3.0 + 5.0**0.5)):
+        inside = (x[:, 1:] <= peak) & (x[:, :-1] >= peak)
+        largest = np.where(inside, abs(peak * peak - peak) * np.exp(-peak), largest)
+    return values, largest * np.log(ends[1:] / ends[:-1]) ** 2 / 8.0
+
+
+def lagged(
+    hours: NDArray[np.float64], temperature: NDArray[np.float64], ends: NDArray[np.float64]
+) -> tuple[NDArray, NDArray]:
+    """As `settled` of a temperature (N,) that is linear between the rows and that its lag begins with; in its unit."""
+    ages = np.maximum(0.0, hours[:, None] - hours)
+    slopes = np.diff(temperature) / np.where(np.diff(hours) > 0.0, np.diff(hours), np.inf)
+    values, by_log = np.zeros((2, len(hours), len(ends)))
+    for k, end in enumerate(ends):
+        x = ages / end
+        left = np.exp(-x)
+        # Of a slope that began so long ago: how far the lag is behind, and its second derivative by log τ.
+        behind = end * (1.0 - left)
+        bent = end * (1.0 - left * (1.0 + x + x * x))
+        values[:, k] = temperature - (behind[:, :-1] - behind[:, 1:]) @ slopes
+        by_log[:, k] = np.abs((bent[:, :-1] - bent[:, 1:]) @ slopes)
+    travelled = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(temperature)))))
+    width = np.log(ends[1:] / ends[:-1])
+    largest = np.maximum(by_log[:, :-1], by_log[:, 1:]) + 0.5 * width * MOST_THIRD * travelled[:, None]
+    return values, largest * width**2 / 8.0
+
+
+def warm_up_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> Sequence[Variant]:
+    """Each cell of time constants."""
+    return _cells_of(place, rows.hours.tobytes(), b"", 0.0)
+
+
+def thermal_lag_variants(
+    place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float
+) -> Sequence[Variant]:
+    """Each cell of time constants; what half a last digit of the temperature makes of it is paid for, too."""
+    return _cells_of(place, rows.hours.tobytes(), above_nominal(rows).tobytes(), rows.temperature_resolution)
+
+
+@lru_cache(maxsize=32)
+def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: float) -> Sequence[Variant]:
+    """The cells of rows at some hours (N,), with a temperature (N,) above the nominal one or without."""
+    when = np.frombuffer(hours)
+    ends = time_constants(when)
+    if temperature:
+        values, error = lagged(when, np.frombuffer(temperature), ends)
+        return _cells(place, ends, values, error + resolution, LARGEST_PER_KELVIN)
+    return _cells(place, ends, *settled(when, ends), LARGEST_OF_BIAS)
+
+
+def _cells(place: EffectPlace, ends: NDArray, values: NDArray, error: NDArray, largest: float) -> Sequence[Variant]:
+    """Cells of time constants with these ends (C + 1,), responses (N, C + 1) there, and errors (N, C) within them."""
+    found = []
+    for k in range(len(ends) - 1):
+
+        def parameters(coefficients: NDArray[np.float64], k: int = k) -> tuple[float, ...]:
+            size = float(coefficients.sum())
+            share = float(coefficients[1]) / size if size != 0.0 else 0.5
+            return size, float(ends[k] * (ends[k + 1] / ends[k]) ** share)
+
+        found.append(
+            variant(
+                (len(values), 3),
+                ((-largest, largest), (float(ends[k]), float(ends[k + 1]))),
+                columns=accelerometer_column(place, values[:, k : k + 2]),
+                low=np.full(2, -largest),
+                high=np.full(2, largest),
+                values=parameters,
+                paid=accelerometer_column(place, np.repeat(error[:, k : k + 1], 2, axis=1)),
+                sizes=np.ones((1, 2)),
+            )
+        )
+    return found
+
+
+WARM_UP = last_stage_effect(
+    warm_up,
+    (
+        EffectParameter("size", "g", "by how much the bias changes until it has settled", LARGEST_OF_BIAS),
+        EffectParameter("time_constant", "h", "τ of 1 − e^(−t/τ)", LAST_HOUR, smallest=0.0),
+    ),
+    warm_up_variants,
+    "the bias of accelerometer {p} settles after the start: it changes by {size:+.2e} g with a time constant of "
+    "{time_constant:.3g} h",
+    stage="reading_effects",
+    contains=("bias-drift",),
+    formula="Δf_{p}/g = {size} (1 − exp(−t/{time_constant}))",
+)
+
+THERMAL_LAG = last_stage_effect(
+    thermal_lag,
+    (
+        EffectParameter("coefficient", "g/K", "c of c (T_lag - 20 degC)", LARGEST_PER_KELVIN),
+        EffectParameter("time_constant", "h", "τ of the lag", LAST_HOUR, smallest=0.0),
+    ),
+    thermal_lag_variants,
+    "the bias of accelerometer {p} follows the temperature with a lag of {time_constant:.3g} h: {coefficient:+.2e} g "
+    "per kelvin",
+    stage="reading_effects",
+    memory=lagging_temperature,
+    needs=("temperature",),
+    contains=("temperature-bias",),
+    formula="Δf_{p}/g = {coefficient} (T_lag − 20 °C), {time_constant} T_lag' = T − T_lag",
+)
+
+EFFECTS = (WARM_UP, THERMAL_LAG)

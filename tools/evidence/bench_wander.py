@@ -1,0 +1,122 @@
+"""A bias that wanders with time: proven only where as a function of time the errors vary least.
+
+A function of time with enough knots explains whatever happens to one accelerometer. That it is time on which the errors
+depend shows in their variation: the least sum of changes, from row to row in the order of a quantity, with which the
+model stands. Time is proven where in its order that is far less than in the order of any other quantity, and in orders
+drawn at random; whether other sets of effects do as well is for the search to say.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bmat, csc_matrix, identity
+
+from ...models.effects import EffectPlace, Rows
+from ...models.effects.definition import ACCELEROMETERS
+from ..bounded.programmes import SolverError, chebyshev_radius, linear_programme, solved, solver
+from ..bounded.sets import Work
+from .bench_visits import signature_columns
+from .fit import Fit
+
+ROWS_PER_KNOT = 2
+"""A function of more knots than rows over this says nothing."""
+FAR_LESS = 0.7
+"""By so much the variation in the order of time is less than in that of any other quantity."""
+SHUFFLES, AS_GOOD = 19, 1
+"""Of so many orders drawn at random so many at most may do as well as that of time."""
+DIGITS = 6
+"""Decimals of a knot [h]."""
+TURN = 2.0 * np.pi
+
+
+def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) -> Iterator[EffectPlace]:
+    """The wanders, each with the fewest knots, that mend the model linear at a centre.
+
+    Radii up to the limit stand; those of which it is `proven` that it is time on which the errors depend, or all. What
+    that costs is added to the work.
+    """
+
+    def stands(columns: NDArray[np.float64]) -> bool:
+        matrix = np.hstack((centre.jacobian, columns)) / centre.bound[:, None]
+        work.programme(*matrix.shape)
+        return chebyshev_radius(matrix, centre.residual / centre.bound, np.ones(len(matrix)))[0] <= limit
+
+    for p, where in enumerate(ACCELEROMETERS):
+        if not stands(_free(p, len(rows.hours))) or (proven and not _is_time(centre, rows, p, work)):
+            continue
+        for knots in range(3, len(rows.hours) // ROWS_PER_KNOT + 1):
+            own = EffectPlace("bias-wander", where, law=straight(rows.hours, knots))
+            if stands(signature_columns([own], rows)):
+                yield own
+                break
+
+
+def _free(p: int, count: int) -> NDArray[np.float64]:
+    """Columns (3 N, N), one for each reading of an accelerometer."""
+    free = np.zeros((count, 3, count))
+    free[np.arange(count), p, np.arange(count)] = 1.0
+    return free.reshape(3 * count, count)
+
+
+def _is_time(centre: Fit, rows: Rows, p: int, work: Work) -> bool:
+    """Whether the errors of an accelerometer vary far less with time than with anything else."""
+    count = len(rows.hours)
+    own = least_variation(centre, p, np.argsort(rows.hours, kind="stable"), work)
+    for k in range(3):
+        if own > FAR_LESS * least_variation(centre, p, np.argsort(rows.n[:, k], kind="stable"), work):
+            return False
+    for angle in (rows.alpha, rows.beta):
+        order = np.argsort(angle % TURN, kind="stable")
+        if own > FAR_LESS * least_variation(centre, p, np.append(order, order[0]), work):
+            return False
+    rng, as_good = np.random.default_rng(count), 0
+    for _ in range(SHUFFLES):
+        as_good += least_variation(centre, p, rng.permutation(count), work) <= own
+        if as_good > AS_GOOD:
+            return False
+    return True
+
+
+def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) -> float:
+    """The least sum of changes from row to row (n,) of what is added to an accelerometer so that the model stands.
+
+    In units of the bounds, by the model linear at a centre; infinite where it cannot stand.
+    """
+    jacobian, residual = centre.jacobian / centre.bound[:, None], centre.residual / centre.bound
+    scale = np.abs(jacobian).max(axis=0, initial=0.0)
+    scale[scale == 0.0] = 1.0
+    rows, bench = jacobian.shape
+    count, steps = rows // 3, len(order) - 1
+    ones = np.ones(steps)
+    changes = csc_matrix(
+        (np.concatenate((ones, -ones)), (np.tile(np.arange(steps), 2), np.concatenate((order[1:], order[:-1])))),
+        shape=(steps, count),
+    )
+    each = identity(steps)
+    matrix = bmat(
+        [[csc_matrix(jacobian / scale), csc_matrix(_free(p, count)), None],
+         [None, changes, -each], [None, -changes, -each]]
+    ).tocsc()  # fmt: skip
+    matrix.sort_indices()
+    free, many = np.full(bench + count, np.inf), np.full(2 * steps, np.inf)
+    work.programme(*matrix.shape)
+    highs = solver()
+    highs.passModel(
+        linear_programme(
+            np.concatenate((np.zeros(bench + count), ones)),
+            (np.concatenate((-free, np.zeros(steps))), np.concatenate((free, np.full(steps, np.inf)))),
+            (matrix.indptr, matrix.indices, matrix.data),
+            (np.concatenate((residual - 1.0, -many)), np.concatenate((residual + 1.0, np.zeros(2 * steps)))),
+        )
+    )
+    try:
+        return float(np.sum(solved(highs).col_value[bench + count :]))
+    except SolverError:
+        return np.inf
+
+
+def straight(hours: NDArray[np.float64], knots: int) -> str:
+    """The law of a function of time (N,) with knots at equal distances over a record."""
+    places = np.round(np.linspace(hours.min(), hours.max(), knots), DIGITS)
+    return f"hours at {' '.join(repr(float(value)) for value in places)}"
