@@ -32,6 +32,7 @@ from .bench_left_out import Linear, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
     ROUNDS,
+    USUAL,
     Cast,
     Paid,
     Readings,
@@ -67,6 +68,10 @@ TOO_MUCH = 0.3
 MOST_ANCHORS = 3
 PROVEN_WANDER = 2
 """A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
+GROSS = 1e-3
+"""Where most misfits are above this [g], a limit that many readings reach may have drawn the model."""
+AT_LIMIT, FEWEST_AT_LIMIT = 3.0, 3
+"""Readings nearer to the largest of their channel than so many bounds are at a limit, where so many are."""
 STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
 
@@ -528,15 +533,29 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
 
 
 def usual_centre(readings: Readings, start: NDArray) -> Fit:
-    """The nominal model where few readings, and channels that are exchanged, cannot draw it; from a start (P,) on."""
+    """The nominal model where few readings, channels that are exchanged, and a limit of a channel cannot draw it.
+
+    It begins at a start (P,). Readings at the largest of their channel count for little where the others then agree far
+    better: a limit that many reach draws all of them.
+    """
     aligned = np.zeros(len(start))
     rows, bound = readings.rows(aligned), readings.bound
     for place in EXCHANGED_READINGS.places:
         for variant in readings.variants(place, rows):
             bound = np.where(variant.touched.ravel(), LOOSE, bound)
-    if bound is readings.bound:
-        return centre_of(readings, (), start)
-    return centre_of(replace(readings, bound=bound), (), aligned)
+    centre = centre_of(readings, (), start)
+    if bound is not readings.bound:
+        centre = centre_of(replace(readings, bound=bound), (), aligned)
+    size = np.abs(readings.reading)
+    within = size > size.max(axis=0) - AT_LIMIT * readings.bound.reshape(-1, 3)
+    limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)
+    if usual_misfit(centre) * float(readings.bound.min()) > GROSS and limited.any():
+        other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), (), aligned)
+        told = ~limited.ravel()
+        before, after = (np.quantile(np.abs(fit.residual / readings.bound)[told], USUAL) for fit in (centre, other))
+        if after <= STANDS_OUT * before:
+            return other
+    return centre
 
 
 def with_usual_signs(

@@ -15,7 +15,7 @@ from .fit import Fit
 FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
 """Every fifth position is left out in turn, and every quarter of the time."""
 FEWEST_SCORED = 6
-SURE_NOISE = 4.0
+SURE_NOISE = 5.0
 """So many standard deviations of a prediction no noise within the bounds makes, in all readings of a record."""
 UNIFORM = 3.0**-0.5
 """Standard deviation of noise that is uniform within its bound, over it; noise at its very bound has one."""

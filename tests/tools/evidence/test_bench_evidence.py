@@ -8,6 +8,8 @@ import pytest
 
 from bench_cases import bench_case
 from other_solver import farthest
+from simulated_bench import GRAVITY, random_bench, simulated
+from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
@@ -171,3 +173,16 @@ def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more(
     low, high = bench.told(CUBIC, [(2e-4, 3e-4)])[0]
     assert low == pytest.approx(2e-4 / (1.0 + error) ** 3, rel=1e-12)
     assert high == pytest.approx(3e-4 / (1.0 - error) ** 3, rel=1e-12)
+
+
+@pytest.mark.parametrize(("seed", "axis"), [(32, 2), (35, 2), (41, 2), (38, 2), (39, 0)])
+def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
+    """Clipped at 0.6 g, more than half of one accelerometer's readings are off, by up to 0.4 g, in one sense."""
+    rng = np.random.default_rng(seed)
+    bench = random_bench(rng)
+    alpha, beta = rng.uniform(-np.pi, np.pi, (2, 48))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (48, 3))
+    reading = simulated(bench, alpha, beta, noise=noise).specific_force / GRAVITY
+    reading[:, axis] = np.clip(reading[:, axis], -0.6, 0.6)
+    made = bench_evidence(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND)
+    assert np.abs(made.centre.point).max() < 0.02
