@@ -1,15 +1,17 @@
 """What a document shows of the bounds of its result: each is rounded to its own side, wherever it stands.
 
 Whatever is shown goes through `trihedron.tools.rounding`; `Watched` takes down what goes in and what comes out while a
-document is made. Bounds of the result are known by their keys in its JSON.
+document is made. Bounds of the result are known by their keys in its JSON. `rows_of_page` reads the tables of a page as
+a person does, from its HTML alone.
 """
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from html.parser import HTMLParser
 from typing import Any
 from unittest import mock
 
@@ -91,4 +93,78 @@ def shown_too_well(content: Any, watched: Watched) -> list[str]:
         ways = wanted.get(repr(value)) or wanted.get(_key(value), {how})
         if how not in ways and shown != exact:
             wrong.append(f"{text} is shown of the bound {value!r}, which is to be rounded by {ways}")
+    return wrong
+
+
+class _Tables(HTMLParser):
+    """The tables of a page: heads of the columns, and the cells of each row."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: list[dict[str, str]] = []
+        self._heads: list[str] = []
+        self._cells: list[str] = []
+        self._in: str = ""
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        if tag == "table":
+            self._heads = []
+        elif tag == "tr":
+            self._cells = []
+        elif tag in ("th", "td"):
+            self._in = tag
+            (self._heads if tag == "th" else self._cells).append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("th", "td"):
+            self._in = ""
+        elif tag == "tr" and len(self._cells) == len(self._heads):
+            self.rows.append(dict(zip(self._heads, self._cells, strict=True)))
+
+    def handle_data(self, data: str) -> None:
+        if self._in:
+            (self._heads if self._in == "th" else self._cells)[-1] += data
+
+
+def rows_of_page(page: str) -> list[dict[str, str]]:
+    """Every row of every table of a page's HTML, by the heads of its columns."""
+    tables = _Tables()
+    tables.feed(page)
+    return tables.rows
+
+
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+
+
+def read_off(cell: str) -> float | None:
+    """The number that a cell shows, as 5.2, −0.001 or 3.1·10⁻⁵; None where it shows none."""
+    mantissa, _, power = cell.strip().replace("\u2212", "-").partition("·10")
+    try:
+        return float(f"{mantissa}e{power.translate(_RAISED)}" if power else mantissa)
+    except ValueError:
+        return None
+
+
+def wrong_on_page(page: str, told: Mapping[str, Any]) -> list[str]:
+    """Ends of intervals that a page of a diagnosis shows inside those of its JSON, estimates that it shows outside."""
+    rows = [row for row in rows_of_page(page) if {"low", "high"} <= set(row)]
+    sets = [told["causes"], *(told.get("alternatives") or [])]
+    sizes = iter([p for causes in sets for cause in causes for p in cause["parameters"]])
+    targets = {entry["symbol"]: entry for entry in told.get("targets") or []}
+    wrong = []
+    for row in rows:
+        name = row.get("target") or row.get("parameter", "")
+        low, high = read_off(row["low"]), read_off(row["high"])
+        shown = read_off(row.get("estimate") or row.get("with the effects") or "")
+        if shown is not None and ((low is not None and shown < low) or (high is not None and shown > high)):
+            wrong.append(f"{name} on the page")
+        stated = targets.get(name) if "target" in row else next(sizes, None) if "effect" in row else None
+        if stated is None:
+            continue
+        if "effect" in row:
+            assert stated["name"].startswith(name.partition(",")[0]), (name, stated["name"])
+        if (stated["low"] is None) != (low is None) or (low is not None and low > stated["low"]):
+            wrong.append(f"low end of {name} on the page")
+        if (stated["high"] is None) != (high is None) or (high is not None and high < stated["high"]):
+            wrong.append(f"high end of {name} on the page")
     return wrong

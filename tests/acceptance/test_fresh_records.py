@@ -1,6 +1,7 @@
 """Three hundred fresh records, by a generator that shares no code with the product: nothing that is printed misleads.
 
-`TRIHEDRON_SUITE_SHARE` runs a part of them. Verdicts, wrong names and processor seconds are reported, not asserted.
+Read are JSON, the terminal's text and, of one record in four, the page as HTML. `TRIHEDRON_SUITE_SHARE` runs a part of
+them. Verdicts, wrong names and processor seconds are reported, not asserted.
 """
 
 import os
@@ -15,14 +16,19 @@ from typing import Any
 import pytest
 
 from independent_bench import POSITION_KINDS, SIGMA, STRAPDOWN_KINDS, Fresh, position_record, strapdown_record
+from shown_bounds import wrong_on_page
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.document.page import html
 from trihedron.tools.records import PositionRecord, StrapdownRecord, read_record
+from trihedron.tools.reports import document_of
 
 pytestmark = pytest.mark.acceptance
 SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 OF_POSITIONS, OF_STRAPDOWN, SEED = 20, 9, 4000
 """Records of each kind, and the seed of the first."""
+PAGES = 4
+"""Of one record in so many the page is read, too."""
 WITHIN = re.compile(r"^  (\S+) .*within \[([^,\]]+), ([^\]]+)\]")
 
 
@@ -78,6 +84,10 @@ def judged(fresh: Fresh, seed: int) -> Said:
     targets = [{**entry, "name": entry["symbol"], "estimate": entry["after"]} for entry in told.get("targets") or []]
     found.outside += outside(targets)
     found.rounded += rounded_inwards(str(result), [p for cause in told["causes"] for p in cause["parameters"]])
+    if seed % PAGES == 0:
+        page = document_of(result, record).page
+        assert page is not None
+        found.rounded += wrong_on_page(html(page()), told)
     if positions:
         calibration = calibrate(record, noise_bound=SIGMA).to_json()
         if calibration["verdict"] == "consistent":

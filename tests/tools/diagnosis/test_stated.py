@@ -1,5 +1,6 @@
 """What a diagnosis states is possible: sizes and targets together, within all bounds, each in its interval."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from bench_cases import bench_case
 from strapdown_records import strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.procedure import causes_of, centred
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast
 from trihedron.tools.trials.bench import NOISE_BOUND
@@ -53,6 +55,17 @@ def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
     for entry in (p for cause in result.causes for p in cause.parameters):
         assert entry.low <= entry.estimate <= entry.high
     assert all(target["low"] <= target["after"] <= target["high"] for target in result.targets)
+
+
+def test_a_size_that_rounding_put_beyond_its_end_is_stated_at_the_end():
+    place = EffectPlace("quadratic", "accelerometer-2")
+    evidence = bench_evidence(bench_case(3, place, (2e-3,)).measured(), noise_bound=NOISE_BOUND)
+    fit = centred(evidence, evidence.refit([place]))
+    ((low, high),) = causes_of(evidence, fit)[0].intervals
+    assert low < fit.stated[0] < high
+    for value, end in ((high * (1.0 + 1e-12), high), (low * (1.0 - 1e-12), low)):
+        (cause,) = causes_of(evidence, replace(fit, stated=np.array([value])))
+        assert cause.values == (end,)
 
 
 def test_a_strapdown_baseline_is_possible_as_it_is_stated():

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import excluded_sizes, judgement_of
 from trihedron.tools.diagnosis.result import Witness
+from trihedron.tools.evidence import bench_predictions
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import predicted_errors
 from trihedron.tools.evidence.bench_predictions import second_mounting
@@ -186,3 +188,14 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
     reading[:, axis] = np.clip(reading[:, axis], -0.6, 0.6)
     made = bench_evidence(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND)
     assert np.abs(made.centre.point).max() < 0.02
+
+
+def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
+    """A reading may be within σ of two predictions that are less than 2 σ apart, rounded as it is written."""
+    evidence = bench_evidence(bench_case(5, CUBIC, (1e-4,)).measured(), noise_bound=NOISE_BOUND)
+    fits = [evidence.refit([place]) for place in (CUBIC, ODD)]
+    readings, room = evidence.readings, 3e-7
+    with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as asked:
+        found = bench_predictions.separating_positions(readings, evidence.centre.point, fits, (3e-3, 1e-2), room)
+    assert found
+    assert [call.args[-1] for call in asked.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]

@@ -1,6 +1,7 @@
 """No document shows a bound better than it is: numbers are written by one module, each bound by the way of its side."""
 
 import ast
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -9,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from page_text import clean
+from page_text import clean, shown, text_of
 from planning_tasks import planned
-from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well
+from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
 from strapdown_records import drawn_motion, strapdown_record
 from trihedron.tools import library
 from trihedron.tools.calibration import calibrate
@@ -201,6 +202,18 @@ def test_a_bound_on_its_wrong_side_is_found(show: Callable[[], Any], wrong: int)
         show()
     content = {"parameters": [{"guaranteed_error": 3.541e-5, "low": 1.23456e-3, "high": 3.45671e-3}]}
     assert len(shown_too_well(content, watched)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("part", "end", "further"), [("causes", "low", -1e-6), ("causes", "high", 1e-6), ("targets", "low", -1e-7)]
+)
+def test_what_a_page_shows_inside_its_interval_is_found(part: str, end: str, further: float):
+    """Read from the HTML alone, as a person does."""
+    told = json.loads(shown("bench, explained")[0].json_text())
+    assert wrong_on_page(text_of("bench, explained"), told) == []
+    entry = told["causes"][0]["parameters"][0] if part == "causes" else told["targets"][3]
+    entry[end] += 10.0 * further
+    assert len(wrong_on_page(text_of("bench, explained"), told)) == 1
 
 
 def test_headline_terminal_and_table_agree_on_the_bound():
