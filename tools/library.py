@@ -14,6 +14,7 @@ from . import campaign as campaigns
 from . import check as checks
 from . import diagnosis, motion, orchestrator, planning, records, reports, ssp, trials
 from .errors import InputError
+from .own_effects import with_effects_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -28,6 +29,7 @@ def simulate(
     out: str | Path | None = None,
     step: float | None = None,
     coupling: Literal["jacobi", "iterate"] | None = None,
+    effects_from: str | Path | None = None,
     progress: bool = False,
 ) -> "orchestrator.Simulation":
     """Run a scenario: couple its FMUs, record the run, average its rests.
@@ -42,6 +44,9 @@ def simulate(
         Length of a step [s] of an .ssp, where it does not say one or another is wanted.
     coupling : str, optional
         How cycles of connections of an .ssp are taken; without it they are refused.
+    effects_from : path, optional
+        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
+        beside those of the catalogue.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -56,7 +61,7 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    with ssp.opened(scenario, step=step, coupling=coupling) as (checked, ignored):
+    with with_effects_of(effects_from), ssp.opened(scenario, step=step, coupling=coupling) as (checked, ignored):
         folder = None if out is None else Path(out)
         return orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
 
@@ -67,6 +72,7 @@ def export(
     flavour: Literal["python", "native"] = "python",
     platform: str | None = None,
     effects: Sequence[str] = (),
+    effects_from: str | Path | None = None,
     out: str | Path = Path("fmus-exported"),
 ) -> "Exported":
     """Write components as FMUs; all of them when none is named.
@@ -83,6 +89,9 @@ def export(
         Of the native flavour: host (the default), all, or a name as aarch64-linux.
     effects : sequence of str
         Extend by an effect, as "quadratic accelerometer-3"; may be repeated.
+    effects_from : path, optional
+        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
+        beside those of the catalogue.
     out : path
         Folder for the FMUs.
 
@@ -98,7 +107,8 @@ def export(
     """
     from .exporting import export_components
 
-    return export_components(components, Path(out), flavour, fmi, platform, effects)
+    with with_effects_of(effects_from):
+        return export_components(components, Path(out), flavour, fmi, platform, effects)
 
 
 def plan(
@@ -307,6 +317,7 @@ def diagnose(
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     reference_bound: float | None = None,
     hypotheses: Sequence[str] = (),
+    effects_from: str | Path | None = None,
     progress: bool = False,
 ) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
@@ -335,6 +346,9 @@ def diagnose(
     hypotheses : sequence of str
         A formula that may be what the simulation lacks, as "f2 += c*sin(3*alpha)": is it this? Letters are the unknown
         coefficients; may be repeated.
+    effects_from : path, optional
+        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
+        beside those of the catalogue.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -353,23 +367,25 @@ def diagnose(
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
         options = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
-        return diagnosis.diagnose(run, gravity=gravity, hypotheses=hypotheses, **options, progress=progress)
+        with with_effects_of(effects_from):
+            return diagnosis.diagnose(run, gravity=gravity, hypotheses=hypotheses, **options, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     if reference_bound is not None:
         raise InputError(
             f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
         )
-    return diagnosis.diagnose(
-        run,
-        noise_bound=noise_bound,
-        gravity=gravity,
-        baseline=baseline or "asymmetric",
-        bounds=bounds,
-        mounting=mounting,
-        hypotheses=hypotheses,
-        progress=progress,
-    )
+    with with_effects_of(effects_from):
+        return diagnosis.diagnose(
+            run,
+            noise_bound=noise_bound,
+            gravity=gravity,
+            baseline=baseline or "asymmetric",
+            bounds=bounds,
+            mounting=mounting,
+            hypotheses=hypotheses,
+            progress=progress,
+        )
 
 
 def inspect(record: "records.Source", *, gravity: float = 9.80665) -> "motion.Inspection":
@@ -464,7 +480,10 @@ def apply(
 
 
 def hide(
-    seed: int = 0, *effects: str, baseline: Literal["asymmetric", "symmetric"] = "asymmetric"
+    seed: int = 0,
+    *effects: str,
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    effects_from: str | Path | None = None,
 ) -> "trials.HiddenRecord":
     """A "measured" record with one hidden effect, and the secret.
 
@@ -476,6 +495,9 @@ def hide(
         Draw from these only.
     baseline : str
         "symmetric" lets scale-asymmetry be hidden.
+    effects_from : path, optional
+        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
+        beside those of the catalogue.
 
     Raises
     ------
@@ -491,7 +513,8 @@ def hide(
     """
     if baseline not in ("asymmetric", "symmetric"):
         raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
-    return trials.hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
+    with with_effects_of(effects_from):
+        return trials.hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
 
 
 def run_campaign(

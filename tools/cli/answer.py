@@ -194,6 +194,7 @@ TYPES: dict[str, Any] = {
     "cuts": Whole,
     "detect": tuple[str, ...],
     "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],
+    "effects_from": Annotated[Path | None, Parameter(name="--effects-from")],
     "extra": Whole,
     "fmi": Literal["2", "3"],
     "gravity": Number,

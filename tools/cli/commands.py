@@ -13,6 +13,7 @@ from .. import calibration as calibrations
 from .. import diagnosis, library, motion, orchestrator, papers, records, reports, ssp, trials
 from ..errors import one_line
 from ..files import ordinary_folder, write_text
+from ..own_effects import with_effects_of
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -38,8 +39,8 @@ def installed_version() -> str:
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     distinct_files({"the scenario": scenario, "--json": json})
-    out = options.pop("out", None)
-    with ssp.opened(scenario, **options) as (checked, ignored):
+    out, own = options.pop("out", None), options.pop("effects_from", None)
+    with with_effects_of(own), ssp.opened(scenario, **options) as (checked, ignored):
         if ignored:
             shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
             print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
@@ -154,6 +155,8 @@ def diagnose(
     """Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
 
     Example: trihedron diagnose positions.csv --noise-bound 1e-5 --hypothesis "f2 += c*sin(3*alpha)"
+
+    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --effects-from half_scale.py
 
     Parameters
     ----------

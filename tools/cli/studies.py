@@ -1,6 +1,7 @@
 """The commands that plan measurements, hide effects and carry out campaigns: each has several uses."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,6 +11,7 @@ from .. import campaign as campaigns
 from .. import document, library, planning, reports, trials
 from ..errors import InputError
 from ..files import made_folder, write_text
+from ..own_effects import with_effects_of
 from ..rounding import exactly
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
 
@@ -172,6 +174,7 @@ def hidden(
     mode: Literal["clean", "single", "between", "pairs"] | None = None,
     positions: tuple[int, int] | None = None,
     noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
+    effects_from: Annotated[Path | None, Parameter(name="--effects-from")] = None,
     json: JsonFile = None,
 ) -> Answer:
     """Make a "measured" record with one hidden effect, or with --cases a suite: many records, diagnosed and counted.
@@ -218,44 +221,53 @@ def hidden(
         Of a suite: fewest and most positions, 12 and 100 by default.
     noise
         Of a suite: uniform within σ, at ±σ everywhere, wandering within σ, or one after the other (the default).
+    effects_from
+        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects may be hidden
+        and are tried beside those of the catalogue.
     """
-    if clean and (effect or mode not in (None, "clean")):
-        raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
-    drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}
-    if strapdown:
-        of_a_table = {"--baseline": baseline, "--suite": suite, **drawn, "--size": None}
-        _refuse(of_a_table, "is of records of a table's positions; leave it out with --strapdown")
-    if cases is None and suite is None:
-        _refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
-        if record is None:
-            example = "moved.csv" if strapdown else "measured.csv"
-            raise InputError(f"hidden: give the file of one record, as {example}, or --cases for a suite")
-        distinct_files({"the record": record, "--answer": secret, "--json": json})
-        seed = seed or 0
-        trials.check_seed(seed)
+    with with_effects_of(effects_from) as own:
+        if clean and (effect or mode not in (None, "clean")):
+            raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
+        drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}
         if strapdown:
-            options = trials.Options("clean" if clean else "single", effect, strapdown=True)
-            case = trials.draw_case(options, seed, seed)
-        else:
-            chosen = () if clean else effect or None
-            case = trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
-        trials.write_hidden_record(case, record, secret, progress=True)
-        return answer(str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed})
-    many = "--cases of many; give one of the two" if strapdown else "--cases and --suite of many; give one of the two"
-    only = {"the record": record, "--answer": secret, "--baseline": baseline}
-    _refuse(only, f"is of one record, {many}{'' if strapdown else ' (many have --out)'}")
-    if suite is not None:
-        _refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
-        named = trials.named_suite(suite)
-    else:
-        chosen_mode = "clean" if clean else mode or "single"
-        options = trials.Options(
-            chosen_mode, effect, positions or (12, 100), noise or "all", size=size, strapdown=strapdown
+            of_a_table = {"--baseline": baseline, "--suite": suite, **drawn, "--size": None}
+            _refuse(of_a_table, "is of records of a table's positions; leave it out with --strapdown")
+        if cases is None and suite is None:
+            _refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
+            if record is None:
+                example = "moved.csv" if strapdown else "measured.csv"
+                raise InputError(f"hidden: give the file of one record, as {example}, or --cases for a suite")
+            distinct_files({"the record": record, "--answer": secret, "--json": json})
+            seed = seed or 0
+            trials.check_seed(seed)
+            if strapdown:
+                options = trials.Options("clean" if clean else "single", effect, strapdown=True, own=own)
+                case = trials.draw_case(options, seed, seed)
+            else:
+                chosen = () if clean else effect or None
+                case = trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
+            trials.write_hidden_record(case, record, secret, progress=True)
+            return answer(
+                str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
+            )
+        many = (
+            "--cases of many; give one of the two" if strapdown else "--cases and --suite of many; give one of the two"
         )
-        named = trials.NamedSuite(options, 100, 0)
-    number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
-    done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)
-    return answer(done, json, files=() if out is None else reports.write_suite(done, out))
+        only = {"the record": record, "--answer": secret, "--baseline": baseline}
+        _refuse(only, f"is of one record, {many}{'' if strapdown else ' (many have --out)'}")
+        if suite is not None:
+            _refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
+            named = trials.named_suite(suite)
+            named = replace(named, options=replace(named.options, own=own))
+        else:
+            chosen_mode = "clean" if clean else mode or "single"
+            options = trials.Options(
+                chosen_mode, effect, positions or (12, 100), noise or "all", size=size, strapdown=strapdown, own=own
+            )
+            named = trials.NamedSuite(options, 100, 0)
+        number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
+        done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)
+        return answer(done, json, files=() if out is None else reports.write_suite(done, out))
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:

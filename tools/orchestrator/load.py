@@ -121,6 +121,13 @@ def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | N
     compiler = (host_compiler() or ("", ""))[1] if flavour == "native" else ""
     made_from = [_sources(), name, repr(list(places)), flavour, compiler, str(zig_version())]
     made_from.append(os.environ.get("SOURCE_DATE_EPOCH", ""))
+    if places:
+        # An effect may stand in a file of the user's own.
+        from ...fmus.component import extend
+        from ...fmus.source import flat_source
+
+        made_from += [repr(place.definition.parameters) for place in places]
+        made_from.append(flat_source(extend(fmus.components()[name], places)))
     kept = cache_folder() / "fmus" / hashlib.sha256("\0".join(made_from).encode()).hexdigest()
     for path in kept.glob("*.fmu"):
         # Its name is the hash of its bytes: a damaged one is built again.

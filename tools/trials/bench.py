@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import ELEMENTARY, elementary, elementary_reading
-from ...models.effects import POSITION_EFFECTS
+from ...models.effects import POSITION_EFFECTS, Effect
 from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
 from ..evidence.bench_predictions import dense_spaces
@@ -341,12 +341,16 @@ def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDAr
     return linearise(p, at, np.zeros((count, 3)), np.zeros(len(p.symbols)), np.full(3 * count, NOISE_BOUND))
 
 
-@lru_cache(maxsize=64)
 def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
     """Effects that are linear, sorted into what these mountings can tell apart."""
+    return _classes_with(mountings, tuple(POSITION_EFFECTS.values()), symmetric)
+
+
+@lru_cache(maxsize=64)
+def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symmetric: bool) -> Classes:
     p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
     baseline = "symmetric" if symmetric else "asymmetric"
-    linear = [e for e in POSITION_EFFECTS.values() if e.within != baseline and e.variants is None]
+    linear = [e for e in effects if e.within != baseline and e.variants is None]
     places = [place for effect in linear for place in effect.places]
     return Classes.of(places, dense_spaces(p, places))
 

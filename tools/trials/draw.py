@@ -22,6 +22,7 @@ from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Classes, coefficient_count
 from ..motion.inspect import inspect_record
+from ..own_effects import OwnEffects
 from .bench import (
     DWELL_S,
     NOISE_BOUND,
@@ -50,8 +51,7 @@ from .sizes import Hidden, SureSizes, level_margins, sure_sizes
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
 NOT_DRAWN = ("bias-step", "scale-step", "warm-up", "thermal-lag", "exchanged-readings")
-HIDDEN_EFFECTS = tuple(name for name in POSITION_EFFECTS if name not in NOT_DRAWN)
-"""What a suite of a table's positions hides. Exchanged channels have no size that could be near that of detection; a
+"""What no suite of a table's positions hides. Exchanged channels have no size that could be near that of detection; a
 step has another one for each time, and its nearest rivals are steps at the times beside it."""
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
@@ -136,6 +136,8 @@ class Options:
     """sizes relative to that of sure detection, in place of those of the mode"""
     strapdown: bool = False
     """records of a block moved by hand; else of a table's positions"""
+    own: OwnEffects | None = None
+    """a file of effects of the user's own, which are tried, too, and may be hidden"""
 
     def __post_init__(self) -> None:
         if self.strapdown:
@@ -146,8 +148,8 @@ class Options:
         if self.noise not in (*NOISES, "all"):
             raise InputError(f"--noise {self.noise}: {nearest(self.noise, (*NOISES, 'all'))}")
         for name in self.effects:
-            if name not in HIDDEN_EFFECTS:
-                raise InputError(f"--effects {name}: {nearest(name, HIDDEN_EFFECTS)}")
+            if name not in hidden_effects():
+                raise InputError(f"--effects {name}: {nearest(name, hidden_effects())}")
         low, high = self.positions
         if not 6 <= low <= high <= 1000:
             raise InputError(f"--positions {low} {high}: must be two whole numbers from 6 to 1000, the lesser first")
@@ -184,6 +186,11 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
         return _draw_bench_case(options, seed, index)
     clean = draw_clean_block(seed, index)
     return clean if options.mode == "clean" else _hidden_in_block(clean, options)
+
+
+def hidden_effects() -> tuple[str, ...]:
+    """What a suite of a table's positions hides."""
+    return tuple(name for name in POSITION_EFFECTS if name not in NOT_DRAWN)
 
 
 def check_seed(seed: int) -> None:
@@ -243,7 +250,7 @@ class _Drawing:
         seen, alone = {place.effect for place in self.linear}, self.options.mode != "pairs"
         names = [
             effect.name
-            for effect in (POSITION_EFFECTS[name] for name in HIDDEN_EFFECTS)
+            for effect in (POSITION_EFFECTS[name] for name in hidden_effects())
             if effect.name in seen or effect.name == "outlier" or (effect.variants is not None and alone)
         ]
         return tuple(name for name in names if not self.options.effects or name in self.options.effects)

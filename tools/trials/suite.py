@@ -19,6 +19,7 @@ from pydantic import Field
 
 from ..errors import InputError, nearest
 from ..files import write_text
+from ..own_effects import with_effects_of
 from ..progress import tracked
 from ..records import PositionRecord, write_record
 from ..result import ABSENT, Result, Told
@@ -204,11 +205,13 @@ def run_suite(
 
 def run_case(options: Options, seed: int, records: Path | None, index: int) -> Outcome:
     """One case from the drawing to the outcome."""
-    case = draw_case(options, seed, index)
-    record = case.measured()
-    if records is not None:
-        write_record(record, records / f"case-{index:05d}.csv")
-    return judged(case, diagnosed(case, record))
+    # A worker process knows nothing of the file that the user named.
+    with with_effects_of(options.own):
+        case = draw_case(options, seed, index)
+        record = case.measured()
+        if records is not None:
+            write_record(record, records / f"case-{index:05d}.csv")
+        return judged(case, diagnosed(case, record))
 
 
 def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:

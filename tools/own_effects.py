@@ -1,0 +1,190 @@
+"""Effects that stand in a file of the user's own: run because it was named, checked, and tried like the catalogue's.
+
+Nothing but an option names such a file; a scenario or a record never does.
+"""
+
+import ast
+import hashlib
+import linecache
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from ..fmus.source import kernel_functions
+from ..models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect
+from .effect_check import check_effect
+from .errors import InputError, nearest_file, one_line, reason
+
+LARGEST_FILE = 1_000_000
+"""Bytes of a file of effects."""
+BUILT_IN = frozenset(CATALOGUE)
+"""Names that no effect of a user's own can have."""
+
+
+@dataclass(frozen=True)
+class OwnEffects:
+    """A file of effects as it was read: worker processes and later readers run the same text.
+
+    Attributes
+    ----------
+    path : str
+        as the user named it
+    source : str
+        its text
+    """
+
+    path: str
+    source: str
+
+    @staticmethod
+    def read(path: "str | Path | OwnEffects | None") -> "OwnEffects | None":
+        """The file of that name; an InputError where it cannot be read, None where none is named."""
+        if path is None or isinstance(path, OwnEffects):
+            return path
+        file = Path(path)
+        try:
+            with file.open("rb") as stream:
+                content = stream.read(LARGEST_FILE + 1)
+        except OSError as error:
+            meant = nearest_file(file) if isinstance(error, FileNotFoundError) else ""
+            raise InputError(f"--effects-from {file}: cannot be read ({reason(error)}){meant}") from error
+        except ValueError as error:
+            raise InputError(f"--effects-from {one_line(str(file))}: is no name of a file ({error})") from error
+        if len(content) > LARGEST_FILE:
+            raise InputError(f"--effects-from {file}: has more than {LARGEST_FILE} bytes; is it a file of effects?")
+        try:
+            return OwnEffects(str(file), content.decode("utf-8-sig"))
+        except UnicodeDecodeError as error:
+            raise InputError(
+                f"--effects-from {file}: is not UTF-8 text ({error.reason} at byte {error.start})"
+            ) from error
+
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of the file, checked; an InputError says in one line which line or field is wrong, and why."""
+        if self not in _LOADED:
+            given = self._given()
+            # An effect is looked up by its name, in its check too.
+            with _known(given):
+                _LOADED[self] = tuple(check_effect(self.path, effect) for effect in given)
+        return _LOADED[self]
+
+    def _given(self) -> list[Effect]:
+        """What the file gives as EFFECT or EFFECTS."""
+        module = self._run()
+        given, several = getattr(module, "EFFECT", None), getattr(module, "EFFECTS", None)
+        if given is None and several is None:
+            raise InputError(
+                f"{self.path}: gives neither EFFECT nor EFFECTS; EFFECT = accelerometer_effect(...) is one"
+            )
+        if several is not None and not isinstance(several, list | tuple):
+            raise InputError(f"{self.path}: EFFECTS is a {type(several).__name__}; it is a tuple of effects")
+        named = {"EFFECT": given} if given is not None else {}
+        named |= {f"EFFECTS[{k}]": effect for k, effect in enumerate(several or ())}
+        if not named:
+            raise InputError(f"{self.path}: EFFECTS is empty; it is a tuple of effects")
+        found: list[Effect] = []
+        for field, effect in named.items():
+            if not isinstance(effect, Effect):
+                what = f"a {type(effect).__name__}"
+                raise InputError(
+                    f"{self.path}: {field} is {what}; accelerometer_effect, table_effect and so on give an Effect"
+                )
+            if any(effect is other for other in found):
+                continue
+            if not isinstance(effect.name, str):
+                raise InputError(f"{self.path}: {field}: name is a {type(effect.name).__name__}; it is text")
+            if effect.name in BUILT_IN:
+                raise InputError(
+                    f"{self.path}: {field}: {effect.name} is an effect of the catalogue; take another name"
+                )
+            if effect.name in [other.name for other in found]:
+                raise InputError(f"{self.path}: {field}: {effect.name} stands there twice; give each its own name")
+            found.append(effect)
+        return found
+
+    def _run(self) -> ModuleType:
+        """The file's module, run from the text that was read."""
+        name = f"trihedron_effects_{hashlib.sha256(f'{self.path} {self.source}'.encode()).hexdigest()[:16]}"
+        origin = Path(self.path).name
+        # Kernels are read from their source: that of this very text, whatever becomes of the file.
+        lines = self.source.splitlines(keepends=True)
+        linecache.cache[origin] = (len(self.source), None, lines, origin)
+        module = ModuleType(name)
+        module.__file__, module.__package__ = origin, ""
+        sys.modules[name] = module
+        try:
+            code = compile(ast.parse(self.source, origin), origin, "exec")
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
+            said = error.msg if isinstance(error, SyntaxError) else str(error)
+            raise InputError(f"{self.path}{line}: is not Python ({one_line(said)})") from error
+        try:
+            exec(code, vars(module))
+        except (Exception, SystemExit) as error:
+            raise InputError(
+                f"{self.path}{line_of(error, origin)}: {told(error)}; the file is run as it is read"
+            ) from error
+        return module
+
+
+_LOADED: dict[OwnEffects, tuple[Effect, ...]] = {}
+"""Of each text that was read what it gives."""
+
+
+def line_of(error: BaseException, origin: str) -> str:
+    """The last line of a file that led to an error."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == origin]
+    return f", line {lines[-1]}" if lines else ""
+
+
+def told(error: BaseException) -> str:
+    """An error of a file in one line."""
+    said = one_line(" ".join(str(error).split()))
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+@contextmanager
+def _known(effects: Sequence[Effect]) -> Iterator[None]:
+    """Have effects in the catalogue within the block; where it fails the catalogue is as it was before."""
+    before = dict(CATALOGUE)
+    if any(before.get(effect.name, effect) is not effect for effect in effects):
+        # Another text under the same name: nothing made of the former one may be taken for it.
+        kernel_functions.cache_clear()
+    CATALOGUE.update((effect.name, effect) for effect in effects)
+    try:
+        yield
+    except InputError:
+        CATALOGUE.clear()
+        CATALOGUE.update(before)
+        raise
+
+
+@contextmanager
+def with_effects_of(file: "str | Path | OwnEffects | None") -> Iterator[OwnEffects | None]:
+    """Try the effects of a file beside those of the catalogue within the block; they stay known by their names.
+
+    An InputError where it cannot be used.
+    """
+    own = OwnEffects.read(file)
+    if own is None:
+        yield None
+        return
+    effects = own.effects()
+    with _known(effects):
+        pass
+    lists: list[tuple[dict[str, Effect], Effect]] = [
+        (STRAPDOWN_EFFECTS if effect.in_motion else POSITION_EFFECTS, effect) for effect in effects
+    ]
+    # Within another such block the same ones are there already.
+    added = [(known, effect) for known, effect in lists if known.get(effect.name) is not effect]
+    for known, effect in added:
+        known[effect.name] = effect
+    try:
+        yield own
+    finally:
+        for known, effect in added:
+            known.pop(effect.name, None)
