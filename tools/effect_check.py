@@ -267,7 +267,7 @@ def _context(effect: Effect, rows: Any, row: int) -> tuple[list[float], list[flo
 
 def _check_signature(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     """The signature is what the kernel adds for one unit of each coefficient, in its sum."""
-    count, rows = len(effect.parameters), rows_in_motion() if effect.in_motion else rows_at_rest()
+    count, rows = len(effect.linear_parameters), rows_in_motion() if effect.in_motion else rows_at_rest()
     with said_of_field(refuse, "signature"):
         columns = np.asarray(effect.signature(place, rows), dtype=float)
     if columns.shape != (ROWS, 3, count):
@@ -287,7 +287,8 @@ def _check_signature(place: EffectPlace, effect: Effect, refuse: Refusal) -> Non
         if len(values) != count:
             raise refuse("from_coefficients", f"gives {len(values)} values for {count} parameters")
         with said_of_field(refuse, "kernel"):
-            seen = added_by(place, effect, values, rows)
+            # What sets in at a time acts on all of these rows.
+            seen = added_by(place, effect, (*values, *[-1.0] * effect.sets_in), rows)
         if not np.isfinite(seen).all():
             raise refuse("kernel", "does not give a finite number on some rows")
         return seen
@@ -296,11 +297,11 @@ def _check_signature(place: EffectPlace, effect: Effect, refuse: Refusal) -> Non
     if np.abs(nothing).max() > 1e-12:
         raise refuse("kernel", "adds something where its parameters are zero")
     slopes, agree = [], FIRST_ORDER if effect.in_motion else AGREE
-    largest = float(min(p.largest for p in effect.parameters if not p.name.endswith("phase")))
+    largest = float(min(p.largest for p in effect.linear_parameters if not p.name.endswith("phase")))
     for size in (part * largest for part in (IN_MOTION if effect.in_motion else AT_REST)):
         slopes.append(np.stack([reads(size * unit) / size for unit in np.eye(count)], axis=2))
         # What only grows has no other side.
-        if all(p.smallest is None for p in effect.parameters):
+        if all(p.smallest is None for p in effect.linear_parameters):
             slopes.append(np.stack([reads(-size * unit) / -size for unit in np.eye(count)], axis=2))
     scale = max(1.0, float(np.abs(slopes[0]).max()))
     if max(float(np.abs(slopes[0] - other).max()) for other in slopes[1:]) > agree * scale:
@@ -347,7 +348,7 @@ def _check_variants(place: EffectPlace, effect: Effect, refuse: Refusal) -> None
     reading = rows.rate if isinstance(rows, MotionRows) else rows.n
     with said_of_field(refuse, "variants"):
         ways = effect.variants(place, rows, np.array(reading), 1e-5)
-    if not isinstance(ways, list) or not all(isinstance(way, Variant) for way in ways):
+    if not isinstance(ways, Sequence) or not all(isinstance(way, Variant) for way in ways):
         raise refuse("variants", "give no list of Variant")
     for way in ways:
         if way.offset.shape != reading.shape or way.columns.shape[:2] != reading.shape:
