@@ -58,10 +58,23 @@ def test_it_is_hidden_found_shown_and_exported(tmp_path, monkeypatch, capsys):
 def test_the_processes_of_a_suite_know_it(tmp_path, monkeypatch):
     """Two processes give what one gives, and name it in every record."""
     monkeypatch.chdir(tmp_path)
-    command = ["hidden", "--cases", "4", "--seed", "1", "--effect", "half-scale", "--positions", "30", "40"]
+    command = [
+        "hidden",
+        "--cases",
+        "2",
+        "--seed",
+        "1",
+        "--noise",
+        "uniform",
+        "--effect",
+        "half-scale",
+        "--positions",
+        "30",
+        "40",
+    ]
     command += ["--effects-from", str(written(tmp_path))]
     for jobs in ("1", "2"):
         assert cli.main([*command, "--jobs", jobs, "--json", f"suite-{jobs}.json"]) == 0
     one, two = (json.loads(Path(f"suite-{jobs}.json").read_text()) for jobs in ("1", "2"))
     assert one == two
-    assert one["outcomes"] == {"right": 4}
+    assert one["outcomes"] == {"right": 2}
