@@ -18,7 +18,7 @@ from trihedron.tools.diagnosis.procedure import excluded_sizes, judgement_of
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence import bench_predictions
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.bench_model import predicted_errors
+from trihedron.tools.evidence.bench_model import Cast, predicted_errors
 from trihedron.tools.evidence.bench_predictions import second_mounting
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
@@ -199,3 +199,20 @@ def test_positions_that_separate_put_candidates_further_apart_than_both_bounds()
         found = bench_predictions.separating_positions(readings, evidence.centre.point, fits, (3e-3, 1e-2), room)
     assert found
     assert [call.args[-1] for call in asked.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]
+
+
+def test_from_where_a_sag_counts_is_within_what_the_bounds_grow_by():
+    """The sine of the outer angle from the encoder's zero or from the vertical: the record does not tell."""
+    place, part = EffectPlace("sag", "inner-axis"), np.array([3e-3, 4e-3])
+    evidence = bench_evidence(bench_case(4).measured(), noise_bound=NOISE_BOUND)
+    readings, point = evidence.readings, evidence.centre.point
+    model, without = Cast((place,)).model(readings, point, part), Cast(()).model(readings, point, np.zeros(0))
+    assert model is not None
+    assert without is not None
+    grown = (model.bound - without.bound).reshape(-1, 3)
+    rows = readings.rows(point, readings.disturbed(point, [(place, part)]))
+    amplitude, phase = place.definition.from_coefficients(part)
+    moved = amplitude * (np.sin(rows.alpha + rows.from_vertical) - np.sin(rows.alpha)) * np.cos(rows.beta + phase)
+    change = np.abs(rows.by_beta * moved[:, None])
+    assert np.all(change <= grown + 1e-12)
+    assert change.max() > 0.1 * grown.max() > 0.0
