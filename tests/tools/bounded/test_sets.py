@@ -132,6 +132,10 @@ def test_the_search_finds_exactly_the_sets_that_will_do(seed):
         residual[row] += 30.0
     problem = Problem(residual, problem.nominal, problem.columns, problem.blocks)
     assert not list(sets_of_size(problem, 0, 0.0))
+    nominal = EffectSet(())
+    beyond = linear_radius(problem, nominal) - 1.0
+    assert list(sets_of_size(problem, 0, beyond + 1e-6)) == [nominal]
+    assert list(sets_of_size(problem, 0, beyond - 1e-6)) == []
     for size in (1, 2, 3):
         radii = {one: linear_radius(problem, one) for one in every_set(size, 5, 24)}
         for slack in (0.0, 0.3):
