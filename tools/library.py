@@ -175,6 +175,7 @@ def plan_positions(
     repeat: int = 0,
     detect: Sequence[str] = (),
     extra: int = 6,
+    against_unlisted: bool = False,
     mountings: "Sequence[str | Mapping[str, ArrayLike]]" = ("identity",),
     seed: int = 0,
     starts: int = 30,
@@ -207,6 +208,8 @@ def plan_positions(
         An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show.
     extra : int
         Extra positions for --detect.
+    against_unlisted : bool
+        Choose the set that shows best what is in no catalogue, in place of that with the least costs.
     mountings : sequence
         Several mountings, presets or TOML files: the set is split over them.
     seed : int
@@ -234,6 +237,7 @@ def plan_positions(
         repeat=repeat,
         detect=tuple(detect),
         extra=extra,
+        against_unlisted=against_unlisted,
         seed=seed,
         starts=starts,
         cuts=cuts,

@@ -23,7 +23,7 @@ Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings")
 FOR = {
-    "positions": (*SEARCH, "resolution_deg", "order", "repeat", "detect", "extra", "dwell", "out"),
+    "positions": (*SEARCH, "resolution_deg", "order", "repeat", "detect", "extra", "against_unlisted", "dwell", "out"),
     "curve": (*SEARCH, "out"),
     "check": ("noise_bound",),
 }

@@ -78,12 +78,11 @@ def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> 
 
     `room` (M,): how far errors and residuals of a model that stands may be from each other [g].
     """
-    return tuple(Power(pair, largest_hidden(pair, p, jacobian, room)) for pair in judged_pairs(rows))
+    return tuple(Power(pair, largest_hidden(*class_of(pair, p, jacobian), room)) for pair in judged_pairs(rows))
 
 
-def largest_hidden(pair: Pair, p: Parametrisation, jacobian: NDArray, room: NDArray) -> float:
-    """The greatest size that some fault of a pair can have and be hidden; arguments as of `powers`."""
-    columns, told = class_of(pair, p, jacobian)
+def largest_hidden(columns: NDArray, told: NDArray, room: NDArray) -> float:
+    """The greatest size that some fault of a class can have and be hidden; columns and what counts as of `class_of`."""
     possible = Possible(columns, np.zeros(len(room)), room)
     # Weights that give a value bound it; those of least squares are at hand.
     weights = told / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])

@@ -22,6 +22,7 @@ from .check import EffectDistance, detecting, named_effects
 from .plan import Degrees
 from .positions import TURN, Costs, Places, Request, Task, allowed, costs, pool_of, task_of
 from .search import Bound, bound_positions, drawn, merit, search
+from .unlisted import UnlistedSize, against_unlisted, sizes_of
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -67,7 +68,7 @@ class PositionPlan(Result):
         of the targets' costs to their optima
     lower_bound, lower_bound_on : float, str
         proven: no set of so many positions of this pool has a lower worst ratio; None where it is not asked for, where
-        extra positions are, or after an interruption
+        extra positions are or another criterion is, or after an interruption
     costs, optima : dict
         of each target [σ]: with this set, and with its own optimal plan over all angles
     readings : int
@@ -82,6 +83,8 @@ class PositionPlan(Result):
         Q (3, 3) by name
     detection : tuple of EffectDistance
         how well the effects that were named show
+    unlisted : tuple of UnlistedSize
+        from which size on what is in no catalogue is surely seen, where the set is chosen for that
     task, bound : Task, Bound or None
         what was asked, what is proven; for programs
     duration : float
@@ -90,7 +93,7 @@ class PositionPlan(Result):
         positions of the set without the extra ones, for programs
     """
 
-    omitted = frozenset({"detection"})
+    omitted = frozenset({"detection", "unlisted"})
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
     positions: Annotated[tuple[PlannedPosition, ...], Field(min_length=1)]
@@ -116,6 +119,7 @@ class PositionPlan(Result):
     baseline: str
     mountings: dict[str, list[list[float]]]
     detection: tuple[EffectDistance, ...] = ()
+    unlisted: tuple[UnlistedSize, ...] = ()
     task: Task = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
     bound: Bound | None = Field(default=None, exclude=True)
     duration: float = Field(default=0.0, exclude=True)
@@ -148,19 +152,24 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
             f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
     given = starting_positions(task, count) if stored else []
-    found, starts, interrupted = search(task, count, given=given, progress=progress)
+    if request.against_unlisted:
+        places, starts, interrupted = against_unlisted(task, count, given, progress=progress)
+        found = costs(task, places)
+        found = found if found.determined.all() else None
+    else:
+        found, starts, interrupted = search(task, count, given=given, progress=progress)
     if found is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""
         raise InputError(
             f"--positions {count}: no set was found that determines every target; give more, or --starts{less}"
         )
-    if request.resolution_deg is not None:
+    if request.resolution_deg is not None and not request.against_unlisted:
         found = rounded(task, found)
         if not (found.determined.all() and allowed(task, found.places.angle).all()):
             where = " outside the keep-outs" if request.keep_out else ""
             raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
     bound, detection = None, ()
-    if request.cuts and not interrupted and not (effects and request.extra):
+    if request.cuts and not (interrupted or request.against_unlisted or (effects and request.extra)):
         try:
             with shown_status("lower bound", show=progress):
                 bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
@@ -197,6 +206,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         interrupted=interrupted,
         mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
         detection=detection,
+        unlisted=sizes_of(task, found.places) if request.against_unlisted else (),
         task=task,
         bound=bound,
         duration=duration,

@@ -46,6 +46,7 @@ class Request:
     repeat: int = 0
     detect: tuple[str, ...] = ()
     extra: int = 6
+    against_unlisted: bool = False
     seed: int = 0
     starts: int = 30
     cuts: int = 40

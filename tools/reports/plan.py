@@ -97,8 +97,24 @@ def position_lines(plan: PositionPlan) -> list[str]:
             f"{downwards(one.distance_after, 4)} now, at most {upwards(one.distance_at_most, 4)}"
             for one in plan.detection
         ]
+    if plan.unlisted:
+        lines += _unlisted_lines(plan)
     if plan.interrupted:
         lines.append(f"interrupted after {plan.starts} starts: the best set so far")
+    return lines
+
+
+def _unlisted_lines(plan: PositionPlan) -> list[str]:
+    """From which size on a function of each quantity is surely seen, a line for each place."""
+    lines = ["a smooth fault that is in no catalogue is surely seen from so many σ on, as a function of:"]
+    for place in dict.fromkeys(one.place for one in plan.unlisted):
+        told = [
+            f"{f'{one.factor} times ' if one.factor else ''}{one.quantity} "
+            f"{'never' if one.size is None else upwards(one.size, 3)}"
+            for one in plan.unlisted
+            if one.place == place
+        ]
+        lines.append(f"  {place}: {', '.join(told)}")
     return lines
 
 
