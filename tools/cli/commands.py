@@ -156,7 +156,7 @@ def diagnose(
 
     Example: trihedron diagnose positions.csv --noise-bound 1e-5 --hypothesis "f2 += c*sin(3*alpha)"
 
-    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --effects-from half_scale.py
+    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --effects-from fifth.py
 
     Parameters
     ----------
