@@ -117,7 +117,7 @@ def _check(node: ast.expr, depth: int) -> None:
     if depth > DEEPEST:
         raise ValueError(f"operations stand more than {DEEPEST} deep within each other; write it with fewer brackets")
     match node:
-        case ast.Constant(value=value) if type(value) in (int, float):
+        case ast.Constant(value=int() | float() as value) if type(value) is not bool:
             # An integer of any length is compared exactly.
             if not abs(value) <= LARGEST_NUMBER:
                 raise ValueError(f"{_short(repr(value))} is too large: numbers are up to {LARGEST_NUMBER:g}")

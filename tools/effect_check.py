@@ -189,8 +189,7 @@ def rows_at_rest() -> Rows:
     rng = np.random.default_rng(17)
     n = rng.normal(size=(ROWS, 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
-    slopes = {name: rng.uniform(-1.0, 1.0, (ROWS, 3)) for name in ("by_alpha", "by_beta", "by_kappa", "by_epsilon")}
-    senses = {name: rng.choice([-1.0, 1.0], ROWS) for name in ("sense_alpha", "sense_beta")}
+    by_alpha, by_beta, by_kappa, by_epsilon = rng.uniform(-1.0, 1.0, (4, ROWS, 3))
     return Rows(
         hours=np.linspace(0.0, 2.0, ROWS),
         alpha=rng.uniform(-3.0, 3.0, ROWS),
@@ -198,8 +197,12 @@ def rows_at_rest() -> Rows:
         n=n,
         temperature=rng.uniform(15.0, 30.0, ROWS),
         input_sense=rng.choice([-1.0, 1.0], (ROWS, 3)),
-        **slopes,
-        **senses,
+        by_alpha=by_alpha,
+        by_beta=by_beta,
+        by_kappa=by_kappa,
+        by_epsilon=by_epsilon,
+        sense_alpha=rng.choice([-1.0, 1.0], ROWS),
+        sense_beta=rng.choice([-1.0, 1.0], ROWS),
     )
 
 
@@ -267,7 +270,8 @@ def _context(effect: Effect, rows: Any, row: int) -> tuple[list[float], list[flo
 
 def _check_signature(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     """The signature is what the kernel adds for one unit of each coefficient, in its sum."""
-    count, rows = len(effect.linear_parameters), rows_in_motion() if effect.in_motion else rows_at_rest()
+    count = len(effect.linear_parameters)
+    rows: Any = rows_in_motion() if effect.in_motion else rows_at_rest()
     with said_of_field(refuse, "signature"):
         columns = np.asarray(effect.signature(place, rows), dtype=float)
     if columns.shape != (ROWS, 3, count):

@@ -8,6 +8,7 @@ import hashlib
 import linecache
 import sys
 import traceback
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -68,7 +69,8 @@ class OwnEffects:
         if self not in _LOADED:
             given = self._given()
             # An effect is looked up by its name, in its check too.
-            with _known(given):
+            with _known(given), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
                 _LOADED[self] = tuple(check_effect(self.path, effect) for effect in given)
         return _LOADED[self]
 
@@ -117,7 +119,9 @@ class OwnEffects:
         module.__file__, module.__package__ = origin, ""
         sys.modules[name] = module
         try:
-            code = compile(ast.parse(self.source, origin), origin, "exec")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                code = compile(ast.parse(self.source, origin), origin, "exec")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
             said = error.msg if isinstance(error, SyntaxError) else str(error)

@@ -7,7 +7,7 @@ from independent_bench import SIGMA
 from trihedron.tools.diagnosis.hypothesis import places_of
 from trihedron.tools.diagnosis.procedure import answered
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.records import read_record
+from trihedron.tools.records import PositionRecord, read_record
 
 
 def place_of(text: str):
@@ -21,7 +21,7 @@ def test_a_true_formula_stands_and_a_false_one_is_refuted(text, tmp_path):
     errors, false = TRUE[text]
     left = text.split()[0]
     path = record_with(tmp_path / "r.positions.csv", len(text), left, errors)
-    evidence = bench_evidence(read_record(path), noise_bound=SIGMA)
+    evidence = bench_evidence(read_record(path, PositionRecord), noise_bound=SIGMA)
     right = answered(evidence, place_of(text), rerun=False)
     assert right.answer == "stands"
     assert right.radius <= 1.0 < right.radius_before

@@ -13,7 +13,7 @@ from trihedron.tools.diagnosis.procedure import answered
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
-from trihedron.tools.records import read_record
+from trihedron.tools.records import PositionRecord, read_record
 
 
 def place_of(text: str, *, in_motion: bool = False):
@@ -27,7 +27,7 @@ def test_a_true_formula_stands_and_a_false_one_is_refuted(text, tmp_path):
     errors, false = TRUE[text]
     left = text.split()[0]
     path = record_with(tmp_path / "r.positions.csv", len(text), left, errors)
-    evidence = bench_evidence(read_record(path), noise_bound=SIGMA)
+    evidence = bench_evidence(read_record(path, PositionRecord), noise_bound=SIGMA)
     right = answered(evidence, place_of(text), rerun=False)
     assert right.answer == "stands"
     assert right.radius <= 1.0 < right.radius_before
@@ -43,7 +43,9 @@ def test_a_true_formula_stands_and_a_false_one_is_refuted(text, tmp_path):
 
 
 def test_what_is_in_the_model_or_is_not_needed_is_said_so(tmp_path):
-    record = read_record(record_with(tmp_path / "r.positions.csv", 1, "f1", lambda seen: 0.0 * seen.hours))
+    record = read_record(
+        record_with(tmp_path / "r.positions.csv", 1, "f1", lambda seen: 0.0 * seen.hours), PositionRecord
+    )
     evidence = bench_evidence(record, noise_bound=SIGMA)
     assert answered(evidence, place_of("f1 += c*n2")).answer in ("cannot be told", "not needed")
     assert answered(evidence, place_of("f1 += c")).answer == "cannot be told"
@@ -78,7 +80,7 @@ def test_it_is_told_printed_shown_and_exported(tmp_path, monkeypatch, capsys):
 
 def test_an_angle_reaches_the_block_of_what_is_exported(tmp_path):
     text = "f2 += c*sin(3*alpha)"
-    record = read_record(record_with(tmp_path / "r.positions.csv", 5, "f2", TRUE[text][0]))
+    record = read_record(record_with(tmp_path / "r.positions.csv", 5, "f2", TRUE[text][0]), PositionRecord)
     evidence = bench_evidence(record, noise_bound=SIGMA)
     one = answered(evidence, place_of(text))
     assert one.gain is not None
