@@ -286,11 +286,12 @@ class Carried(CarriedRun):
         if stated is not None:
             explained = "noise at rest and the true attitude's error as stated explain"
             taken = f"{exactly(stated / ARCMIN)} is stated, and {taken}"
+        needed = upwards(self.needed(self.places), 3)
         return (
-            f"all effects of the catalogue together leave errors of {residual(least)} bounds: over {part.label} the "
-            f"bound would have to be {downwards(least * bound, 3)} arcmin, and {explained} {upwards(bound, 3)}; "
-            "something that is not in the catalogue acts, or the true attitude errs more than that in motion: it would "
-            f"have to err by {upwards(self.needed(self.places), 3)} arcmin or more at a row; {taken}"
+            f"all effects of the catalogue together leave errors of {residual(least)} bounds, and none that sets in at "
+            f"a time is enough: over {part.label} the bound would have to be {downwards(least * bound, 3)} arcmin, and "
+            f"{explained} {upwards(bound, 3)}; something that is not in the catalogue acts, or the true attitude errs "
+            f"more than that in motion: it would have to err by {needed} arcmin or more at a row; {taken}"
         )
 
     def needed(self, places: Sequence[EffectPlace]) -> float:

@@ -55,6 +55,8 @@ MANY = 4.0
 """Errors of so many bounds, root mean square over that of noise at its bound, may hold a second order that counts."""
 SETTLED = 0.9
 """A run about the fit to the one before that leaves so much of its errors was the last that is needed."""
+MOST_ONSETS = 24
+"""Times that are tried first, of an effect that sets in."""
 MOST_OF_IT = 3.0
 """By so much an effect must lower the errors to be the main one."""
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
@@ -239,11 +241,40 @@ def about_main_effect(made: Carried) -> Carried:
     """
     tried = [(place, about_effect(made, place)) for place in main_effects(made)]
     if not tried:
-        return made
+        return about_main_onset(made)
     left = [_rms_left(one, (place,)) for place, one in tried]
     _, best = next(pair for pair, mine in zip(tried, left, strict=True) if SETTLED * mine <= min(left))
     standing = [place for place, one in tried if one.refit([place]).radius <= one.limit]
     return best.without([place for place, _ in tried if standing and place not in standing])
+
+
+def about_main_onset(made: Carried) -> Carried:
+    """The evidence about the effect that sets in and makes most of large errors; as it is where none does."""
+    for _ in range(RELINEARISATIONS):
+        before = _rms_left(made, ())
+        tried = [nearest_onset(made, place) for place in made.starting] if before > MANY / np.sqrt(3.0) else []
+        left, place, about = min(tried, key=lambda one: one[0], default=(np.inf, BIAS, made))
+        if not MOST_OF_IT * left < before:
+            break
+        solution = about.estimate([place])
+        if not are_possible(place, about.values_of([place], solution)[place]):
+            break
+        made = made.with_errors([part.error for part in about_effects(about, [place], solution).parts])
+    return made
+
+
+def nearest_onset(made: Carried, place: EffectPlace) -> tuple[float, EffectPlace, Carried]:
+    """What an effect that sets in leaves by least squares, where it leaves about the least; with the evidence then."""
+    edges, step = made.onsets.edges, max(1, len(made.onsets.edges) // MOST_ONSETS)
+    low, high = 0, len(edges)
+    while True:
+        tried = [made.with_onset(place, int(row)) for row in edges[low:high:step]]
+        left = [_rms_left(one, (place,)) for one in tried]
+        best = int(np.argmin(left))
+        if step == 1:
+            return left[best], place, tried[best]
+        middle = low + best * step
+        low, high, step = max(0, middle - step), min(len(edges), middle + step + 1), max(1, step // 4)
 
 
 def about_effect(made: Carried, place: EffectPlace) -> Carried:

@@ -53,6 +53,11 @@ def rate_in_waves(time, rate, rng):
     return rate + rng.uniform(8e-3, 2e-2, 3) * np.sin(8.0 * rate)
 
 
+def late_from_the_middle_on(time, rate, rng):
+    late = np.vstack([rate[:1], rate[:-1]])
+    return np.where((time > rng.uniform(0.4, 0.6) * time[-1])[:, None], late, rate)
+
+
 def low_passed(time, rate, rng):
     """Each gyro with a time constant of its own, one of them fast."""
     kept = np.exp(-PERIOD / np.array([0.02, 1e-4, 0.012]))
@@ -150,6 +155,7 @@ CATALOGUE = {
     "gyro-rate-cubed": rate_cubed,
     "gyro-scale-drift": changing_scale,
     "lag": low_passed,
+    "latency-step": late_from_the_middle_on,
     "gyro-bias-step": step_of_the_bias,
 }
 
