@@ -21,8 +21,8 @@ from .onsets import ROUNDS, STRETCHES, Acting, Onsets, refused
 from .references import Gravity, Truth, has_truth
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
-MOST_WITH_ONSET = 2
-"""Sets of so many effects have one that sets in at a time, at most."""
+MOST_WITH_ONSET = 1
+"""Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ class CarriedRun(CarriedRecord):
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects that no bound refuses; one of each may set in at a time, in pairs at most."""
+        """Sets of so many effects that no bound refuses; larger ones than `MOST_WITH_ONSET` have none that sets in."""
         yield from super().candidates(size, work, among)
         if among is None and size <= MOST_WITH_ONSET:
             for others in combinations(self.classes.places, size - 1):
