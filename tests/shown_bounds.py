@@ -21,7 +21,8 @@ UP = {
     *("guaranteed_error", "error_bound", "noise_bound", "noise_bound_arcmin", "above", "high", "limit"),
     *("cost", "gap", "costs", "optima", "ratio", "worst_ratio", "mean_ratio", "worst", "largest_error_deg", "planned"),
     *("bias", "compensated", "solved", "force_bound", "rate_bound", "distance_at_most", "max_arcmin", "clearance"),
-    *("held_out_max_before", "held_out_max_after", "max_before", "max_after", "maximum", "bridged_bound"),
+    *("held_out_max_before", "held_out_max_after", "max_before", "max_after", "maximum", "largest"),
+    "bridged_bound",
 }
 """Keys of what is at most so much."""
 DOWN = {"low", "lower_bound", "distance_before", "distance_after", "apart_g"}

@@ -282,8 +282,8 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     header = ["scalar", "runs", "mean", *(f"{exactly(round(100.0 * q['at'], 9))} %" for q in at), "largest"]
     rows: list[list[Cell]] = []
     for name, entry in there.items():
-        figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]), entry["largest"])
-        rows.append([name, entry["runs"], *(digits(figure, 4) for figure in figures)])
+        figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]))
+        rows.append([name, entry["runs"], *(digits(figure, 4) for figure in figures), upwards(entry["largest"], 4)])
     columns = {name: np.asarray(results.numbers(name)) for name in there}
     marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"

@@ -4,21 +4,29 @@ import ast
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from campaign_runs import CALIBRATION, written
 from page_text import clean, shown, text_of
-from planning_tasks import planned
+from planning_tasks import planned, stored, tables_task
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
 from strapdown_records import drawn_motion, strapdown_record
 from trihedron.tools import library
 from trihedron.tools.calibration import calibrate
+from trihedron.tools.campaign.store import open_result
+from trihedron.tools.document.page import html
+from trihedron.tools.planning.check import SettingCheck, check_settings
+from trihedron.tools.planning.common import PositionPlan
 from trihedron.tools.planning.positions import Request
 from trihedron.tools.reports import document_of
 from trihedron.tools.reports.calibration import levelled
+from trihedron.tools.reports.campaign import campaign_page
+from trihedron.tools.reports.plan import operator_page
 from trihedron.tools.result import Result
 from trihedron.tools.rounding import Stated, digits, exactly, interval, upwards
 from trihedron.tools.trials.bench import NOISE_BOUND
@@ -112,9 +120,22 @@ def test_a_format_by_hand_is_found(source):
 KINDS: dict[str, Callable[[], Result]] = {
     "inspection": lambda: library.inspect(strapdown_record()),
     "attitude": lambda: library.attitude_of_record(strapdown_record()),
-    "positions": lambda: planned(12, Request(starts=1, cuts=1, admissible="tables")),
+    "positions": lambda: plan(),
+    "setting": lambda: setting(),
     "one-sided": lambda: calibrate(clean(), noise_bound=NOISE_BOUND * 0.9, baseline="symmetric"),
 }
+
+
+@cache
+def plan() -> PositionPlan:
+    return planned(12, Request(starts=1, cuts=1, admissible="tables"))
+
+
+def setting() -> SettingCheck:
+    """Where the table came to, beside where it was to come."""
+    places = stored(12)
+    moved = np.radians(np.random.default_rng(2).uniform(-0.05, 0.05, places.angle.shape))
+    return check_settings(tables_task(), places, places.at(places.angle + moved), 1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -125,6 +146,37 @@ def test_lines_show_no_bound_better_than_it_is(kind):
     assert lines
     assert watched.seen
     assert shown_too_well(result.to_json(), watched) == []
+
+
+def test_an_operators_page_with_its_proof_shows_no_bound_better_than_it_is():
+    watched = Watched()
+    with watched():
+        page = html(operator_page(plan(), 10.0))
+    assert str(upwards(plan().worst_ratio, 2))[:4] in page
+    assert watched.seen
+    assert shown_too_well(plan().to_json(), watched) == []
+
+
+def test_a_campaigns_page_shows_no_bound_better_than_it_is(tmp_path: Path):
+    """Quantiles, largest values and rates with their intervals, of 14 calibrations."""
+    more = '[[compute]]\nquantiles = ["X4_guaranteed"]\n[[compute]]\nrate = "verdict"\nis = ["consistent"]\n'
+    done = library.run_campaign(written(tmp_path, CALIBRATION + more), tmp_path / "out", jobs=1)
+    watched = Watched()
+    with watched():
+        lines = document_of(done).lines
+        page = html(campaign_page(*open_result(tmp_path / "out")))
+    assert lines
+    assert "X4_guaranteed" in page
+    assert watched.seen
+    assert any("quantiles" in item for item in done.computed)
+    assert shown_too_well(without_statistics(done.to_json()), watched) == []
+
+
+def without_statistics(content: Any) -> Any:
+    """A JSON object without means and quantiles: those of bounds bound nothing."""
+    if isinstance(content, dict):
+        return {k: without_statistics(v) for k, v in content.items() if k not in ("mean", "quantiles")}
+    return [without_statistics(v) for v in content] if isinstance(content, list) else content
 
 
 def figures(pattern: str, lines: Iterable[str]) -> list[float]:
