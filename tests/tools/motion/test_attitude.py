@@ -208,8 +208,8 @@ def test_every_row_that_is_written_says_whether_it_is_to_be_trusted(tmp_path: Pa
         run = attitude_of_record(record, rate_divisor=divisor, out=tmp_path)
         rows = pl.read_parquet(tmp_path / "run.parquet")
         assert run.trusted_until is not None
-        first = record.time_s[np.argmax((np.abs(record.rate) >= 0.8).any(axis=1))]
-        trusted = rows.filter(pl.col("trusted"))["time_s"]
+        first = record.time_s[np.argmax((np.abs(np.asarray(record.rate)) >= 0.8).any(axis=1))]
+        trusted = rows.filter(pl.col("trusted"))["time_s"].to_numpy()
         assert trusted.max() < first < trusted.max() + 0.01 * divisor * 1.5
         assert trusted.max() > run.trusted_until - 1e-9
         assert rows["trusted"].to_list() == sorted(rows["trusted"], reverse=True)
