@@ -322,6 +322,7 @@ def diagnose(
     reference_bound: float | None = None,
     hypotheses: Sequence[str] = (),
     effects_from: str | Path | None = None,
+    extend: bool = False,
     progress: bool = False,
 ) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
@@ -353,6 +354,9 @@ def diagnose(
     effects_from : path, optional
         A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
         beside those of the catalogue.
+    extend : bool
+        Where place and quantity are proven, extend the model by a formula or a table that is in no catalogue, though
+        something in it stands, too.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -370,9 +374,10 @@ def diagnose(
     if isinstance(run, records.StrapdownRecord):
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-        options = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
+        options: dict[str, Any] = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
+        options |= {"hypotheses": hypotheses, "extend": extend}
         with with_effects_of(effects_from):
-            return diagnosis.diagnose(run, gravity=gravity, hypotheses=hypotheses, **options, progress=progress)
+            return diagnosis.diagnose(run, gravity=gravity, **options, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     if reference_bound is not None:
@@ -388,6 +393,7 @@ def diagnose(
             bounds=bounds,
             mounting=mounting,
             hypotheses=hypotheses,
+            extend=extend,
             progress=progress,
         )
 

@@ -1,9 +1,10 @@
 """The functions of one quantity that bounds on errors leave possible, exactly, at every knot.
 
 errors = jacobian x + columns g + noise within the bounds, with parameters x and the values g of an unknown function at
-knots, straight between them. Told is what parameters cannot imitate: at as many knots as there are functions that they
-do imitate it is zero. How much a function may bend is limited. The straight interpolation of a function bends no more
-than the function does, so that what holds for all that bend so much on these knots holds for all functions that do.
+knots, straight between them. Told is what parameters cannot imitate: of the functions that they do imitate none has a
+part in it, by least squares over the knots. How much a function may bend is limited. The straight interpolation of a
+function bends no more than the function does: what holds for all that bend so much on these knots holds for all
+functions that do.
 """
 
 from dataclasses import dataclass, replace
@@ -63,15 +64,13 @@ class Unknown:
 class Band:
     """What the functions that are possible have in common.
 
-    `knots` (k,) with the lower and upper end `low`, `high` (k,) of all functions; `zero_at`: knots where they are zero,
-    as parameters imitate what they are there; `least` (K,): the values at all knots of a function that bends least;
-    `bending`: how much functions in the band may bend.
+    `knots` (k,) with the lower and upper end `low`, `high` (k,) of all functions; `least` (K,): the values at all knots
+    of a function that bends least; `bending`: how much functions in the band may bend.
     """
 
     knots: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
-    zero_at: tuple[float, ...]
     least: NDArray[np.float64]
     bending: float
 
@@ -88,39 +87,33 @@ class Functions:
         self._data = jacobian, left, bound
         self.imitated = self._smooth(_null_space(columns - base @ (base.T @ columns)))
         """Functions (K, d) that parameters imitate."""
-        self.zero = np.sort(qr(self.imitated.T, mode="economic", pivoting=True)[2][: self.imitated.shape[1]])
-        """Numbers (d,) of the knots where the functions that are told are zero."""
-        self._free = np.setdiff1d(np.arange(count), self.zero)
         # What parameters imitate may bend as it likes.
         bent = unknown.bends @ self.imitated
         bent = bent[:, np.abs(bent).max(axis=0, initial=0.0) > IMITATED]
-        bends = np.hstack((unknown.bends[:, self._free], column_space(bent)))
-        rows, self._first, more = len(bends), base.shape[1], bends.shape[1]
-        own = np.zeros((len(left), more))
-        own[:, : len(self._free)] = unknown.columns[:, self._free]
+        bends = np.hstack((unknown.bends, column_space(bent)))
+        rows, self._first, more, out = len(bends), base.shape[1], bends.shape[1] - count, self.imitated.shape[1]
         # The parameters, the function's values, what imitated functions bend, and the size of each bend.
         matrix = np.block(
             [
-                [base * bound[:, None], own, np.zeros((len(left), rows))],
+                [base * bound[:, None], unknown.columns, np.zeros((len(left), more + rows))],
+                [np.zeros((out, self._first)), self.imitated.T, np.zeros((out, more + rows))],
                 [np.zeros((rows, self._first)), bends, -np.eye(rows)],
                 [np.zeros((rows, self._first)), -bends, -np.eye(rows)],
-                [np.zeros((1, self._first + more)), np.ones((1, rows))],
+                [np.zeros((1, self._first + count + more)), np.ones((1, rows))],
             ]
         )
         self._bent = np.zeros(matrix.shape[1])
         self._bent[-rows:] = 1.0
         infinite = np.full(2 * rows, np.inf)
-        self._polytope = Polytope(matrix, np.concatenate((bound, np.full(2 * rows + 1, bound.min()))))
-        self._lower = np.concatenate((left - bound, -infinite, [0.0]))
-        self._upper = np.concatenate((left + bound, 0.0 * np.ones(2 * rows)))
+        self._polytope = Polytope(matrix, np.concatenate((bound, np.full(out + 2 * rows + 1, bound.min()))))
+        self._lower = np.concatenate((left - bound, np.zeros(out), -infinite, [0.0]))
+        self._upper = np.concatenate((left + bound, np.zeros(out + 2 * rows)))
 
     def least(self) -> tuple[NDArray[np.float64], float]:
         """The function (K,) that bends least, and how much; a SolverError where none is possible."""
         self._polytope.confine(self._lower, np.append(self._upper, np.inf))
         bending, x, _ = self._polytope.maximise(-self._bent)
-        values = np.zeros(len(self.unknown.knots))
-        values[self._free] = x[self._first : self._first + len(self._free)]
-        return values, max(0.0, -bending)
+        return x[self._first : self._first + len(self.unknown.knots)], max(0.0, -bending)
 
     def _smooth(self, functions: NDArray) -> NDArray[np.float64]:
         """Those combinations (K, d) of functions that bend little: functions of the quantity, not of a few rows."""
@@ -131,8 +124,14 @@ class Functions:
         return found[:, np.array(least, dtype=bool)]
 
     def told(self, values: NDArray) -> NDArray[np.float64]:
-        """What is told of a function (K,): less what parameters imitate of it, zero where all functions are."""
-        return values - self.imitated @ np.linalg.solve(self.imitated[self.zero], values[self.zero])
+        """What is told of a function (K,): less what parameters imitate of it."""
+        return values - self.imitated @ (self.imitated.T @ values)
+
+    @property
+    def zero(self) -> tuple[int, ...]:
+        """Numbers (d,) of knots where a function may be taken as zero, as parameters imitate what it is there."""
+        chosen = qr(self.imitated.T, mode="economic", pivoting=True)[2][: self.imitated.shape[1]]
+        return tuple(int(k) for k in np.sort(chosen))
 
     def band(self, at: NDArray[np.int_]) -> Band:
         """Ends of all possible functions at some knots (k,), given by their numbers."""
@@ -140,14 +139,11 @@ class Functions:
         bending = MARGIN * (own + HIDDEN * max(self._just_shows(least, own), *map(self._just_shows, self._plain())))
         self._polytope.confine(self._lower, np.append(self._upper, bending))
         ends = np.array([self._ends(int(k)) for k in at]).reshape(-1, 2)
-        knots = self.unknown.knots
-        return Band(knots[at], ends[:, 0], ends[:, 1], tuple(knots[self.zero].tolist()), least, bending)
+        return Band(self.unknown.knots[at], ends[:, 0], ends[:, 1], least, bending)
 
     def _ends(self, knot: int) -> Interval:
         weights = np.zeros(len(self._bent))
-        if knot in self.zero:
-            return 0.0, 0.0
-        weights[self._first + int(np.searchsorted(self._free, knot))] = 1.0
+        weights[self._first + knot] = 1.0
         return -self._polytope.maximise(-weights)[0], self._polytope.maximise(weights)[0]
 
     def _plain(self) -> list[NDArray[np.float64]]:

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from ..errors import InputError
+from .cause import Finding
 from .result import Diagnosis
 
 
 def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
-    """Write what explains a record into a folder; the files, none where nothing is explained.
+    """Write what explains a record, or extends its model, into a folder; the files, none where nothing does.
 
     FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
     parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
@@ -16,6 +17,8 @@ def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") ->
     An InputError where a value is beyond what a component takes, or the folder cannot be written.
     """
     standing = next((one.finding for one in result.hypotheses or () if one.answer == "stands"), None)
+    if standing is None and result.extension is not None:
+        standing = Finding((result.extension,), result.extension.fit)
     if standing is None and result.verdict != "explained":
         return []
     finding = result.findings[0] if standing is None else standing

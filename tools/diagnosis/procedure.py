@@ -19,6 +19,7 @@ from ..evidence.fit import ARCMIN, Fit, contains
 from ..progress import tracked
 from ..records import PositionRecord, StrapdownRecord
 from ..rounding import digits
+from .beyond import Beyond, keys_of
 from .cause import Cause, Finding, NamedEffect
 from .dependence import dependence
 from .hypothesis import (
@@ -57,15 +58,17 @@ def diagnose(
     *,
     hypotheses: Sequence[str] = (),
     rerun: bool = True,
+    extend: bool = False,
     progress: bool = False,
     **options: Any,
 ) -> Diagnosis:
     """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
     Options are of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`. `rerun`:
-    simulate what was held out again, without and with the effects that were named, and say the power; `progress`: show
-    a bar on standard error, where that is a terminal; `hypotheses` are formulas that are judged. An InputError for a
-    record that cannot be used, or for a formula that is none.
+    simulate what was held out again, without and with the effects that were named, and say the power; `extend`: extend
+    the model by what is in no catalogue though something in it stands; `progress`: show a bar on standard error, where
+    that is a terminal; `hypotheses` are formulas that are judged. An InputError for a record that cannot be used, or
+    for a formula that is none.
     """
     carried = isinstance(record, StrapdownRecord)
     formulas = places_of(hypotheses, in_motion=carried)
@@ -78,7 +81,7 @@ def diagnose(
             for place in formulas:
                 beside.columns_of([place])
     try:
-        result = diagnosed(evidence, rerun=rerun, progress=progress)
+        result = diagnosed(evidence, rerun=rerun, extend=extend, progress=progress)
         if not formulas:
             return result
         answers = tuple(answered(beside, place, result.findings, rerun=rerun) for place in formulas)
@@ -88,7 +91,12 @@ def diagnose(
 
 
 def diagnosed(
-    evidence: Evidence, *, rerun: bool = True, progress: bool = False, most_work: float = MOST_WORK
+    evidence: Evidence,
+    *,
+    rerun: bool = True,
+    extend: bool = False,
+    progress: bool = False,
+    most_work: float = MOST_WORK,
 ) -> Diagnosis:
     """The diagnosis of evidence, whatever the record; a SolverError where errors are too large to solve.
 
@@ -112,6 +120,7 @@ def diagnosed(
     objections = (*evidence.objections(), *_not_named(evidence))
     found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
     told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
+    told |= of_functions(evidence, told, found.fits, extend=extend or not found.fits, rerun=rerun)
     if not found.fits:
         helps, said = what_helps(evidence, told.get("lengths", ()))
         gain = evidence.gain(evidence.refit(helps)) if rerun and helps else None
@@ -121,6 +130,7 @@ def diagnosed(
     findings = [finding for finding in tried if finding.acts]
     idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
     if not findings:
+        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, idle)
     # What contains a set that stands can always stand, too: it is no rival, and comes behind.
     containing = [one for one in tried if any(contains(one.fit.places, other.fit.places) for other in findings)]
@@ -149,7 +159,10 @@ def diagnosed(
     told |= {"findings": [best]}
     # What has a witness against it is not named.
     if objections:
+        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, objections)
+    if "beyond" in told:
+        told |= {"level": "quantity" if told.get("caution") else "law"}
     excluded = excluded_sizes(evidence, best.fit)
     same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
     return _result(
@@ -222,7 +235,21 @@ def of_dependence(evidence: Evidence) -> Mapping[str, Any]:
     if found is None:
         return needed
     suffices = tuple(Suffices.of(one) for one in found.standing)
-    return needed | {"proven": Proven.of(found), "suffices": suffices}
+    return needed | {"proven": Proven.of(found), "suffices": suffices, "dependence": found}
+
+
+def of_functions(
+    evidence: Evidence, told: Mapping[str, Any], fits: Sequence[Fit], *, extend: bool, rerun: bool
+) -> Mapping[str, Any]:
+    """Keys of what is possible of a function whose place and quantity are proven: band, laws, what extends the model.
+
+    `fits` are sets of effects of the catalogue that stand; `extend`, `rerun` are as for `diagnose`.
+    """
+    found = told.get("dependence")
+    if found is None or found.proven is None:
+        return {}
+    beyond = Beyond(evidence, found.proven.pair, found.proven.form, tuple(fits))
+    return keys_of(beyond, extend=extend, rerun=rerun)
 
 
 def _unexplained(evidence: Evidence, told: Mapping[str, Any], objections: tuple[str, ...]) -> Diagnosis:

@@ -13,6 +13,8 @@ from ..evidence.evidence import Trial
 from ..evidence.fit import Gain
 from ..result import Result, Told
 from ..rounding import downwards, upwards
+from .band import BandOfFunctions
+from .beyond import BeyondCatalogue, StatedLaw
 from .cause import Cause, NamedEffect, Number
 from .hypothesis import Hypothesis
 from .level import Proven, Suffices
@@ -327,6 +329,14 @@ class Diagnosis(Told):
         the least complex functions of one quantity at one place with which the model stands, the least complex first
     noise_bound_needed : float
         the least noise bound with which the model without effects would stand, in the unit of the bound that was used
+    caution : tuple of str
+        what else would do at the same place, by the same quantity, listed or not
+    band : BandOfFunctions or None
+        where place and quantity are proven: the ends of every function that the record leaves possible
+    laws : tuple of StatedLaw
+        laws that stand there: those of the catalogue, then short formulas, of the least size of which one stands
+    extension : BeyondCatalogue or None
+        a formula or a table that extends the model though it stands in no catalogue
     causes, alternatives : tuple of Cause, tuple of such
         what is named, or the best of several sets, and the other sets that remain
     complete : bool
@@ -370,6 +380,10 @@ class Diagnosis(Told):
     depends_on: tuple[str, ...] | None = None
     suffices: tuple[Suffices, ...] | None = None
     noise_bound_needed: Number | None = None
+    caution: tuple[str, ...] | None = None
+    band: BandOfFunctions | None = None
+    laws: tuple[StatedLaw, ...] | None = None
+    extension: BeyondCatalogue | None = None
     causes: tuple[Cause, ...]
     extended: Extended | None = None
     gain: Gain | None = None
@@ -399,6 +413,8 @@ class Diagnosis(Told):
     evidence: Any = Field(default=None, exclude=True)
     findings: tuple[Any, ...] = Field(default=(), exclude=True)
     tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)
+    dependence: Any = Field(default=None, exclude=True)
+    beyond: Any = Field(default=None, exclude=True)
 
     @model_validator(mode="before")
     @classmethod

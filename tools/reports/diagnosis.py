@@ -13,7 +13,7 @@ from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
 from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
-from . import bench, calibration, evidence
+from . import band, bench, calibration, evidence
 from .bench import of_bench
 from .hypotheses import hypothesis_lines, hypothesis_section
 from .inspection import carried_section, record_sections
@@ -73,7 +73,9 @@ def lines(result: Diagnosis) -> list[str]:
     said += [f"against the first set: {text}" for text in result.objections or ()]
     said += hypothesis_lines(result)
     said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
+    said += [f"caution: {text}" for text in result.caution or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
+    said += band.lines(result)
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position)}")
     said += [f"measure next: {text}" for text in result.next or ()]
@@ -281,7 +283,7 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
     return Page(
         f"Diagnosis of {name}",
         verdict_sentence(result),
-        [*first, *sections_of(result)],
+        [*band.sections(result), *first, *sections_of(result)],
         tone=TONES.get(result.verdict, "attention"),
         key=key,
         provenance=rests_on,

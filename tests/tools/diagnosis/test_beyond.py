@@ -1,0 +1,158 @@
+"""What is in no catalogue: the band holds the truth, laws that stand are told, the model is extended and exported."""
+
+import dataclasses
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulated_bench import GRAVITY, random_bench, simulated
+from simulated_bench import record as position_record
+from trihedron.models.effects.formula import Formula
+from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
+from trihedron.tools.diagnosis.beyond import Beyond
+from trihedron.tools.diagnosis.dependence import dependence
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.orchestrator.run import simulate_table
+from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.records import PositionRecord
+from trihedron.tools.trials.bench import NOISE_BOUND
+
+COUNT = 36
+
+
+def bench_of(seed: int, count: int = COUNT) -> tuple[np.random.Generator, np.ndarray, np.ndarray, np.ndarray]:
+    """A generator, readings (N, 3) [g] of a bench at N random positions with noise, and their angles."""
+    rng = np.random.default_rng([seed, 23])
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (count, 3))
+    return rng, simulated(random_bench(rng), alpha, beta, noise).specific_force / GRAVITY, alpha, beta
+
+
+def bump(angle: np.ndarray) -> np.ndarray:
+    return 2e-4 * np.exp(-(((np.remainder(angle - 2.0 + np.pi, 2.0 * np.pi) - np.pi) / 0.8) ** 2))
+
+
+@cache
+def of_power(power: int) -> Beyond:
+    """A power of its own input in accelerometer 2."""
+    _, reading, alpha, beta = bench_of(power)
+    reading[:, 1] += 1.2e-4 * reading[:, 1] ** power
+    return beyond_of(position_record(reading, alpha, beta))
+
+
+def beyond_of(record: PositionRecord) -> Beyond:
+    """What a record says of the functions of the pair that it proves, without the catalogue."""
+    evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
+    found = dependence(evidence)
+    assert found is not None
+    assert found.proven is not None
+    return Beyond(evidence, found.proven.pair, found.proven.form)
+
+
+@cache
+def of_bump() -> tuple[PositionRecord, Diagnosis]:
+    """An encoder that errs in one part of its circle."""
+    _, reading, alpha, beta = bench_of(7)
+    found = position_record(reading, np.remainder(alpha + bump(alpha), 2.0 * np.pi), beta)
+    return found, diagnose(found, noise_bound=NOISE_BOUND)
+
+
+def told(beyond: Beyond, truth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The true function at the knots of the band, but for what the model imitates; lower and upper ends."""
+    possible, band = beyond.possible, beyond.band
+    assert band is not None
+    own = possible.every.told(truth(possible.knots))
+    at = np.array([knot["at"] for knot in band.knots])
+    ends = np.array([(knot["low"], knot["high"]) for knot in band.knots])
+    return own[np.searchsorted(possible.knots, at)], ends[:, 0], ends[:, 1]
+
+
+@pytest.mark.parametrize("power", [3, 5])
+def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
+    beyond = of_power(power)
+    truth, low, high = told(beyond, lambda n: 1.2e-4 * n**power)
+    room = 1e-9
+    assert (low - room <= truth).all()
+    assert (truth <= high + room).all()
+    # It is a band: what it leaves out is larger than what it holds.
+    assert np.median(high - low) < np.ptp(truth)
+    laws = {law.words: beyond.stated(law) for law in beyond.laws}
+    law = laws[{3: "c n2³", 5: "c n2⁵"}[power]]
+    assert law.intervals[0][0] <= 1.2e-4 <= law.intervals[0][1]
+    assert Formula.of(law.law or "").place == law.place
+    # Powers next to each other cannot be told apart at this size: none is named alone.
+    assert len(laws) > 1
+    (caution,) = beyond.caution
+    assert "n2⁵" in caution
+
+
+def test_without_a_proof_there_is_no_band():
+    _, reading, alpha, beta = bench_of(11)
+    clean = diagnose(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND, rerun=False)
+    assert (clean.verdict, clean.band, clean.laws, clean.extension) == ("consistent", None, None, None)
+
+
+def test_what_is_in_no_catalogue_extends_the_model_and_is_no_cause():
+    _, result = of_bump()
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
+    found = result.extension
+    assert found is not None
+    assert (found.where, found.quantity, found.kind) == ("outer-axis", "alpha", "lookup")
+    assert found.radius <= result.evidence.limit
+    truth, low, high = told(result.beyond, bump)
+    assert (low - 1e-7 <= truth).all()
+    assert (truth <= high + 1e-7).all()
+    # It predicts what was not used, to within the noise.
+    assert found.left_out_rms is not None
+    assert found.left_out_rms < 1.5
+    assert found.gain is not None
+    assert found.gain.held_out_rms_after < 1.5 * NOISE_BOUND
+    assert found.gain.improves
+
+
+def test_at_its_knots_a_table_is_what_its_parameters_say_and_its_intervals_hold_the_truth():
+    _, result = of_bump()
+    found = result.extension
+    assert found is not None
+    assert found.knots is not None
+    stated = {knot["at"]: knot["estimate"] for knot in found.knots}
+    assert len(stated) == len(found.parameters) + sum(value == 0.0 for value in stated.values())
+    zero = next(at for at, value in stated.items() if value == 0.0)
+    for knot in found.knots:
+        true = bump(np.array([knot["at"]]))[0] - bump(np.array([zero]))[0]
+        # The bump is no table itself: between knots it bends.
+        assert knot["low"] is None or knot["low"] - 1.5e-5 <= true
+        assert knot["high"] is None or true <= knot["high"] + 1.5e-5
+
+
+def test_it_is_exported_and_run_gives_the_record_again(tmp_path: Path):
+    record, result = of_bump()
+    files = export_extended(result, tmp_path)
+    assert {file.suffix for file in files} >= {".fmu", ".ssv", ".toml"}
+    again = simulate_table(read_scenario(tmp_path / "scenario.toml")).position_record()
+    assert np.abs(again.specific_force - record.specific_force).max() <= GRAVITY * NOISE_BOUND * result.evidence.limit
+
+
+@pytest.mark.acceptance
+def test_a_person_may_have_the_model_extended_though_the_catalogue_has_a_cause():
+    _, reading, alpha, beta = bench_of(3)
+    reading[:, 1] += 1.2e-4 * reading[:, 1] ** 3
+    found = position_record(reading, alpha, beta)
+    result = diagnose(found, noise_bound=NOISE_BOUND, rerun=False, extend=True)
+    assert result.causes
+    assert result.extension is not None
+    assert result.extension.kind in ("formula", "lookup")
+
+
+def test_where_a_ramp_begins_is_within_its_interval():
+    _, reading, alpha, beta = bench_of(5)
+    record = position_record(reading, alpha, beta)
+    hours = (record.time_s - record.time_s[0]) / 3600.0
+    start = 0.55 * hours[-1]
+    reading[:, 0] += 2e-4 * np.maximum(0.0, hours - start) / (hours[-1] - start)
+    record = dataclasses.replace(record, specific_force=GRAVITY * reading)
+    ramps = [law.shape for law in beyond_of(record).laws if law.shape and law.words.startswith("c (")]
+    assert any(low <= start <= high for low, high in ramps)

@@ -1,0 +1,137 @@
+"""The band: what of a function of one quantity, at one place, a record leaves possible, whatever its law."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from typing_extensions import TypedDict
+
+from ...models.effects.definition import AXES
+from ...models.effects.lookup import MOST_KNOTS, TURN, Table
+from ..bounded.functions import Band, Functions, Unknown
+from ..evidence.evidence import Evidence
+from ..evidence.pairs import Pair
+from ..result import Told
+from .cause import Number
+
+NEAREST = 1.0 / 4000.0
+"""Values of a quantity nearer to each other than this part of their range are one knot."""
+MOST_TOLD = 41
+"""So many knots are told at most, and the functions' values between them at more."""
+INPUTS = ("n1", "n2", "n3")
+
+
+class Knot(TypedDict):
+    """A value of the quantity, and the ends of all possible functions there."""
+
+    at: Number
+    low: Number
+    high: Number
+
+
+class BandOfFunctions(Told):
+    """The ends of every function of one quantity, at one place, that a record leaves possible.
+
+    Attributes
+    ----------
+    where, quantity, factor : str
+        the functions' place, what they depend on, and what they are multiplied by
+    knots : tuple of Knot
+        ends, exact for all functions that bend no more than `bending`; where the record has more values of the quantity
+        than are knots of them, for those that are straight between
+    imitated : tuple of tuple of float
+        functions, by their values at the knots, that the model without effects imitates: they are no part of what is
+        told, by least squares over the values that the record has of the quantity
+    bending : float
+        total variation of the slope, times the range of the knots; of functions that jump that of the values
+    steps : bool
+        whether functions jump
+    """
+
+    where: str
+    quantity: str
+    factor: str | None = None
+    steps: bool
+    imitated: tuple[tuple[Number, ...], ...]
+    bending: Number
+    knots: tuple[Knot, ...]
+
+    @staticmethod
+    def of(possible: "Possible") -> "BandOfFunctions":
+        """The band of possible functions."""
+        pair, band = possible.pair, possible.band
+        rows = possible.every.imitated[np.searchsorted(possible.knots, band.knots)]
+        ends = zip(band.knots, band.low, band.high, strict=True)
+        knots = tuple(Knot(at=float(at), low=float(low), high=float(high)) for at, low, high in ends)
+        named = {"factor": pair.factor} if pair.factor else {}
+        told = {
+            "steps": possible.steps,
+            "imitated": tuple(map(tuple, rows.T.tolist())),
+            "bending": band.bending,
+            "knots": knots,
+        }
+        return BandOfFunctions(where=pair.where, quantity=pair.quantity, **named, **told)
+
+
+@dataclass(frozen=True, eq=False)
+class Possible:
+    """The functions of a pair of place and quantity that evidence leaves possible; they may jump in `steps`."""
+
+    evidence: Evidence
+    pair: Pair
+    steps: bool = False
+
+    @cached_property
+    def knots(self) -> NDArray[np.float64]:
+        """The values of the quantity that the record has, of too many some; of an input the zero, where it bends."""
+        values = np.unique(self.pair.values % TURN if self.pair.circle else self.pair.values)
+        if self.pair.quantity in INPUTS and values[0] < 0.0 < values[-1]:
+            values = np.unique(np.append(values, 0.0))
+        least, kept = NEAREST * float(np.ptp(values)), [values[0]]
+        for value in values[1:]:
+            if value - kept[-1] > least:
+                kept.append(value)
+            elif value == 0.0:
+                kept[-1] = value
+        knots = np.array(kept)
+        chosen = spread_over(len(knots), MOST_KNOTS - 1)
+        return np.unique(np.append(knots[chosen], knots[knots == 0.0]))
+
+    @property
+    def sign(self) -> float:
+        """A function of a turn about an axis is what its encoder reads too much: the table turns by as much less."""
+        return -1.0 if self.pair.where in AXES and self.pair.factor != "tilt" else 1.0
+
+    def hats(self, knots: NDArray) -> NDArray[np.float64]:
+        """What the value at each knot (K,) has to do with the function at each value (N, K) of the quantity."""
+        around = self.pair.circle
+        table = Table("alpha" if around else "hours", "around" if around else "at", tuple(knots.tolist()))
+        return table.columns(self.pair.values)
+
+    def functions(self, knots: NDArray) -> Functions:
+        """The functions, by their values at knots (K,)."""
+        evidence = self.evidence
+        columns = self.sign * self.pair.spread(self.hats(knots))
+        unknown = Unknown(knots, columns, TURN if self.pair.circle else None, self.steps)
+        bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
+        return Functions(evidence.nominal, evidence.residual, bound, unknown)
+
+    @cached_property
+    def every(self) -> Functions:
+        """The functions by their values at all knots."""
+        return self.functions(self.knots)
+
+    @cached_property
+    def band(self) -> Band:
+        """The ends at so many knots as are told; a SolverError where no function is possible."""
+        return self.every.band(spread_over(len(self.knots), MOST_TOLD))
+
+    def values_of(self, columns: NDArray) -> NDArray[np.float64]:
+        """The function (K,) at all knots that adds about these columns (M,) to the rows."""
+        return self.every.told(np.linalg.lstsq(self.every.unknown.columns, columns, rcond=None)[0])
+
+
+def spread_over(count: int, most: int) -> NDArray[np.int_]:
+    """Numbers of at most so many of a count of things, spread over all of them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))

@@ -1,0 +1,301 @@
+"""Beyond the catalogue: the functions that a record leaves possible, laws among them, and what extends the model."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from typing_extensions import TypedDict
+
+from ...models.effects import EffectPlace
+from ...models.effects.lookup import TURN, Table
+from ..bounded.programmes import SolverError
+from ..bounded.sets import Work
+from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit, Gain
+from ..evidence.pairs import LEAST_AROUND, PIECES, QUANTITIES, Form, Pair, in_words
+from ..rounding import digits
+from .band import BandOfFunctions, Possible
+from .cause import Cause, Number, SizedParameter
+from .laws import MOST_WORK, Law, Laws, words_of
+
+MOST_LAWS = 8
+"""So many laws are told."""
+MOST_NAMED = 5
+"""So many are named in a sentence."""
+ACTING = {"sin alpha": "the sine of the outer angle"}
+"""Factors that are no quantities, in words; of a tilt the function itself is what the axis does."""
+NARROW = 0.5
+"""A band is narrow where it reaches nowhere farther from a law than this part of the law's own size."""
+TELLS = 0.05
+"""A reading tells of a function that changes it by at least this part (squared) of the most."""
+MORE_PIECES, MOST_PART = (32, 40, 48, 64), 0.7
+"""Pieces of tables beyond those that are sought for a proof, up to this part of the values of the quantity."""
+AS_GOOD = 1.1
+"""A formula extends the model where it predicts what was left out to within so much as well as a table does."""
+
+
+class StatedLaw(Cause):
+    """A law with which the model stands, and what it predicts of readings that were left out.
+
+    Attributes
+    ----------
+    radius : float
+        the largest error over its bound
+    left_out_rms, left_out_max : float or None
+        errors of positions that were left out, over their bounds; None where that is not possible
+    shape : (float, float) or None
+        of a law with a number that gives its shape, the ends of all its values that stand
+    """
+
+    radius: Number
+    left_out_rms: Number | None
+    left_out_max: Number | None
+    shape: tuple[Number, Number] | None = None
+
+    @property
+    def words(self) -> str:
+        """The name of an effect of the catalogue, or what a formula adds."""
+        return words_of(self.place)
+
+
+class FoundKnot(TypedDict):
+    """A knot of a table, what is stated of the function there, and what the record leaves possible; None: anything."""
+
+    at: Number
+    estimate: Number
+    low: Number | None
+    high: Number | None
+
+
+class BeyondCatalogue(StatedLaw):
+    """What extends the model though it stands in no catalogue.
+
+    Attributes
+    ----------
+    kind : str
+        "formula" or "lookup", a table of knots
+    quantity, factor : str
+        of what it is a function, and what that is multiplied by
+    knots : tuple of FoundKnot or None
+        of a table
+    gain : Gain or None
+        what it does to positions that were not used, simulated by the extended components
+    """
+
+    kind: Literal["formula", "lookup"]
+    quantity: str
+    factor: str | None = None
+    knots: tuple[FoundKnot, ...] | None = None
+    gain: Gain | None = None
+    fit: Any = Field(default=None, exclude=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Beyond:
+    """What a record says of the functions of a pair of place and quantity.
+
+    `form`: the simplest functions that suffice; `listed`: fits of sets of effects of the catalogue that stand.
+    """
+
+    evidence: Evidence
+    pair: Pair
+    form: Form
+    listed: Sequence[Fit] = ()
+
+    @cached_property
+    def possible(self) -> Possible:
+        """The functions that are possible."""
+        return Possible(self.evidence, self.pair, self.form.kind in ("jump", "sawtooth"))
+
+    @cached_property
+    def laws(self) -> list[Law]:
+        """Laws that stand, those of the catalogue first."""
+        return Laws(self.evidence, self.possible, Work(MOST_WORK)).standing(self.listed)[:MOST_LAWS]
+
+    @cached_property
+    def band(self) -> BandOfFunctions | None:
+        """The band; None where the programmes have no solution."""
+        try:
+            return BandOfFunctions.of(self.possible)
+        except SolverError:
+            return None
+
+    @cached_property
+    def table(self) -> Fit | None:
+        """The model with a table of few knots that does; None where the place knows no table, or none does."""
+        for table in self._tables():
+            place = EffectPlace("lookup", self.pair.where, law=table.law)
+            try:
+                fits = self.evidence.mended([place], Work())
+            except ValueError:
+                return None
+            if fits:
+                return fits[0]
+        return None
+
+    def _tables(self) -> Iterator[Table]:
+        """The table that suffices, or, where what does is none, through ever more knots, until one does."""
+        pair, form = self.pair, self.form
+        quantity, factor = pair.quantity.replace(" ", "*"), pair.factor
+        if form.kind == "jump":
+            yield Table(quantity, "jumps at", (form.at,), factor)
+            return
+        around = form.kind == "around" or pair.circle
+        counts = [form.count] if form.kind in ("pieces", "around") else []
+        most = MOST_PART * len(np.unique(pair.values))
+        for count in [*counts, *(k for k in (*PIECES, *MORE_PIECES) if LEAST_AROUND <= k <= most and k not in counts)]:
+            one = form if counts == [count] else Form("around" if around else "pieces", count)
+            knots = np.sort(one.knots(pair.values))
+            zero = self.possible.functions(knots).zero
+            if len(zero) < len(knots):
+                yield Table(quantity, "around" if around else "at", tuple(knots.tolist()), factor, zero)
+
+    @property
+    def caution(self) -> tuple[str, ...]:
+        """What else would do as well at the same place, by the same quantity; none where one law alone does."""
+        return () if self.is_one_law else (f"{self.in_words}: {self._laws_in_words}",)
+
+    @property
+    def is_one_law(self) -> bool:
+        """Whether one law stands alone, and no other smooth function of its size does."""
+        if len(self.laws) != 1 or self.band is None:
+            return False
+        (law,), band = self.laws, self.possible.band
+        own = self.drawn(law.fit)
+        told = own[np.searchsorted(self.possible.knots, band.knots)]
+        apart = np.maximum(band.high - told, told - band.low).max()
+        return bool(apart <= NARROW * np.ptp(own))
+
+    @cached_property
+    def readings(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Values (n,) of the quantity, and what readings say of the function there (n,).
+
+        That is the function that is drawn first and by how much a reading misses it, over by how much it changes with
+        it; readings that hardly do are left out.
+        """
+        pair, evidence, shown = self.pair, self.evidence, self.lines[0][1]
+        spread = self.possible.sign * pair.spread(np.eye(len(pair.values)))
+        left = evidence.residual - self.possible.every.unknown.columns @ shown
+        left = left - evidence.nominal @ np.linalg.lstsq(evidence.nominal, left, rcond=None)[0]
+        told = (spread**2).sum(axis=0)
+        kept = told >= TELLS * told.max()
+        missed = spread.T @ left
+        hats = self.possible.hats(self.possible.knots)
+        says = hats @ shown + missed / np.where(kept, told, 1.0)
+        values = pair.values % TURN if pair.circle else pair.values
+        return values[kept], says[kept]
+
+    @cached_property
+    def lines(self) -> list[tuple[str, NDArray[np.float64]]]:
+        """Functions (K,) to be drawn, with their names: laws; where none stands, a table, or what bends least."""
+        found = [(law.words, self.drawn(law.fit)) for law in self.laws]
+        if not found and self.table is not None:
+            found.append(("table of knots", self.drawn(self.table)))
+        return found or [("bends least", self.possible.band.least)]
+
+    def drawn(self, fit: Fit) -> NDArray[np.float64]:
+        """The one effect of a fit as a function (K,) at all knots, but for what the model without effects imitates."""
+        columns = fit.jacobian[:, len(fit.point) :] @ fit.coefficients
+        return self.possible.values_of(columns)
+
+    @property
+    def in_words(self) -> str:
+        """Place, quantity, and the size of the function that bends least."""
+        pair, least = self.pair, self.possible.band.least
+        times = in_words(pair.factor) if set(pair.factor.split()) <= set(QUANTITIES) else ACTING.get(pair.factor)
+        of = f"{times} times a function" if pair.factor and times else "a function"
+        unit = "rad" if pair.where.endswith("axis") or pair.where == "base" else "g"
+        return (
+            f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(np.ptp(least))} {unit} in all"
+        )
+
+    @property
+    def _laws_in_words(self) -> str:
+        names = list(dict.fromkeys(law.words for law in self.laws))
+        names, more = names[:MOST_NAMED], len(names) - MOST_NAMED
+        if more > 0:
+            names.append(f"{more} more")
+        if not names:
+            return "no effect of the catalogue and no short formula stands"
+        if len(names) == 1:
+            return f"{names[0]} stands, and so does any other function within the band"
+        return f"{', '.join(names[:-1])} and {names[-1]} stand"
+
+    def stated(self, law: Law) -> StatedLaw:
+        """A law with its intervals and what was left out."""
+        fit = law.fit.centred(self.evidence.room(law.fit), self.evidence.most_rows)
+        return StatedLaw(**self._cause(fit), **self._left_out(law.fit), shape=law.shape)
+
+    def _cause(self, fit: Fit) -> dict[str, Any]:
+        """The effect of a centred fit, with intervals, as keys."""
+        (ends,) = fit.intervals(self.evidence.room(fit), self.evidence.most_rows)
+        (values,), ends = fit.values(), self.evidence.told(fit.places[0], ends)
+        inside = [min(max(value, low), high) for value, (low, high) in zip(values, ends, strict=True)]
+        cause = Cause.found(fit.places[0], (), inside, ends)
+        return {name: getattr(cause, name) for name in cause.model_fields_set}
+
+    def _left_out(self, fit: Fit) -> dict[str, Any]:
+        """Radius, and errors of positions that were left out, over their bounds."""
+        trial = next(iter(self.evidence.trials(fit)), None)
+        folds = trial.folds if trial is not None else None
+        told: dict[str, Any] = {"radius": fit.radius, "left_out_rms": None, "left_out_max": None}
+        if folds is None:
+            return told
+        errors = np.abs(folds[1]) / float(np.median(fit.bound))
+        return told | {"left_out_rms": float(np.sqrt(np.mean(errors**2))), "left_out_max": float(errors.max())}
+
+    def extension(self, rerun: bool) -> BeyondCatalogue | None:
+        """What extends the model: the formula that predicts best what was left out, or a table where it does so better.
+
+        `rerun`: simulate what was held out again. None where neither a formula stands nor a table.
+        """
+        fits = [law.fit for law in self.laws if not law.is_listed]
+        if self.table is not None:
+            fits.append(self.table)
+        if not fits:
+            return None
+        told = [self._left_out(fit) for fit in fits]
+        errors = [np.inf if one["left_out_rms"] is None else one["left_out_rms"] for one in told]
+        # Formulas stand before the table: of those that predict about as well the first is the simplest.
+        chosen = next(k for k, error in enumerate(errors) if error <= AS_GOOD * min(errors))
+        fit = fits[chosen].centred(self.evidence.room(fits[chosen]), self.evidence.most_rows)
+        cause = self._cause(fit)
+        own: dict[str, Any] = {"kind": cause["effect"], "quantity": self.pair.quantity}
+        if self.pair.factor:
+            own["factor"] = self.pair.factor
+        if cause["effect"] == "lookup" and (knots := _knots_of(cause["law"], cause["parameters"])):
+            own["knots"] = knots
+        gain = self.evidence.gain(fit) if rerun else None
+        return BeyondCatalogue(**cause, **told[chosen], **own, gain=gain, fit=fit)
+
+
+def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot, ...]:
+    """The knots of a table with what is stated of each; none of one that jumps."""
+    table = Table.of(law)
+    if table.kind == "jumps at":
+        return ()
+    stated = dict(zip(table.entries, parameters, strict=True))
+    found = []
+    for k, knot in enumerate(table.knots):
+        own = stated.get(k)
+        ends = (0.0, 0.0, 0.0) if own is None else (own.estimate, own.low, own.high)
+        found.append(FoundKnot(at=knot, estimate=ends[0], low=ends[1], high=ends[2]))
+    return tuple(found)
+
+
+def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
+    """Keys of the result of what is proven of place and quantity, whatever the law.
+
+    `extend`: whether the model is to be extended by what is in no catalogue; `rerun` is as for `Beyond.extension`.
+    """
+    if beyond.band is None:
+        return {}
+    told: dict[str, Any] = {"beyond": beyond, "band": beyond.band, "caution": beyond.caution}
+    told["laws"] = tuple(beyond.stated(law) for law in beyond.laws if len(law.fit.places) == 1)
+    if extend:
+        told["extension"] = beyond.extension(rerun)
+    return {key: value for key, value in told.items() if value not in (None, ())}

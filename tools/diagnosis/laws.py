@@ -1,0 +1,261 @@
+"""Laws of a function whose place and quantity are known: the catalogue's, then short formulas, the smallest first.
+
+A law is linear in its unknown coefficients and may have one number that gives its shape: a time constant, where it
+steps or bends. Of a family of shapes intervals are refused as a whole, by a programme in which the bounds grow with the
+coefficient by as much as the law differs within the interval; what is left holds every shape that stands.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ...models.effects.formula import Formula
+from ..bounded.programmes import Growth, SolverError, chebyshev_radius, column_space, same_space, spaces_beyond
+from ..bounded.sets import CutOff, Work
+from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit
+from ..evidence.pairs import LEAST_AROUND, Form, Pair
+from .band import INPUTS, Possible
+
+HIGHEST = 7
+"""The highest power of an input."""
+ORDERS = range(1, 13)
+FINEST = 1.0 / 256.0
+"""An interval of shapes that is so small a part of all is one shape."""
+LARGEST = 0.5
+"""No law adds more [g], [rad]."""
+TURNS = 1.2
+"""A function that goes up and down by so many times its size is one that steps, at most."""
+MOST_LISTED = 3
+"""So many sets of effects of the catalogue are laws of a pair."""
+LIKE = 0.05
+"""An effect is a function of the quantity where so little of it, relatively, is none."""
+MOST_WORK = 3e6
+"""The work of all laws of a pair, after which no more are tried."""
+TEMPERATURE = "(temperature - 20)"
+SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+LEFT = {
+    **{(f"accelerometer-{p}", ""): f"f{p}" for p in (1, 2, 3)},
+    ("outer-axis", ""): "alpha",
+    ("inner-axis", ""): "beta",
+    ("outer-axis", "tilt"): "kappa",
+    ("base", "tilt"): "kappa",
+    ("inner-axis", "tilt"): "epsilon",
+}
+"""What stands left in the formula of a place that acts in a way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A law with which the model stands: its fit, and ends of the number that gives its shape, if any.
+
+    Of the catalogue it may be several effects that add up to one function.
+    """
+
+    fit: Fit
+    shape: tuple[float, float] | None = None
+
+    @property
+    def place(self) -> EffectPlace:
+        """The effect."""
+        return self.fit.places[0]
+
+    @property
+    def is_listed(self) -> bool:
+        """Whether it stands in the catalogue."""
+        return all(place.effect != "formula" for place in self.fit.places)
+
+    @property
+    def words(self) -> str:
+        """As `words_of` its effects."""
+        return " with ".join(words_of(place) for place in self.fit.places)
+
+
+@dataclass(frozen=True)
+class Family:
+    """Laws that differ by one number s between `low` and `high`: `text` has {s} where it stands.
+
+    `value` (x (N,), s) -> (N,) is what the one coefficient is multiplied by.
+    """
+
+    text: str
+    low: float
+    high: float
+    value: Callable[[NDArray, float], NDArray[np.float64]]
+    parts: tuple[tuple[float, float], ...] = ()
+    """intervals within which all shapes do the same to the values that are there"""
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """The laws of the functions of a pair."""
+
+    evidence: Evidence
+    possible: Possible
+    work: Work
+
+    @property
+    def pair(self) -> Pair:
+        """Place and quantity."""
+        return self.possible.pair
+
+    def standing(self, listed: Sequence[Fit]) -> list[Law]:
+        """What of the catalogue stands (fits), then the formulas with fewest numbers of which one stands."""
+        found = [Law(fit) for fit in listed if self.is_one(fit)][:MOST_LISTED]
+        try:
+            for size in (1, 2, 3):
+                formulas = [law for law in self.of_size(size) if not self.is_known(law, found)]
+                if formulas:
+                    return [*found, *formulas]
+        except CutOff:
+            pass
+        return found
+
+    def is_one(self, fit: Fit) -> bool:
+        """Whether the effects of a fit are functions of the quantity at the place."""
+        if any(place.where != self.pair.where for place in fit.places):
+            return False
+        base, columns = np.hsplit(fit.jacobian, [len(fit.point)])
+        if self.pair.told:
+            return bool(self._within(base, self.pair.spread(self.pair.values[:, None]), columns).all())
+        # At as many knots as there are values anything is a function of the quantity: few tell what is a smooth one.
+        few = Form("around" if self.pair.circle else "pieces", max(LEAST_AROUND, len(self.pair.values) // 2))
+        smooth = self._within(base, self.pair.columns(few), columns)
+        values = np.linalg.lstsq(self.possible.every.unknown.columns, columns, rcond=None)[0]
+        hardly_turns = np.abs(np.diff(values, axis=0)).sum(axis=0) <= TURNS * np.ptp(values, axis=0)
+        own = self._within(base, self.possible.every.unknown.columns, columns)
+        return bool((smooth | (own & hardly_turns)).all())
+
+    @staticmethod
+    def _within(base: NDArray, functions: NDArray, columns: NDArray) -> NDArray[np.bool_]:
+        """Whether columns (M, k) are, but for little, functions (M, K) beside what the parameters (M, P) imitate."""
+        own = column_space(np.hstack((base, functions)))
+        left = columns - own @ (own.T @ columns)
+        return np.linalg.norm(left, axis=0) <= LIKE * np.linalg.norm(columns, axis=0)
+
+    def fitted(self, place: EffectPlace, shape: tuple[float, float] | None = None) -> list[Law]:
+        """An effect, where the model stands with it."""
+        return [Law(fit, shape) for fit in self.evidence.mended([place], self.work)[:1]]
+
+    def is_known(self, law: Law, others: Sequence[Law]) -> bool:
+        """Whether a law is another one in other words."""
+        fits = [law.fit, *(fit for one in others for fit in (one.fit, *one.fit.also))]
+        spaces = spaces_beyond(self.evidence.nominal, [fit.jacobian[:, len(fit.point) :] for fit in fits])
+        return any(same_space(spaces[0], other) for other in spaces[1:])
+
+    def place_of(self, text: str) -> EffectPlace | None:
+        """The effect of a formula in x, the quantity; None where the place, or its factor, knows none."""
+        pair = self.pair
+        tilted = "tilt" if pair.factor == "tilt" else ""
+        left = LEFT.get((pair.where, tilted))
+        factor = "" if tilted else pair.factor
+        if left is None or (factor and factor not in (*INPUTS, "hours", "temperature")):
+            return None
+        x, factor = ({"temperature": TEMPERATURE}.get(name, name) for name in (pair.quantity, factor))
+        written = text.replace("x", "@").replace("e@p", "exp").replace("@", x.replace(" ", "*"))
+        return Formula.of(f"{left} += {factor}*({written})" if factor else f"{left} += {written}").place
+
+    def of_size(self, size: int) -> Iterator[Law]:
+        """Formulas with so many unknown numbers that stand."""
+        for text in formulas(self.pair, size):
+            place = self.place_of(text)
+            if place is not None:
+                yield from self.fitted(place)
+        for family in families(self.pair) if size == 2 else ():
+            if self.place_of(family.text.format(s=family.high)) is None:
+                continue
+            for low, high in self.open_shapes(family):
+                place = self.place_of(family.text.format(s=float(f"{0.5 * (low + high):.6g}")))
+                if place is not None and (laws := self.fitted(place, (low, high))):
+                    yield laws[0]
+
+    def open_shapes(self, family: Family) -> list[tuple[float, float]]:
+        """Intervals of the shapes of a family, those that are next to each other as one, that are not refused."""
+        open_, kept = list(family.parts or [(family.low, family.high)]), []
+        while open_:
+            low, high = open_.pop()
+            if self.refused(family, low, high):
+                continue
+            if family.parts or high - low <= FINEST * (family.high - family.low):
+                kept.append((low, high))
+            else:
+                middle = 0.5 * (low + high)
+                open_ += [(low, middle), (middle, high)]
+        joined: list[tuple[float, float]] = []
+        for low, high in sorted(kept):
+            if joined and low <= joined[-1][1]:
+                joined[-1] = (joined[-1][0], high)
+            else:
+                joined.append((low, high))
+        return joined
+
+    def refused(self, family: Family, low: float, high: float) -> bool:
+        """Whether no shape between these makes the model stand."""
+        evidence, x = self.evidence, self.pair.values
+        middle = family.value(x, 0.5 * (low + high))
+        # Every family is monotonous in its shape, at each value of the quantity.
+        ends = () if family.parts else (low, high)
+        apart = np.max([0.0 * middle, *(np.abs(family.value(x, end) - middle) for end in ends)], axis=0)
+        column = self.pair.spread(middle[:, None])
+        spread = np.abs(self.pair.spread(apart[:, None]))
+        count = evidence.nominal.shape[1]
+        jacobian = np.hstack((evidence.nominal, column))
+        bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
+        largest = LARGEST / max(float(np.abs(middle).max() + apart.max()), 1e-9)
+        for sign in (-1.0, 1.0):
+            self.work.programme(*jacobian.shape)
+            rows = np.zeros(jacobian.shape)
+            rows[:, count:] = sign * spread
+            sizes = np.full((2, count + 1), np.inf) * [[-1.0], [1.0]]
+            sizes[:, count] = sorted((0.0, sign * largest))
+            growth = Growth(np.zeros(len(rows)), rows, *sizes)
+            try:
+                radius = chebyshev_radius(jacobian, evidence.residual, bound, growth=growth)[0]
+            except SolverError:
+                return False
+            if radius <= 1.0 + 1e-9:
+                return False
+        return True
+
+
+def words_of(place: EffectPlace) -> str:
+    """The name of an effect of the catalogue, or what a formula adds, as it is written on paper."""
+    if place.effect != "formula":
+        return place.effect if place.order is None else f"{place.effect} of order {place.order}"
+    text = place.law.split("+=")[1].strip().replace(" ** ", "**").replace(" * ", "*")
+    text = re.sub(r"abs\((\w+)\)", r"|\1|", text)
+    return re.sub(r"\*\*(\d)\b", lambda power: SUPERSCRIPTS[int(power[1])], text).replace("*", " ")
+
+
+def formulas(pair: Pair, size: int) -> Iterator[str]:
+    """Short formulas with so many unknown coefficients; x stands for the quantity of a pair."""
+    if pair.circle:
+        yield from (f"a*cos({order}*x) + b*sin({order}*x)" for order in (ORDERS if size == 2 else ()))
+    elif pair.quantity in INPUTS:
+        for power in range(2, HIGHEST + 1) if size == 1 else ():
+            yield f"c*x**{power}"
+            yield f"c*x*abs(x)**{power - 1}" if power % 2 == 0 else f"c*abs(x)**{power}"
+    else:
+        powers = ("x", "x**2", "x**3")
+        yield " + ".join(f"{letter}*{power}" for power, letter in zip(powers[:size], "abc", strict=False))
+        yield from (f"a*{power}" for power in powers[1:] if size == 1)
+
+
+def families(pair: Pair) -> Iterator[Family]:
+    """Laws with one coefficient and one number that gives their shape."""
+    x = pair.values
+    low, high = float(x.min()), float(x.max())
+    if pair.circle or pair.told or not high > low:
+        return
+    values = np.unique(x)
+    # What only one value shows is a reading.
+    gaps = tuple((float(a), float(b)) for a, b in pairwise(values[1:-1]))
+    yield Family("c*step(x - {s!r})", low, high, lambda x, s: (x > s).astype(float), gaps)
+    yield Family("c*(x - {s!r})*step(x - {s!r})", low, high, lambda x, s: np.maximum(0.0, x - s))
+    if pair.quantity == "hours":
+        yield Family("c*exp(-x/{s!r})", high / 50.0, 2.0 * high, lambda x, s: np.exp(-x / s))

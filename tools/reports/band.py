@@ -1,0 +1,104 @@
+"""What is in no catalogue, in words and as a page shows it: the band, laws in it, and what extends the model."""
+
+import math
+
+import numpy as np
+
+from ..diagnosis.beyond import BeyondCatalogue, StatedLaw
+from ..diagnosis.result import Diagnosis
+from ..document.blocks import Section, Table
+from ..document.notation import Cell, sentence, unit_of, unit_text
+from ..evidence.pairs import in_words
+from ..rounding import digits, interval, residual, upwards
+from .pictures.band import BandDrawn, band_picture
+
+ARCSECONDS = math.degrees(1.0) * 3600.0
+ANGLES = {"alpha": "α, outer axis", "beta": "β, inner axis"}
+UNITS = {"hours": "h", "temperature": "°C", "sense": ""}
+HOW_TO_READ = (
+    "A function that leaves the band anywhere is excluded by these readings and this noise bound, unless it bends more "
+    "than any that is needed. Each point is a reading: what it says of the function, the model without effects being "
+    "taken out. What that model can imitate is no part of the function: it is taken out."
+)
+
+
+def is_angular(where: str) -> bool:
+    """Whether what errs at a place is an angle."""
+    return where.endswith("axis") or where == "base"
+
+
+def lines(result: Diagnosis) -> list[str]:
+    """The laws and what extends the model, for a terminal."""
+    said = [
+        f"law that stands: {law.words}: {_sizes(law)}; radius {residual(law.radius)}{_left_out(law)}"
+        for law in result.laws or ()
+    ]
+    if (found := result.extension) is not None:
+        what = f"a table of {len(found.knots)} knots" if found.knots else found.words
+        said.append(
+            f"beyond the catalogue: {found.where} {what}, a function of {in_words(found.quantity)}, extends the model: "
+            f"radius {residual(found.radius)}{_left_out(found)}"
+        )
+        if found.gain is not None:
+            gain = found.gain
+            said.append(
+                f"  held-out positions, simulated again: rms {digits(gain.held_out_rms_before)} -> "
+                f"{digits(gain.held_out_rms_after)} g, max {upwards(gain.held_out_max_before, 3)} -> "
+                f"{upwards(gain.held_out_max_after, 3)} g"
+            )
+    return said
+
+
+def _sizes(law: StatedLaw) -> str:
+    told = []
+    for p, value, ends in zip(law.parameters, law.values, law.intervals, strict=True):
+        shown, low, high = interval(value, *ends)
+        told.append(f"{p.name} {shown} [{low}, {high}] {unit_of(p.unit)}".rstrip())
+    return ", ".join(told)
+
+
+def _left_out(law: StatedLaw) -> str:
+    if law.left_out_rms is None or law.left_out_max is None:
+        return ""
+    return f", left out rms {digits(law.left_out_rms)} σ, max {upwards(law.left_out_max, 3)} σ"
+
+
+def sections(result: Diagnosis) -> list[Section]:
+    """The band as a picture with laws and readings, and a table of the laws; none where there is no band."""
+    if result.band is None or result.beyond is None:
+        return []
+    beyond, band = result.beyond, result.band
+    circle, angular = beyond.pair.circle, is_angular(band.where)
+    across, up = (math.degrees(1.0) if circle else 1.0), (ARCSECONDS if angular else 1e5)
+    at, said = beyond.readings
+    unit = "deg" if circle else UNITS.get(band.quantity, "g" if " " not in band.quantity else "g²")
+    shown = BandDrawn(
+        at=across * np.array([knot["at"] for knot in band.knots]),
+        low=up * np.array([knot["low"] for knot in band.knots]),
+        high=up * np.array([knot["high"] for knot in band.knots]),
+        knots=across * beyond.possible.knots,
+        readings=(across * at, up * said),
+        lines=[(name, up * values) for name, values in beyond.lines],
+        quantity=f"{ANGLES.get(band.quantity, in_words(band.quantity))} [{unit}]".replace(" []", ""),
+        error=f"{band.where.replace('-', ' ')} [{'arcsec' if angular else '1e-5 g'}]",
+        steps=band.steps,
+        circle=circle,
+    )
+    what = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
+    caption = f"{what}: what the record leaves possible, laws, and the readings."
+    text = [sentence(text) for text in result.caution or ()] + [HOW_TO_READ]
+    return [Section("What the record says, whatever the law", text, band_picture(shown), caption, _table(result))]
+
+
+def _table(result: Diagnosis) -> Table | None:
+    """The laws that stand, and what extends the model."""
+    rows: list[list[Cell]] = []
+    found = result.extension
+    laws = [*(result.laws or ()), *([found] if found is not None and found.kind == "lookup" else [])]
+    for law in laws:
+        name = law.words if not isinstance(law, BeyondCatalogue) or not law.knots else "table"
+        for p, value, ends in zip(law.parameters, law.values, law.intervals, strict=True):
+            left = "" if law.left_out_rms is None else digits(law.left_out_rms)
+            rows.append([name, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left])
+    header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms [σ]"]
+    return Table(header, rows) if rows else None
