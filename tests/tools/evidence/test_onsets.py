@@ -41,7 +41,7 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
             begin, end = int(edges[low]), int(edges[high])
             within = np.concatenate([c.reshape(-1, c.shape[2]) for c in evidence.onsets.within(acting, begin, end)])
             kept = np.isfinite(within).all(axis=1)
-            assert 0 < kept.sum() <= len(kept)
+            assert kept.any()
             for row in (begin, (begin + end) // 2, end - 1):
                 exact = evidence.onsets.columns(acting, row)[0]
                 target = np.concatenate([c.reshape(-1, c.shape[2]) for c in exact])[kept]
