@@ -31,6 +31,8 @@ LONGEST = 10.0
 """Time constants up to so many times a record's length are sought: a longer one cannot be told from a drift."""
 SHORTEST_ROW = 2
 """What settles before this row is an outlier of the first."""
+SHORTER = 0.05
+"""A lag of so small a part of the time of that row is still sought; a shorter one is none."""
 MOST_THIRD = 0.43
 """The largest third derivative of e^(−x) by the logarithm of x."""
 
@@ -64,12 +66,15 @@ def lagging_temperature(
         kept[p] = temperature
 
 
-def time_constants(hours: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none where these are too few."""
+def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.float64]:
+    """Ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none where these are too few.
+
+    The shortest is a `part` of the time of the third row.
+    """
     times = np.unique(hours)
     if len(times) <= SHORTEST_ROW:
         return np.zeros(0)
-    shortest, longest = times[SHORTEST_ROW] - times[0], LONGEST * (times[-1] - times[0])
+    shortest, longest = part * (times[SHORTEST_ROW] - times[0]), LONGEST * (times[-1] - times[0])
     count = int(np.ceil(np.log(longest / shortest) / CELL))
     return np.geomspace(shortest, longest, count + 1)
 
@@ -124,7 +129,7 @@ def thermal_lag_variants(
 def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: float) -> Sequence[Variant]:
     """The cells of rows at some hours (N,), with a temperature (N,) above the nominal one or without."""
     when = np.frombuffer(hours)
-    ends = time_constants(when)
+    ends = time_constants(when, SHORTER if temperature else 1.0)
     if temperature:
         values, error = lagged(when, np.frombuffer(temperature), ends)
         return _cells(place, ends, values, error + resolution, LARGEST_PER_KELVIN)
@@ -134,6 +139,8 @@ def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: 
 def _cells(place: EffectPlace, ends: NDArray, values: NDArray, error: NDArray, largest: float) -> Sequence[Variant]:
     """Cells of time constants with these ends (C + 1,), responses (N, C + 1) there, and errors (N, C) within them."""
     found = []
+    # What the record shows at an end of all that is sought it does not tell from what is beyond.
+    limits = np.append(0.0, np.append(ends[1:-1], LAST_HOUR)).tolist()
     for k in range(len(ends) - 1):
 
         def parameters(coefficients: NDArray[np.float64], k: int = k) -> tuple[float, ...]:
@@ -144,7 +151,7 @@ def _cells(place: EffectPlace, ends: NDArray, values: NDArray, error: NDArray, l
         found.append(
             variant(
                 (len(values), 3),
-                ((-largest, largest), (float(ends[k]), float(ends[k + 1]))),
+                ((-largest, largest), (limits[k], limits[k + 1])),
                 columns=accelerometer_column(place, values[:, k : k + 2]),
                 low=np.full(2, -largest),
                 high=np.full(2, largest),

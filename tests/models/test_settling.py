@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from effect_readings import G, extended_instance
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
+from trihedron.models.effects.last_stage import LAST_HOUR
 from trihedron.models.effects.settling import LONGEST, lagged, settled, time_constants
 from trihedron.models.effects.wander import wander_at
 
@@ -84,7 +85,8 @@ def test_a_variant_adds_what_the_effect_does_at_the_ends_of_its_cell(name):
     place, effect = EffectPlace(name, "accelerometer-3"), CATALOGUE[name]
     assert effect.variants is not None
     found = effect.variants(place, rows, nothing, 1e-5)
-    for variant in (found[0], found[len(found) // 2], found[-1]):
+    assert (found[0].limits[1][0], found[-1].limits[1][1]) == (0.0, LAST_HOUR)
+    for variant in (found[0], found[len(found) // 2], found[-2]):
         constant = variant.limits[1][1]
         added = variant.columns @ np.array([0.0, 2e-3])
         assert variant.values(np.array([0.0, 2e-3])) == pytest.approx((2e-3, constant))

@@ -303,7 +303,8 @@ def faultless_record(bench: Bench) -> PositionRecord:
     size = np.abs(ways)
     long = RATE**2 / ACCELERATION
     move = np.where(size > long, size / RATE + RATE / ACCELERATION, 2.0 * np.sqrt(size / ACCELERATION)).max(axis=1)
-    time = np.cumsum(move + DWELL_S)
+    # A move ends with a step of the run; a row has the time of the middle of its rest.
+    time = np.cumsum(np.ceil(move / STEP_S - 1e-6) * STEP_S + DWELL_S) - 0.5 * DWELL_S
     senses = np.sign(ways)
     for row in range(1, len(senses)):
         senses[row] = np.where(senses[row] == 0.0, senses[row - 1], senses[row])

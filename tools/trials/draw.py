@@ -20,7 +20,7 @@ from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_
 from ..evidence.carried import Carried
 from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
-from ..evidence.fit import Classes, coefficient_count
+from ..evidence.fit import Classes, coefficient_count, contains
 from ..motion.inspect import inspect_record
 from ..own_effects import OwnEffects
 from .bench import (
@@ -46,13 +46,13 @@ from .block import (
     draw_instruments,
     draw_motion,
 )
-from .sizes import Hidden, SureSizes, level_margins, sure_sizes
+from .sizes import Hidden, SureSizes, Way, level_margins, sizes_of_way, sure_sizes
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
-NOT_DRAWN = ("bias-step", "scale-step", "warm-up", "thermal-lag", "exchanged-readings")
-"""What no suite of a table's positions hides. Exchanged channels have no size that could be near that of detection; a
-step has another one for each time, and its nearest rivals are steps at the times beside it."""
+NOT_DRAWN = ("exchanged-readings", "thermal-lag")
+"""What no suite of a table's positions hides. Exchanged channels have no size that could be near that of detection;
+what a lag remembers of the time before a record no record says."""
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
 MOST_ABOVE = 30.0
@@ -265,11 +265,52 @@ class _Drawing:
     ) -> SureSizes:
         """The sizes of an effect against one rival of each class that is that of none of some effects."""
         rivals = [p for p in self.classes.places if not set(self.classes.whole_class(p)) & set(apart)] if apart else []
-        return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside)
+        ways = self.other_ways(place) if apart else []
+        return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside, ways=ways)
+
+    @cached_property
+    def ways(self) -> list[Way]:
+        """Every effect that is not linear and adds to a reading, in each of its ways."""
+        rows = Visits.of(self.here, self.circumstances).rows(self.here.point)
+        known = [
+            effect for effect in POSITION_EFFECTS.values() if effect.variants and effect.stage == "reading_effects"
+        ]
+        return [
+            (place, way)
+            for effect in known
+            for place in effect.places
+            for way in effect.variants(place, rows, rows.prediction, NOISE_BOUND)  # type: ignore[misc]
+        ]
+
+    def other_ways(self, place: EffectPlace) -> list[Way]:
+        """Ways of all effects but an effect itself and those that contain it, which are no rivals."""
+        return [way for way in self.ways if way[0] != place and not contains([way[0]], [place])]
+
+    def in_way(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
+        """An effect that is not linear in one of its ways, at a size of the mode."""
+        own, options = [way for other, way in self.ways if other == place], self.options
+        way = own[self.rng.integers(len(own))]
+        unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
+        sizes = sizes_of_way(
+            self.here, self.circumstances, way.columns @ unit, self.classes.places, self.other_ways(place)
+        )
+        low, high = sizes.detected, min(sizes.excluded, MOST_ABOVE * sizes.detected)
+        if options.size is not None:
+            low, high = (sizes.detected * end for end in options.size)
+        elif options.mode == "single":
+            low = high = ABOVE * sizes.excluded
+        size = low + (high - low) * float(self.rng.random())
+        values = way.values(size * unit) if np.isfinite(size) else (np.inf,)
+        parameters = place.definition.parameters
+        if not all(parameter.possible(value) for parameter, value in zip(parameters, values, strict=False)):
+            return None
+        return (Hidden(place, values, float(size), sizes, self.circumstances.began / 3600.0),)
 
     def single(self) -> tuple[Hidden, ...] | None:
         """One effect at a size of the mode."""
         place, direction = self.drawn()
+        if any(other == place for other, _ in self.ways):
+            return self.in_way(place)
         if place.definition.variants is not None:
             return self.level(place)
         relative = self.options.size

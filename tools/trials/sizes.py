@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.last_stage import place_of
+from ...models.effects.rows import Variant
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
@@ -32,6 +33,10 @@ ROUNDS = 12
 """Rounds of Lawson's algorithm in which a rival may be found too far away to matter."""
 DIRECTIONS = 16
 """Directions of an effect's coefficients among which the worst is sought."""
+
+
+Way = tuple[EffectPlace, Variant]
+"""An effect that is not linear in one of its ways."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,8 @@ class Hidden:
     """length of the vector of its linear coefficients, or in units of `sizes`; 1 for an effect that is not linear"""
     sizes: SureSizes = UNIT_SIZES
     """SureSizes: from which it is surely detected, and every rival excluded, in the same measure"""
+    began: float = 0.0
+    """hours from the start of the run to the record's first row, from which times of the parameters count"""
 
     @property
     def relative_size(self) -> float:
@@ -75,7 +82,13 @@ class Hidden:
     @property
     def entry(self) -> dict[str, Any]:
         """The effect as a scenario file writes it."""
-        return {**NamedEffect.keys(self.place), **self.parameters}
+        values = self.parameters
+        if "start" in values:
+            values["start"] += self.began
+        if self.place.effect == "warm-up":
+            # What has settled before the first row is part of the bias there.
+            values["size"] *= math.exp(self.began / values["time_constant"])
+        return {**NamedEffect.keys(self.place), **values}
 
 
 def sure_sizes(
@@ -86,6 +99,7 @@ def sure_sizes(
     *,
     direction: NDArray | None = None,
     beside: Sequence[EffectPlace] = (),
+    ways: Sequence[Way] = (),
 ) -> SureSizes:
     """Sizes from which an effect is surely detected and from which every rival is surely excluded.
 
@@ -102,6 +116,8 @@ def sure_sizes(
     beside : sequence of EffectPlace
         effects that the model has too, whatever their size: with those of a pair the sizes say from where the other
         one cannot be replaced
+    ways : sequence of Way
+        in which effects that are not linear, rivals too, add columns
     """
     rows = Visits.of(here, circumstances).rows(here.point)
     columns = signature_columns([place], rows)
@@ -109,12 +125,29 @@ def sure_sizes(
     nominal = np.hstack(
         (here.jacobian, _untold_columns([place], rows), *(_freed_columns(other, rows) for other in beside))
     )
-    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals]
+    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _titled(ways)
     own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
     directions = spread_directions(columns.shape[1], DIRECTIONS) if direction is None else [direction]
     found = [_sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
     worst = max(found, key=lambda sizes: sizes.excluded)
     return SureSizes(max(sizes.detected for sizes in found), worst.excluded, worst.rival)
+
+
+def sizes_of_way(
+    here: Linearisation,
+    circumstances: Circumstances,
+    change: NDArray,
+    rivals: Sequence[EffectPlace],
+    ways: Sequence[Way],
+) -> SureSizes:
+    """As `sure_sizes` of what an effect that is not linear adds to the readings (N, 3) [g] in one of its ways."""
+    rows = Visits.of(here, circumstances).rows(here.point)
+    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _titled(ways)
+    return _sizes_of_change(here.jacobian, change.ravel(), here.bound, others)
+
+
+def _titled(ways: Sequence[Way]) -> list[tuple[str, NDArray]]:
+    return [(place.title, way.columns.reshape(-1, way.columns.shape[2])) for place, way in ways]
 
 
 def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:

@@ -11,7 +11,7 @@ from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.trials.bench import NOISE_BOUND, draw_positions, drawn_errors, expected, faultless_record
+from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors, expected, faultless_record
 from trihedron.tools.trials.draw import Case, Options, draw_case
 from trihedron.tools.trials.outcome import diagnosed
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite
@@ -42,6 +42,19 @@ def test_single_effects_of_the_second_size_are_named_and_their_sizes_are_inside(
 
 def test_between_the_two_sizes_the_truth_is_among_the_candidates():
     assert set(part_of("quick-between", 2).outcomes) <= {"right", "candidate"}
+
+
+def test_a_step_is_drawn_between_two_rests_and_hidden_there():
+    options = Options("single", effects=("bias-step",), positions=(14, 18), noise="uniform")
+    case = draw_case(options, 11, 0)
+    record, (hidden,) = case.measured(), case.hidden
+    assert np.abs(faultless_record(case.instrument).time_s - record.time_s).max() <= STEP_S
+    after = (record.time_s - record.time_s[0]) / 3600.0 > hidden.parameters["start"]
+    change = record.specific_force - faultless_record(case.instrument).specific_force
+    mean = change[after].mean(axis=0) - change[~after].mean(axis=0)
+    assert mean[hidden.place.index] / STANDARD_GRAVITY == pytest.approx(hidden.parameters["size"], abs=NOISE_BOUND)
+    own = change[:, hidden.place.index] - STANDARD_GRAVITY * hidden.parameters["size"] * after
+    assert np.abs(own).max() <= 1.1 * NOISE_BOUND * STANDARD_GRAVITY
 
 
 def test_pairs_are_named_both():
