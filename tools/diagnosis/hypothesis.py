@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ...models.effects import EffectPlace
-from ...models.effects.formula import Formula
+from ...models.effects.formula import OF_TABLE, Formula
 from ..bounded.programmes import same_space, spaces_beyond
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
@@ -69,11 +69,14 @@ def places_of(formulas: Sequence[str], *, in_motion: bool) -> tuple[EffectPlace,
             place.definition  # noqa: B018  (a formula that has no kernel is refused here)
         except ValueError as error:
             raise InputError(f"{where}: {error}") from error
-        if (component == "GyroBlock") > in_motion or ((component == "TurntableMotion") and in_motion):
+        if component == "GyroBlock" and not in_motion:
             other = "strapdown record; of positions of a table f1, f2, f3, alpha, beta, kappa and epsilon can err"
-            if in_motion:
-                other = "record of a table; of a block that is carried w1, w2, w3, f1, f2 and f3 can err"
             raise InputError(f"{where}: {formula.left} is of a {other}")
+        if component == "TurntableMotion" and in_motion:
+            other = "record of a table; of a block that is carried w1, w2, w3, f1, f2 and f3 can err"
+            raise InputError(f"{where}: {formula.left} is of a {other}")
+        if in_motion and (missing := [name for name in formula.quantities if name in OF_TABLE]):
+            raise InputError(f"{where}: {missing[0]} is of a record of a table; a block that is carried has n1, n2, n3")
         found.append(place)
     return tuple(dict.fromkeys(found))
 

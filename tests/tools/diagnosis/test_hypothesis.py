@@ -10,6 +10,7 @@ from independent_bench import SIGMA
 from trihedron.tools import cli
 from trihedron.tools.diagnosis.hypothesis import places_of
 from trihedron.tools.diagnosis.procedure import answered
+from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
@@ -107,3 +108,20 @@ def test_a_wrong_one_is_refused_in_one_line_before_anything_is_searched(text, sa
     assert says in said.err
     assert said.err.count("\n") == 1
     assert said.out == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "in_motion", "says"),
+    [
+        ("w1 += c*w1**3", False, "w1 is of a strapdown record"),
+        ("alpha += c*sin(2*alpha)", True, "alpha is of a record of a table"),
+        ("kappa += c*sin(2*alpha)", True, "kappa is of a record of a table"),
+        ("f1 += c*alpha", True, "alpha is of a record of a table; a block that is carried has n1"),
+        ("f1 += c*sense1", True, "sense1 is of a record of a table"),
+    ],
+)
+def test_what_a_kind_of_record_does_not_have_is_refused(text, in_motion, says):
+    with pytest.raises(InputError, match=says):
+        places_of([text], in_motion=in_motion)
+    with pytest.raises(InputError, match="hypothesis"):
+        places_of(["f1 += c*n1", text], in_motion=in_motion)
