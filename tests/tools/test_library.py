@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 
 import trihedron as th
+from planning_tasks import known_optima
 from trihedron.tools import cli, library
 from trihedron.tools.document.blocks import table_html
 from trihedron.tools.result import Result
@@ -89,10 +90,12 @@ def test_results_show_themselves(run, hidden, tmp_path):
     calibration = th.calibrate(run, noise_bound=1e-5)
     (tmp_path / "c.json").write_text(calibration.json_text(), encoding="utf-8")
     hidden.record.to_polars().write_csv(tmp_path / "r.csv")
+    with known_optima():
+        plan = th.plan_positions(12, starts=1, cuts=0, admissible="tables")
     results = [
         run,
         calibration,
-        th.plan_positions(6, starts=1, cuts=0),
+        plan,
         th.export("AccelerometerBlock", out=tmp_path),
         th.apply(calibration, tmp_path / "r.csv"),
         th.check(tmp_path / "c.json"),
