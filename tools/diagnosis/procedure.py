@@ -523,7 +523,10 @@ def order_of_effects(evidence: Evidence, places: Sequence[EffectPlace]) -> Order
     steps = []
     while len(chosen) < min(len(places), MOST_STEPS):
         tried = sorted(((left([*chosen, p]), p) for p in places if p not in chosen), key=lambda entry: entry[0])
-        best, place = tried[0]
+        least, first = tried[0]
+        # What the best one contains comes first where it helps about as much.
+        contained = ((left, p) for left, p in tried if (1.0 - HELPS) * left <= least and contains([first], [p]))
+        best, place = next(contained, (least, first))
         if best > (1.0 - HELPS) * current:
             break
         # What hardly helps by itself is not tried again behind what helps most.
