@@ -86,8 +86,7 @@ def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) ->
     jacobian, residual = centre.jacobian / centre.bound[:, None], centre.residual / centre.bound
     scale = np.abs(jacobian).max(axis=0, initial=0.0)
     scale[scale == 0.0] = 1.0
-    rows, bench = jacobian.shape
-    count, steps = rows // 3, len(order) - 1
+    bench, count, steps = jacobian.shape[1], len(residual) // 3, len(order) - 1
     ones = np.ones(steps)
     changes = csc_matrix(
         (np.concatenate((ones, -ones)), (np.tile(np.arange(steps), 2), np.concatenate((order[1:], order[:-1])))),
@@ -100,7 +99,7 @@ def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) ->
     ).tocsc()  # fmt: skip
     matrix.sort_indices()
     free, many = np.full(bench + count, np.inf), np.full(2 * steps, np.inf)
-    work.programme(*matrix.shape)
+    work.programme(len(residual) + 2 * steps, bench + count + steps)
     highs = solver()
     highs.passModel(
         linear_programme(
