@@ -124,7 +124,8 @@ def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
     """Where the pieces meet (K,)."""
     if pair.circle:
         return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
-    return np.linspace(*_range(pair), finer * PIECES + 1)
+    low, high = _range(pair)
+    return np.linspace(low, high, finer * PIECES + 1)
 
 
 @lru_cache(maxsize=8)

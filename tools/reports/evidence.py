@@ -28,6 +28,8 @@ from .pictures import residuals as pictures
 
 MOST_RANKED = 16
 MOST_BARS = 18
+MOST_NEVER = 4
+"""So many pairs that a record never shows are named in a line."""
 
 
 def nothing_tells(result: Diagnosis) -> str:
@@ -395,8 +397,8 @@ def power_section(result: Diagnosis) -> Section | None:
         own = "n" + entry["place"][-1]
         # An accelerometer's own input is one quantity, whichever it is.
         words = {own: "own input", "tilt": "tilt of the axis"}
-        quantity, factor = (words.get(entry.get(key, ""), entry.get(key, "")) for key in ("quantity", "factor"))
-        row = rows.setdefault((_in_short(quantity), _in_short(factor), unit_text(entry["unit"])), {})
+        quantity, factor = (_in_short(words.get(name, name)) for name in (entry["quantity"], entry.get("factor") or ""))
+        row = rows.setdefault((quantity, factor, unit_text(entry["unit"])), {})
         row[entry["place"].replace("-", " ")] = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
     if not rows:
         return None
@@ -419,12 +421,13 @@ def power_lines(result: Diagnosis) -> list[str]:
     """The same in a line: from which size on the worst of those that show at all would have shown."""
     every, said = result.power or (), []
     for unit, what in (("g", "accelerometer"), ("rad", "axis")):
-        shown = [e for e in every if e["unit"] == unit and e["size"] is not None]
+        shown = [(e["size"], _of_words(e)) for e in every if e["unit"] == unit and e["size"] is not None]
         if shown:
-            worst = max(shown, key=lambda entry: entry["size"])
-            said.append(f"of an {what} from {upwards(worst['size'], 2)} {unit} on ({_of_words(worst)} least)")
+            size, words = max(shown)
+            said.append(f"of an {what} from {upwards(size, 2)} {unit} on ({words} last)")
     never = [f"{entry['place']} by {_of_words(entry)}" for entry in every if entry["size"] is None]
-    said += [f"at no size surely: {', '.join(never)}"] if never else []
+    more = f" and {len(never) - MOST_NEVER} more" if len(never) > MOST_NEVER else ""
+    said += [f"at no size surely: {', '.join(never[:MOST_NEVER])}{more}"] if never else []
     return [f"a smooth fault that is in no catalogue would have shown: {'; '.join(said)}"] if said else []
 
 
