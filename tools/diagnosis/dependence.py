@@ -50,13 +50,16 @@ class Dependence:
 
     `standing`: pairs with which the model stands, the least complex first, up to `RIVAL` times its complexity;
     `freedoms`: ways in which a place may act with which the model stands where it may do so as it likes; `radius` of
-    the model without functions.
+    the model without functions. `listed_elsewhere`, `listed_otherwise`: whether a set of the catalogue that is as
+    simple acts at another place, or depends on another quantity.
     """
 
     standing: tuple[Standing, ...]
     freedoms: tuple[str, ...]
     places: tuple[str, ...]
     radius: float
+    listed_elsewhere: bool = False
+    listed_otherwise: bool = False
 
     @property
     def is_near(self) -> bool:
@@ -72,7 +75,8 @@ class Dependence:
     def place(self) -> str | None:
         """The place that is proven; None where several would do, or none does."""
         found = {one.pair.where for one in self.standing} or set(self.places)
-        return next(iter(found)) if len(found) == 1 and not self.is_near else None
+        sure = len(found) == 1 and not self.is_near and not self.listed_elsewhere
+        return next(iter(found)) if sure else None
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -84,7 +88,7 @@ class Dependence:
     @cached_property
     def proven(self) -> Standing | None:
         """What is proven, place and quantity; None where another place or quantity would do as well."""
-        if self.place is None or not self.standing:
+        if self.place is None or not self.standing or self.listed_otherwise:
             return None
         first, *others = self.standing
         return first if all(is_same(first.pair, other.pair) for other in others) else None

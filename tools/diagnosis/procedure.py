@@ -34,6 +34,7 @@ from .hypothesis import (
 )
 from .level import Proven, Suffices
 from .result import Diagnosis, EffectWitness, Length, OrderedEffect, OrderOfEffects, Witness
+from .rivals import Listed, Unlisted
 
 KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
 """Lengths over which the functions that are tried vary: of the spread of a quantity, radians of an angle."""
@@ -120,12 +121,16 @@ def diagnosed(
     objections = (*evidence.objections(), *_not_named(evidence))
     found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
     told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
+    listed = Listed(evidence)
+    told |= of_what_is_proven(told, listed, found.fits)
     told |= of_functions(evidence, told, found.fits, extend=extend or not found.fits, rerun=rerun)
     if not found.fits:
         helps, said = what_helps(evidence, told.get("lengths", ()))
         gain = evidence.gain(evidence.refit(helps)) if rerun and helps else None
         return _unexplained(evidence, told | {"gain": gain}, (*objections, *said))
     groups = equivalence_groups(evidence, found.fits)
+    unlisted = Unlisted.of(told.get("dependence"), listed, groups[0][0])
+    told |= {"caution": (*told.get("caution", ()), *unlisted.caution)}
     tried = [_finding(evidence, group) for group in groups[: evidence.most_sets]]
     findings = [finding for finding in tried if finding.acts]
     idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
@@ -161,8 +166,10 @@ def diagnosed(
     if objections:
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, objections)
-    if "beyond" in told:
-        told |= {"level": "quantity" if told.get("caution") else "law"}
+    if unlisted.rivals:
+        return _result("ambiguous", told | _named(best), evidence.probe([best.fit]))
+    several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
+    told |= {"level": "quantity" if several_laws else "law"}
     excluded = excluded_sizes(evidence, best.fit)
     same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
     return _result(
@@ -234,8 +241,15 @@ def of_dependence(evidence: Evidence) -> Mapping[str, Any]:
     found = dependence(evidence)
     if found is None:
         return needed
-    suffices = tuple(Suffices.of(one) for one in found.standing)
-    return needed | {"proven": Proven.of(found), "suffices": suffices, "dependence": found}
+    return needed | {"dependence": found, "suffices": tuple(Suffices.of(one) for one in found.standing)}
+
+
+def of_what_is_proven(told: Mapping[str, Any], listed: Listed, fits: Sequence[Fit]) -> Mapping[str, Any]:
+    """Keys of what is proven of place and quantity, beside the sets of the catalogue that stand."""
+    if (found := told.get("dependence")) is None:
+        return {}
+    found = listed.beside(found, fits)
+    return {"dependence": found, "proven": Proven.of(found)}
 
 
 def of_functions(

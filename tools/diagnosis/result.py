@@ -330,7 +330,7 @@ class Diagnosis(Told):
     noise_bound_needed : float
         the least noise bound with which the model without effects would stand, in the unit of the bound that was used
     caution : tuple of str
-        what else would do at the same place, by the same quantity, listed or not
+        what the record cannot tell from the causes, listed or not, and what else is to be borne in mind
     band : BandOfFunctions or None
         where place and quantity are proven: the ends of every function that the record leaves possible
     laws : tuple of StatedLaw
@@ -380,7 +380,7 @@ class Diagnosis(Told):
     depends_on: tuple[str, ...] | None = None
     suffices: tuple[Suffices, ...] | None = None
     noise_bound_needed: Number | None = None
-    caution: tuple[str, ...] | None = None
+    caution: tuple[str, ...] = ()
     band: BandOfFunctions | None = None
     laws: tuple[StatedLaw, ...] | None = None
     extension: BeyondCatalogue | None = None

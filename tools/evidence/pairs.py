@@ -104,6 +104,14 @@ class Pair:
         """Quantity and factor as a law begins with them."""
         return named(self.quantity, self.factor)
 
+    @property
+    def in_words(self) -> str:
+        """Place and quantity in words: "a function of the outer angle at the outer axis"."""
+        factor = in_words(self.factor)
+        times = f"{factor} times a function" if factor else "a function"
+        tilt = ", a tilt" if "tilt" in self.factor else ""
+        return f"{times} of {in_words(self.quantity)} at {self.where.replace('-', ' ')}{tilt}"
+
     def columns(self, form: Form) -> NDArray[np.float64]:
         """What functions of a form add to the rows (M, K)."""
         return self.spread(form.columns(self.values))
@@ -130,12 +138,20 @@ class Pair:
             gaps = np.append(values, values[0] + TURN)
             yield from (Form("sawtooth", at=float(at % TURN)) for at in 0.5 * (gaps[1:] + gaps[:-1]))
         else:
-            yield from (Form("jump", at=float(at)) for at in 0.5 * (values[1:] + values[:-1]))
+            # What jumps between the last two values is one reading.
+            gaps = 0.5 * (values[1:] + values[:-1])
+            yield from (Form("jump", at=float(at)) for at in gaps[1:-1])
 
 
-def in_words(quantity: str) -> str:
-    """A quantity in words, or a product of two."""
-    words = [QUANTITIES[name] for name in quantity.split()]
+FACTORS = {"sin alpha": "the sine of the outer angle", "tilt": "", "outer tilt": "", "": ""}
+"""What is no quantity, in words; a tilt is a way to act, no factor."""
+
+
+def in_words(name: str) -> str:
+    """A quantity, a product of two, or a factor in words; empty where it is none."""
+    if name in FACTORS:
+        return FACTORS[name]
+    words = [QUANTITIES[word] for word in name.split()]
     return words[0] if len(words) == 1 else f"the product of {' and '.join(words)}"
 
 

@@ -1,0 +1,126 @@
+"""What the catalogue lists beside what it does not: by one measure, complexity, and whether they are the same."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ..bounded.programmes import column_space
+from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit
+from ..evidence.pairs import Pair
+from ..rounding import digits
+from .dependence import LARGEST_PART, RIVAL, Dependence, Standing
+
+LIKE = 0.05
+"""An effect is a function of a quantity where so little of it, relatively, is none."""
+
+
+FURTHER = 2
+"""Place and quantity of each further effect of a set are searched for, too."""
+
+
+def complexity_of(places: Sequence[EffectPlace]) -> int:
+    """Parameters of effects, and one more for each number that is searched for.
+
+    That is an order, the reading of an outlier, and place and quantity of each effect beside the first.
+    """
+    own = [len(place.definition.parameters) for place in places]
+    searched = [place.order is not None or place.effect == "outlier" for place in places]
+    return sum(own) + sum(searched) + FURTHER * (len(places) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Listed:
+    """Effects of the catalogue beside functions of pairs: which of them say the same."""
+
+    evidence: Evidence
+    _spaces: dict[int, tuple[Pair, list[NDArray[np.float64]]]] = field(default_factory=dict)
+
+    def is_of(self, fit: Fit, pair: Pair) -> bool:
+        """Whether all effects of a fit are functions of a pair, so that they say the same and less."""
+        # What does not only add its columns depends on its accelerometer's own input.
+        return all(
+            self._holds(fit, block, pair)
+            if variant is None or variant.adds
+            else place.where == pair.where and f"n{place.where[-1]}" in pair.depends_on
+            for place, block, variant in fit.ways
+        )
+
+    def beside(self, found: Dependence, fits: Sequence[Fit]) -> Dependence:
+        """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise."""
+        most = np.inf if found.least is None else RIVAL * found.least
+        for fit in fits:
+            if found.listed_elsewhere or complexity_of(fit.places) > most:
+                continue
+            if not (found.standing and self.is_of(fit, found.standing[0].pair)):
+                elsewhere = {place.where for place in fit.places} != {found.place}
+                found = replace(found, listed_elsewhere=elsewhere, listed_otherwise=True)
+        return found
+
+    @cached_property
+    def base(self) -> NDArray[np.float64]:
+        """The space (M, P) of the model."""
+        return column_space(self.evidence.nominal / self.evidence.bound[:, None])
+
+    def _left(self, columns: NDArray) -> NDArray[np.float64]:
+        """What columns (M, K) add to the model."""
+        columns = columns / self.evidence.bound[:, None]
+        return columns - self.base @ (self.base.T @ columns)
+
+    def _holds(self, fit: Fit, block: slice, pair: Pair) -> bool:
+        """Whether functions of a pair hold the columns of an effect, beside the model."""
+        own = self._left(fit.jacobian[:, len(fit.point) :][:, block])
+        size = np.linalg.norm(own)
+        return any(np.linalg.norm(own - space @ (space.T @ own)) <= LIKE * size for space in self._spaces_of(pair))
+
+    def _spaces_of(self, pair: Pair) -> list[NDArray[np.float64]]:
+        """What functions of a pair add to the model: those that have most freedom of each form, and each jump."""
+        if id(pair) not in self._spaces:
+            forms = []
+            for ladder in pair.ladders():
+                fine = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
+                forms.append((fine or ladder[:1])[-1])
+            every = [column_space(self._left(pair.columns(form))) for form in (*forms, *pair.single())]
+            self._spaces[id(pair)] = pair, every
+        return self._spaces[id(pair)][1]
+
+
+@dataclass(frozen=True, eq=False)
+class Unlisted:
+    """What is in no catalogue beside the first set of the catalogue that stands.
+
+    `rivals` are functions of another place or quantity, as simple as the set; `same` a function of one quantity that
+    does what several effects of the set do together; `percent`: by so much a larger noise bound would do without them,
+    where that is little.
+    """
+
+    rivals: tuple[Standing, ...]
+    same: Standing | None
+    percent: float | None
+
+    @staticmethod
+    def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
+        """Beside the fit of a set that stands."""
+        if found is None:
+            return Unlisted((), None, None)
+        most, several = complexity_of(fit.places), len(fit.places) > 1
+        own = [one for one in found.standing if listed.is_of(fit, one.pair)]
+        rivals = tuple(one for one in found.standing if one not in own and one.complexity <= most)
+        percent = 100.0 * (found.radius - 1.0) if found.is_near else None
+        return Unlisted(rivals, own[0] if own and several else None, percent)
+
+    @property
+    def caution(self) -> tuple[str, ...]:
+        """What is not excluded, in sentences."""
+        said = [f"as simple, and in no catalogue: {rival.pair.in_words} would do" for rival in self.rivals]
+        if self.same is not None:
+            said.append(
+                f"{self.same.pair.in_words} does what these effects do together: of which laws it is made is not proven"
+            )
+        if self.percent is not None:
+            said.append(f"a noise bound that is {digits(self.percent)} % larger would do without any cause")
+        return tuple(said)
