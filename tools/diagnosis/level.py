@@ -1,6 +1,6 @@
 """How far a record carries a verdict, as it is published: place, quantity, law."""
 
-from ..evidence.pairs import named
+from ..evidence.pairs import function_in_words, named
 from ..result import Result
 from .cause import Number
 from .dependence import Dependence, Standing
@@ -44,6 +44,11 @@ class Suffices(Result):
             complexity=standing.complexity,
             radius=standing.radius,
         )
+
+    @property
+    def in_words(self) -> str:
+        """Place and quantity in words."""
+        return function_in_words(self.where, self.quantity, self.factor)
 
     @property
     def on(self) -> str:

@@ -106,7 +106,7 @@ def diagnosed(
     told: dict[str, Any] = {"evidence": evidence, "causes": (), "extended": None, "gain": None, **evidence.head()}
     if missing := evidence.missing():
         return _result("insufficient", told, missing)
-    told |= of_lengths(evidence) | ({"power": power} if rerun and (power := evidence.power()) else {})
+    told |= {**of_lengths(evidence), **({"power": power} if rerun and (power := evidence.power()) else {})}
     if not evidence.falsified:
         excluded, fit = excluded_sizes(evidence, evidence.baseline), centred(evidence, evidence.baseline)
         model = evidence.of_model(fit, excluded)
@@ -167,7 +167,7 @@ def diagnosed(
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, objections)
     if unlisted.rivals:
-        return _result("ambiguous", told | _named(best), evidence.probe([best.fit]))
+        return _result("ambiguous", told | _named(best), evidence.probe([best.fit, *unlisted.fits(evidence)]))
     several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
     told |= {"level": "quantity" if several_laws else "law"}
     excluded = excluded_sizes(evidence, best.fit)

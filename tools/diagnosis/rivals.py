@@ -1,6 +1,6 @@
 """What the catalogue lists beside what it does not: by one measure, complexity, and whether they are the same."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ...models.effects.lookup import Table
 from ..bounded.programmes import column_space
+from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
-from ..evidence.pairs import Pair
+from ..evidence.pairs import LEAST_AROUND, PIECES, Form, Pair
 from ..rounding import digits
 from .dependence import LARGEST_PART, RIVAL, Dependence, Standing
 
@@ -19,6 +21,8 @@ LIKE = 0.05
 """An effect is a function of a quantity where so little of it, relatively, is none."""
 
 
+MOST_RIVALS = 3
+"""So many rivals are to be told apart by further positions."""
 FURTHER = 2
 """Place and quantity of each further effect of a set are searched for, too."""
 
@@ -94,13 +98,15 @@ class Unlisted:
     """What is in no catalogue beside the first set of the catalogue that stands.
 
     `rivals` are functions of another place or quantity, as simple as the set; `same` a function of one quantity that
-    does what several effects of the set do together; `percent`: by so much a larger noise bound would do without them,
+    does what several effects of the set do together; `alike`: pairs of several quantities that hold the set, as far as
+    these rows tell; `percent`: by so much a larger noise bound would do without them,
     where that is little.
     """
 
     rivals: tuple[Standing, ...]
     same: Standing | None
     percent: float | None
+    alike: tuple[Pair, ...] = ()
 
     @staticmethod
     def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
@@ -111,7 +117,9 @@ class Unlisted:
         own = [one for one in found.standing if listed.is_of(fit, one.pair)]
         rivals = tuple(one for one in found.standing if one not in own and one.complexity <= most)
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
-        return Unlisted(rivals, own[0] if own and several else None, percent)
+        alike = {one.pair.depends_on: one.pair for one in reversed(own)}
+        pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
+        return Unlisted(rivals, own[0] if own and several else None, percent, pairs)
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -121,6 +129,36 @@ class Unlisted:
             said.append(
                 f"{self.same.pair.in_words} does what these effects do together: of which laws it is made is not proven"
             )
+        if self.alike:
+            said.append(f"this record does not tell {' from '.join(pair.in_words for pair in self.alike)}")
         if self.percent is not None:
             said.append(f"a noise bound that is {digits(self.percent)} % larger would do without any cause")
         return tuple(said)
+
+    def fits(self, evidence: Evidence) -> list[Fit]:
+        """The rivals as tables of few knots, fitted: of each the one with fewest knots that stands."""
+        found = []
+        for rival in self.rivals[:MOST_RIVALS]:
+            for law in _tables(rival):
+                try:
+                    fits = evidence.mended([EffectPlace("lookup", rival.pair.where, law=law)], Work())
+                except ValueError:
+                    # No component knows such a table.
+                    break
+                if fits:
+                    found.append(fits[0])
+                    break
+        return found
+
+
+def _tables(rival: Standing) -> Iterator[str]:
+    """Laws of tables that might do what a form does, with ever more knots."""
+    pair, form = rival.pair, rival.form
+    quantity = pair.quantity.replace(" ", "*")
+    if form.kind == "jump":
+        yield Table(quantity, "jumps at", (form.at,), pair.factor).law
+        return
+    kind, least = ("around", LEAST_AROUND) if pair.circle else ("at", 1)
+    for count in (k for k in PIECES if least <= k <= LARGEST_PART * len(pair.values)):
+        pieces = Form("around" if pair.circle else "pieces", count)
+        yield Table(quantity, kind, tuple(np.sort(pieces.knots(pair.values)).tolist()), pair.factor).law

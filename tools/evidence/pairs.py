@@ -106,11 +106,8 @@ class Pair:
 
     @property
     def in_words(self) -> str:
-        """Place and quantity in words: "a function of the outer angle at the outer axis"."""
-        factor = in_words(self.factor)
-        times = f"{factor} times a function" if factor else "a function"
-        tilt = ", a tilt" if "tilt" in self.factor else ""
-        return f"{times} of {in_words(self.quantity)} at {self.where.replace('-', ' ')}{tilt}"
+        """Place and quantity in words."""
+        return function_in_words(self.where, self.quantity, self.factor)
 
     def columns(self, form: Form) -> NDArray[np.float64]:
         """What functions of a form add to the rows (M, K)."""
@@ -158,3 +155,12 @@ def in_words(name: str) -> str:
 def named(quantity: str, factor: str | None) -> str:
     """A quantity with its factor as a law begins with them."""
     return f"{factor} times {quantity}" if factor else quantity
+
+
+def function_in_words(where: str, quantity: str, factor: str | None) -> str:
+    """Place, quantity and factor in words: "a function of the outer angle at the outer axis"."""
+    said = in_words(factor or "")
+    times = f"{said} times a function" if said else "a function"
+    tilt = ", as a tilt," if factor and "tilt" in factor else ""
+    article = "" if where[-1].isdigit() else "the "
+    return f"{times} of {in_words(quantity)}{tilt} at {article}{where.replace('-', ' ')}"

@@ -17,6 +17,7 @@ from . import band, bench, calibration, evidence
 from .bench import of_bench
 from .hypotheses import hypothesis_lines, hypothesis_section
 from .inspection import carried_section, record_sections
+from .levels import level_lines, level_section, only_unlisted, proven_text
 from .makers import cited, versions
 from .pictures.residuals import gain_picture, held_out
 
@@ -63,6 +64,8 @@ def containing_titles(result: Diagnosis) -> list[str]:
 def lines(result: Diagnosis) -> list[str]:
     """Verdict, evidence, causes and gain."""
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
+    if only_unlisted(result):
+        said = ["ambiguous: a set of effects makes the model consistent, and so does what is in no catalogue"]
     if proviso := evidence.as_stated(result):
         said[0] += f"; {proviso}"
     if result.verdict == "unexplained" and result.cut_off_at is not None:
@@ -72,6 +75,7 @@ def lines(result: Diagnosis) -> list[str]:
     said += [f"not named: {len(why) - MOST_SETS} sets more"] if len(why) > MOST_SETS else []
     said += [f"against the first set: {text}" for text in result.objections or ()]
     said += hypothesis_lines(result)
+    said += level_lines(result)
     said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
     said += [f"caution: {text}" for text in result.caution or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
@@ -337,12 +341,16 @@ def _verdict(result: Diagnosis) -> str:
         return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
     if result.verdict == "ambiguous":
         against = f" But {result.objections[0]}." if result.objections else ""
+        if only_unlisted(result):
+            against += f" {sentence(result.caution[0])}"
         return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
     if of_bench(result):
         nominal = result.evidence.calibration
         if result.verdict == "unexplained" and result.cut_off_at is not None:
             said = sentence(cut_off(result.cut_off_at))
             return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
+        if result.verdict == "unexplained" and (said := proven_text(result)):
+            return f"{lacks}, and what is {said}."
         if result.verdict == "unexplained":
             least = f"no parameters leave less than {residual(nominal.radius)} σ"
             if result.not_named:
@@ -400,6 +408,7 @@ def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Sect
         *errors,
         cause_section(result, files or []),
         hypothesis_section(result),
+        level_section(result),
         values,
         proof,
         evidence.ranking_section(result),

@@ -10,11 +10,14 @@ import pytest
 
 from independent_bench import SIGMA, Session, errors
 from outside_shapes import SHAPES, Known, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
+from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.diagnosis import Diagnosis
+from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.dependence import Dependence, dependence
+from trihedron.tools.diagnosis.rivals import complexity_of
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import read_record
+from trihedron.tools.reports.diagnosis import lines
 
 SMOOTH = [SHAPES.index(shape) for shape in (encoder_bump, fifth_power, of_temperature, one_jump)]
 NAMES = {"time": "hours"}
@@ -25,8 +28,13 @@ def found_of(path: Path, noise_bound: float = SIGMA, work: Work | None = None) -
     return dependence(bench_evidence(record, noise_bound=noise_bound), work)
 
 
+def diagnosed_file(path: Path) -> Any:
+    record: Any = read_record(path)
+    return diagnose(record, noise_bound=SIGMA, rerun=False)
+
+
 def written(path: Path, rng: np.random.Generator, session: Session, reading: np.ndarray, noise: float = 1.0) -> Path:
-    session.write(path, np.array([session.alpha, session.beta]), reading + noise * errors(rng, len(reading))[0], rng)
+    session.write(path, (session.alpha, session.beta), reading + noise * errors(rng, len(reading))[0], rng)
     return path
 
 
@@ -101,3 +109,60 @@ def test_a_diagnosis_of_the_first_schema_is_still_read():
         json.loads(Diagnosis.model_validate_json(text).model_dump_json(by_alias=True))["schema"]
         == "trihedron.diagnosis/2"
     )
+
+
+def test_what_several_effects_do_together_is_one_function_of_one_quantity(tmp_path: Path):
+    """A bump in an encoder, which harmonics imitate: the quantity is proven, of which laws it is made is not."""
+    rng = np.random.default_rng([9, 0])
+    session = Session.drawn(rng, 24)
+    off = np.remainder(session.alpha - 2.0 + np.pi, 2.0 * np.pi) - np.pi
+    reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+    angles = (session.alpha + 1.2e-4 * np.exp(-0.5 * (off / 0.7) ** 2), session.beta)
+    session.write(tmp_path / "bump.positions.csv", angles, reading + errors(rng, 24)[0], rng)
+    found = diagnosed_file(tmp_path / "bump.positions.csv")
+    assert (found.proven.place, found.proven.quantity) == ("outer-axis", "alpha")
+    if found.verdict == "explained":
+        assert found.level == "quantity"
+        assert "a function of the outer angle at the outer axis" in found.caution[0]
+    else:
+        assert found.verdict == "unexplained"
+        assert found.depends_on == ("alpha",)
+    told = "\n".join(lines(found))
+    assert "proven, whatever the law: a function of the outer angle at the outer axis suffices" in told
+
+
+def test_one_effect_of_the_catalogue_is_explained_and_has_no_rival(tmp_path: Path):
+    rng = np.random.default_rng([10, 0])
+    session = Session.drawn(rng, 36)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 0] += 2e-4 * n[:, 0] * n[:, 1]
+    path = written(tmp_path / "one.positions.csv", rng, session, reading)
+    found = diagnosed_file(path)
+    assert (found.verdict, [cause.place.title for cause in found.causes]) == (
+        "explained",
+        ["cross-product accelerometer-1 axes 1 2"],
+    )
+    assert (found.proven.place, found.proven.quantity) == ("accelerometer-1", "n1 n2")
+
+
+def test_a_jump_in_a_temperature_that_jumps_once_is_not_told_from_a_step_in_time(tmp_path: Path):
+    rng = np.random.default_rng([11, 0])
+    session = Session.drawn(rng, 24)
+    late = np.arange(24) >= 11
+    session = replace(session, temperature=np.round(20.0 + 5.0 * late + rng.uniform(-0.5, 0.5, 24), 4))
+    reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+    reading[:, 1] += 3e-4 * late
+    path = written(tmp_path / "step.positions.csv", rng, session, reading)
+    found = diagnosed_file(path)
+    assert found.proven.place == "accelerometer-2"
+    assert {"hours", "temperature"} <= {*found.proven.not_excluded}
+    assert any("does not tell" in text for text in found.caution)
+
+
+def test_complexity_counts_what_is_searched_for():
+    quadratic, wave = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("encoder-harmonic", "outer-axis", 3)
+    outlier = EffectPlace("outlier", "position-4", axes=(2,))
+    step = EffectPlace("bias-step", "accelerometer-1")
+    assert [complexity_of([place]) for place in (quadratic, wave, outlier, step)] == [1, 3, 2, 2]
+    assert complexity_of([quadratic, wave]) == 6
