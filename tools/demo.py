@@ -5,6 +5,7 @@ import os
 import shutil
 import sys
 import webbrowser
+from dataclasses import replace
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
@@ -24,6 +25,7 @@ from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
+from .reports.band import sections as band_sections
 from .reports.bench import run_section
 from .reports.calibration import calibration_section
 from .reports.diagnosis import sections_of
@@ -38,6 +40,8 @@ STATIC_CALIBRATION = "static-calibration.toml"
 MEASURED_RECORD = "broad-03.strapdown.csv"
 EXTENDING_EFFECTS = ("bias-drift", "encoder-harmonic", "quadratic")
 """Effects of which one is hidden: each can be composed into an FMU, and none looks like another."""
+BUMP_AT, BUMP_WIDTH, BUMP_HEIGHT = 2.0, 0.6, 2e-4
+"""Where an encoder errs, how far about that, and by how much [rad]."""
 VARIABLE = "TRIHEDRON_DATA"
 """Environment variable that names the folder of the measured records."""
 
@@ -82,7 +86,13 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     hidden, named = words_of(case.answer()["hidden"]), judged(case, diagnosis).outcome == "right"
     print(f"what was hidden: {hidden} -> {'named' if named else 'NOT named'}")
 
-    say("5  Attitude: a real record through the attitude computer")
+    say("5  Beyond the catalogue: an encoder errs in one part of its circle, as no effect of the catalogue does")
+    bumped = with_bump(draw_alone(seed, effects=[]).measured())
+    outside = diagnose(bumped, noise_bound=NOISE_BOUND, rerun=False)
+    write_text(out / "outside.json", outside.json_text())
+    print(outside)
+
+    say("6  Attitude: a real record through the attitude computer")
     attitude = attitude_of_measured_record(out)
 
     sentence = (
@@ -99,6 +109,13 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
             files=[measured, answer_file],
         ),
         *sections_of(diagnosis, [out / "diagnosis.json", *extended]),
+        Section(
+            "A record whose cause is in no catalogue",
+            "A third bench, simulated, whose outer encoder errs by up to 41 arcsec about 115°, over some 70°: no "
+            "effect of the catalogue does so, and none is named.",
+            files=[out / "outside.json"],
+        ),
+        *band_sections(outside),
         attitude,
     ]
     page = out / "index.html"
@@ -116,6 +133,12 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     if show:
         open_page(page)
     return page
+
+
+def with_bump(record: PositionRecord) -> PositionRecord:
+    """The record as an outer encoder would have written it that errs in one part of its circle."""
+    apart = np.remainder(record.alpha - BUMP_AT + np.pi, 2.0 * np.pi) - np.pi
+    return replace(record, alpha=record.alpha + BUMP_HEIGHT * np.exp(-((apart / BUMP_WIDTH) ** 2)))
 
 
 def say(line: str) -> None:

@@ -130,8 +130,8 @@ class Functions:
     @property
     def zero(self) -> tuple[int, ...]:
         """Numbers (d,) of knots where a function may be taken as zero, as parameters imitate what it is there."""
-        chosen = qr(self.imitated.T, mode="economic", pivoting=True)[2][: self.imitated.shape[1]]
-        return tuple(int(k) for k in np.sort(chosen))
+        *_, pivots = qr(self.imitated.T, mode="economic", pivoting=True)
+        return tuple(int(k) for k in np.sort(np.asarray(pivots)[: self.imitated.shape[1]]))
 
     def band(self, at: NDArray[np.int_]) -> Band:
         """Ends of all possible functions at some knots (k,), given by their numbers."""

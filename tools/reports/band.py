@@ -49,6 +49,16 @@ def lines(result: Diagnosis) -> list[str]:
     return said
 
 
+def beyond_words(result: Diagnosis) -> str:
+    """That the model is extended by what stands in no catalogue; empty where it is not."""
+    if (found := result.extension) is None:
+        return ""
+    what = "A table" if found.kind == "lookup" else f"The formula {found.words}"
+    return (
+        f"{what}, a function of {in_words(found.quantity)}, extends it beyond the catalogue: a description, no cause."
+    )
+
+
 def _sizes(law: StatedLaw) -> str:
     told = []
     for p, value, ends in zip(law.parameters, law.values, law.intervals, strict=True):

@@ -355,7 +355,8 @@ def _verdict(result: Diagnosis) -> str:
             least = f"no parameters leave less than {residual(nominal.radius)} σ"
             if result.not_named:
                 return f"{lacks}: {least}, and {result.not_named[0]}."
-            return f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+            said = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+            return f"{said} {band.beyond_words(result)}".rstrip()
         if result.verdict == "insufficient":
             open_ones = bench.open_targets(nominal)
             return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
