@@ -149,15 +149,20 @@ class Laws:
         return any(same_space(spaces[0], other) for other in spaces[1:])
 
     def place_of(self, text: str) -> EffectPlace | None:
-        """The effect of a formula in x, the quantity; None where the place, or its factor, knows none."""
+        """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
+
+        None where the place, or its factor, knows none.
+        """
         pair = self.pair
         tilted = "tilt" if pair.factor == "tilt" else ""
         left = LEFT.get((pair.where, tilted))
         factor = "" if tilted else pair.factor
         if left is None or (factor and factor not in (*INPUTS, "hours", "temperature")):
             return None
-        x, factor = ({"temperature": TEMPERATURE}.get(name, name) for name in (pair.quantity, factor))
-        written = text.replace("x", "@").replace("e@p", "exp").replace("@", x.replace(" ", "*"))
+        factor = factor.replace("temperature", TEMPERATURE)
+        y = pair.quantity.replace(" ", "*")
+        names = {"x": y.replace("temperature", TEMPERATURE), "y": y}
+        written = re.sub(r"\b[xy]\b", lambda found: names[found[0]], text)
         return Formula.of(f"{left} += {factor}*({written})" if factor else f"{left} += {written}").place
 
     def of_size(self, size: int) -> Iterator[Law]:
@@ -255,7 +260,7 @@ def families(pair: Pair) -> Iterator[Family]:
     values = np.unique(x)
     # What only one value shows is a reading.
     gaps = tuple((float(a), float(b)) for a, b in pairwise(values[1:-1]))
-    yield Family("c*step(x - {s!r})", low, high, lambda x, s: (x > s).astype(float), gaps)
-    yield Family("c*(x - {s!r})*step(x - {s!r})", low, high, lambda x, s: np.maximum(0.0, x - s))
+    yield Family("c*step(y - {s!r})", low, high, lambda x, s: (x > s).astype(float), gaps)
+    yield Family("c*(y - {s!r})*step(y - {s!r})", low, high, lambda x, s: np.maximum(0.0, x - s))
     if pair.quantity == "hours":
         yield Family("c*exp(-x/{s!r})", high / 50.0, 2.0 * high, lambda x, s: np.exp(-x / s))

@@ -156,3 +156,16 @@ def test_where_a_ramp_begins_is_within_its_interval():
     record = dataclasses.replace(record, specific_force=GRAVITY * reading)
     ramps = [law.shape for law in beyond_of(record).laws if law.shape and law.words.startswith("c (")]
     assert any(low <= start <= high for low, high in ramps)
+
+
+def test_a_jump_in_temperature_is_told_where_it_is():
+    rng, reading, alpha, beta = bench_of(6)
+    record = position_record(reading, alpha, beta)
+    temperature = np.round(23.0 + 4.0 * np.sin(np.linspace(0.0, 9.0, COUNT)) + rng.uniform(-0.5, 0.5, COUNT), 3)
+    reading[:, 0] += 1.5e-4 * (temperature > 24.2)
+    record = dataclasses.replace(record, specific_force=GRAVITY * reading, temperature=temperature)
+    beyond = beyond_of(record)
+    assert (beyond.possible.pair.where, beyond.possible.pair.quantity) == ("accelerometer-1", "temperature")
+    (jump,) = [law for law in beyond.laws if law.shape and law.words.startswith("c step(")]
+    assert jump.shape is not None
+    assert jump.shape[0] <= 24.2 <= jump.shape[1]
