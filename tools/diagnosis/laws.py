@@ -37,7 +37,7 @@ LIKE = 0.05
 """An effect is a function of the quantity where so little of it, relatively, is none."""
 MOST_WORK = 3e6
 """The work of all laws of a pair, after which no more are tried."""
-TEMPERATURE = "(temperature - 20)"
+TEMPERATURE = "(temperature-20)"
 SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 LEFT = {
     **{(f"accelerometer-{p}", ""): f"f{p}" for p in (1, 2, 3)},

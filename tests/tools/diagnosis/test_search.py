@@ -205,7 +205,7 @@ def walking(seed: int, positions: int = 24, step: float = 1e-5) -> PositionRecor
 
 def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets():
     evidence = bench_evidence(walking(1), noise_bound=NOISE_BOUND)
-    work = [search(evidence, most_work=limit) for limit in (3e5, 3e5, 1e3)]
+    work = [search(evidence, most_work=limit) for limit in (8e5, 8e5, 1e3)]
     assert [(found.complete, found.size) for found in work] == [(False, 3), (False, 3), (False, 1)]
     assert [fit.title for fit in work[0].fits] == [fit.title for fit in work[1].fits]
     result = diagnosed_evidence(evidence, most_work=1e3)
