@@ -29,9 +29,10 @@ def is_angular(where: str) -> bool:
 
 def lines(result: Diagnosis) -> list[str]:
     """The laws and what extends the model, for a terminal."""
+    # A law that stands alone is the cause, and was told as such.
+    several = result.laws or () if result.caution else ()
     said = [
-        f"law that stands: {law.words}: {_sizes(law)}; radius {residual(law.radius)}{_left_out(law)}"
-        for law in result.laws or ()
+        f"law that stands: {law.words}: {_sizes(law)}; radius {residual(law.radius)}{_left_out(law)}" for law in several
     ]
     if (found := result.extension) is not None:
         what = f"a table of {len(found.knots)} knots" if found.knots else found.words
