@@ -14,7 +14,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.dependence import Dependence, dependence
-from trihedron.tools.diagnosis.rivals import complexity_of
+from trihedron.tools.diagnosis.rivals import Unlisted, complexity_of
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import read_record
 from trihedron.tools.reports.diagnosis import lines
@@ -166,3 +166,23 @@ def test_complexity_counts_what_is_searched_for():
     step = EffectPlace("bias-step", "accelerometer-1")
     assert [complexity_of([place]) for place in (quadratic, wave, outlier, step)] == [1, 3, 2, 2]
     assert complexity_of([quadratic, wave]) == 6
+
+
+def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands(tmp_path: Path):
+    """So that further positions can be found that tell it from what is listed."""
+    rng = np.random.default_rng([12, 0])
+    session = Session.drawn(rng, 20)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 0] += 2e-4 * np.tanh(3.0 * n[:, 1])
+    record: Any = read_record(written(tmp_path / "other.positions.csv", rng, session, reading))
+    evidence = bench_evidence(record, noise_bound=SIGMA)
+    found = dependence(evidence)
+    assert found is not None
+    unlisted = Unlisted(found.standing[:1], None, None)
+    (fit,) = unlisted.fits(evidence)
+    assert fit.radius <= evidence.limit
+    assert (fit.places[0].effect, fit.places[0].where) == ("lookup", "accelerometer-1")
+    assert unlisted.caution == (
+        "as simple, and in no catalogue: a function of the input of accelerometer 2 at accelerometer 1 would do",
+    )
