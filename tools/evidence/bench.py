@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import admissible, nominal_input
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
-from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
+from ...models.effects.last_stage import place_of
 from ...models.effects.rows import Variant
 from ..bounded.programmes import Interval, column_space
 from ..bounded.sets import Problem, Work, project, sets_of_size
@@ -23,33 +22,29 @@ from ..calibration.calibration import (
     reading_uncertainty,
     repeats,
 )
-from ..calibration.estimates import widening
-from ..calibration.model import Linearisation, linearise, predicted_input
+from ..calibration.model import Linearisation
 from ..records import PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
+from .bench_centre import ROUNDS, STANDS_OUT, centre_of, usual_centre, usual_misfit, with_usual_signs
 from .bench_left_out import Linear, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
-    ROUNDS,
-    USUAL,
     Cast,
     Paid,
     Readings,
     Relaxation,
-    centre_of,
     fitted,
     growths_of,
     least_radius,
     model_work,
-    usual_misfit,
     with_possible_sizes,
 )
 from .bench_pairs import pairs_of_bench
 from .bench_power import powers
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
-from .bench_visits import Circumstances, circumstances_of, is_linear, left_open, signature_columns, untold_readings
+from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
 from .bench_wander import wanders
 from .evidence import Channel, Evidence, Trial
 from .extension import Extension, Sized
@@ -61,19 +56,11 @@ FIT_TOLERANCE = 1e-8
 LEAST_SLACK = 0.05
 SECOND_ORDER = 5.0
 """The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
-LOOSE = 10.0
-"""A bound [g] within which a reading says nothing."""
 TOO_MUCH = 0.3
 """With more slack than this, effects that stand out are fitted before others are sought."""
 MOST_ANCHORS = 3
 PROVEN_WANDER = 2
 """A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
-GROSS = 1e-3
-"""Where most misfits are above this [g], a limit that many readings reach may have drawn the model."""
-AT_LIMIT, FEWEST_AT_LIMIT = 3.0, 3
-"""Readings nearer to the largest of their channel than so many bounds are at a limit, where so many are."""
-STANDS_OUT = 0.5
-"""An effect stands out that leaves at most this part of the usual misfit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -530,50 +517,3 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
     ]
     places = tuple(place for effect in known for place in effect.places)
     return Bench((), names, here.point, places, nominal, here, readings, record.position, asked.bounds)
-
-
-def usual_centre(readings: Readings, start: NDArray) -> Fit:
-    """The nominal model where few readings, channels that are exchanged, and a limit of a channel cannot draw it.
-
-    It begins at a start (P,). Readings at the largest of their channel count for little where the others then agree far
-    better: a limit that many reach draws all of them.
-    """
-    aligned = np.zeros(len(start))
-    rows, bound = readings.rows(aligned), readings.bound
-    for place in EXCHANGED_READINGS.places:
-        for variant in readings.variants(place, rows):
-            bound = np.where(variant.touched.ravel(), LOOSE, bound)
-    centre = centre_of(readings, (), start)
-    if bound is not readings.bound:
-        centre = centre_of(replace(readings, bound=bound), (), aligned)
-    size = np.abs(readings.reading)
-    within = size > size.max(axis=0) - AT_LIMIT * readings.bound.reshape(-1, 3)
-    limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)
-    if usual_misfit(centre) * float(readings.bound.min()) > GROSS and limited.any():
-        other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), (), aligned)
-        told = ~limited.ravel()
-        before, after = (np.quantile(np.abs(fit.residual / readings.bound)[told], USUAL) for fit in (centre, other))
-        if after <= STANDS_OUT * before:
-            return other
-    return centre
-
-
-def with_usual_signs(
-    here: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
-) -> Linearisation:
-    """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
-
-    σ is a fraction of g, the bounds are u^max and v^0max of (1.7).
-    """
-    p, at = here.parametrisation, here.positions
-    point = usual_centre(Readings.of(here, circumstances), here.point).point
-    sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
-    if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):
-        return here
-    there = linearise(p, at, here.reading, point, np.full_like(here.bound, noise_bound), sign)
-    if p.symmetric:
-        return there
-    matrices = p.matrices[at.mounting]
-    certain = admissible(at.alpha, at.beta, matrices, bounds=bounds)
-    certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (sign > 0)
-    return replace(there, bound=noise_bound + widening(there, certain, noise_bound, bounds))

@@ -46,10 +46,6 @@ SECOND_ORDER = 10.0
 """A model differs from the linear one by at most so many times the square of a step's length, the sum of its parts."""
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
-USUAL = 0.9
-"""The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""
-ROUNDS = 12
-"""Steps to a centre that few readings cannot draw."""
 DETERMINED = 1e-8
 """Directions of so small a part of the largest singular value are not determined by readings that are kept."""
 MAX_LEVERAGE = 1.0
@@ -368,36 +364,6 @@ def fitted(
 def model_work(readings: Visits) -> float:
     """The work of one model of these readings."""
     return 2000.0 + 20.0 * len(readings)
-
-
-def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray, before: Fit | None = None) -> Fit:
-    """The point with about the least sum of absolute misfits, which few readings cannot draw, with linear effects.
-
-    It begins at parameters (P,) of the bench, or where the fit `before` with all of the effects but the last is.
-    """
-    cast, count, bound = Cast(tuple(places)), len(start), readings.bound
-    blocks = blocks_of(cast.places)
-    x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
-    if before is not None:
-        x[: len(before.at)] = before.at
-    for iteration in range(ROUNDS + 1):
-        model = cast.model(readings, x[:count], x[count:], blocks)
-        assert model is not None
-        residual = readings.reading.ravel() - model.reading
-        # Least squares with these bounds is the least sum of absolute values; misfits within the noise count as one.
-        loose = bound * np.sqrt(np.maximum(1.0, np.abs(residual / bound)))
-        step = least_squares(model.jacobian / loose[:, None], residual / loose)
-        settled = iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * bound.min()
-        if settled or not np.abs((x + step)[:count]).max() <= ASTRAY:
-            radius = float(np.abs(residual / bound).max(initial=0.0))
-            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, model.jacobian, radius, x, x[count:])
-        x = x + step
-    raise AssertionError("the loop returns")
-
-
-def usual_misfit(fit: Fit) -> float:
-    """What most of the readings' misfits at a fit do not exceed, in units of the bounds."""
-    return float(np.quantile(np.abs(fit.residual / fit.bound), USUAL))
 
 
 def _stands(fit: Fit, rows: Rows) -> bool:
