@@ -23,6 +23,8 @@ RIVAL = 1.5
 """What stands at so many times the least complexity is a rival of what stands there."""
 NEAR = 1.3
 """Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
+MOST_SECOND_ORDER = 1.0
+"""The linear model may be wrong by at most so many bounds, or nothing is said of functions."""
 LARGEST_PART = 0.5
 """A function has at most this part of as many coefficients as its quantity has values."""
 SHARPENED = 6
@@ -117,10 +119,11 @@ def _within(one: Pair, other: Pair) -> bool:
 def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | None:
     """On what the misfit of evidence can depend; None of evidence without pairs, or where the model stands.
 
-    What it costs is added to the work.
+    None, too, where the misfit is so large that the linear model may be wrong by more than a bound. What it costs is
+    added to the work.
     """
     pairs = evidence.pairs()
-    if not pairs or not evidence.falsified:
+    if not pairs or not evidence.falsified or evidence.second_order > MOST_SECOND_ORDER:
         return None
     return Search(evidence, pairs, work or Work()).dependence
 

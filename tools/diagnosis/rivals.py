@@ -21,6 +21,8 @@ LIKE = 0.05
 """An effect is a function of a quantity where so little of it, relatively, is none."""
 
 
+SURE_SECOND_ORDER = 0.3
+"""Where the linear model may be wrong by so many bounds at most, what stands with it is a rival."""
 MOST_RIVALS = 3
 """So many rivals are to be told apart by further positions."""
 FURTHER = 2
@@ -116,6 +118,8 @@ class Unlisted:
         most, several = complexity_of(fit.places), len(fit.places) > 1
         own = [one for one in found.standing if listed.is_of(fit, one.pair)]
         rivals = tuple(one for one in found.standing if one not in own and one.complexity <= most)
+        # What stands only within what the linear model may be wrong by is no rival.
+        rivals = rivals if listed.evidence.second_order <= SURE_SECOND_ORDER else ()
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
         alike = {one.pair.depends_on: one.pair for one in reversed(own)}
         pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
