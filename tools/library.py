@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import calibration as calibrations
 from . import campaign as campaigns
 from . import check as checks
-from . import diagnosis, motion, orchestrator, planning, records, reports, ssp, trials
+from . import diagnosis, motion, orchestrator, own_effects, planning, records, reports, ssp, trials
 from .errors import InputError
-from .own_effects import with_effects_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -61,7 +60,10 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    with with_effects_of(effects_from), ssp.opened(scenario, step=step, coupling=coupling) as (checked, ignored):
+    with (
+        own_effects.with_effects_of(effects_from),
+        ssp.opened(scenario, step=step, coupling=coupling) as (checked, ignored),
+    ):
         folder = None if out is None else Path(out)
         return orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
 
@@ -107,7 +109,7 @@ def export(
     """
     from .exporting import export_components
 
-    with with_effects_of(effects_from):
+    with own_effects.with_effects_of(effects_from):
         return export_components(components, Path(out), flavour, fmi, platform, effects)
 
 
@@ -376,7 +378,7 @@ def diagnose(
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
         options: dict[str, Any] = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
         options |= {"hypotheses": hypotheses, "extend": extend}
-        with with_effects_of(effects_from):
+        with own_effects.with_effects_of(effects_from):
             return diagnosis.diagnose(run, gravity=gravity, **options, progress=progress)
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
@@ -384,7 +386,7 @@ def diagnose(
         raise InputError(
             f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
         )
-    with with_effects_of(effects_from):
+    with own_effects.with_effects_of(effects_from):
         return diagnosis.diagnose(
             run,
             noise_bound=noise_bound,
@@ -523,7 +525,7 @@ def hide(
     """
     if baseline not in ("asymmetric", "symmetric"):
         raise InputError(f"--baseline {baseline}: must be asymmetric or symmetric")
-    with with_effects_of(effects_from):
+    with own_effects.with_effects_of(effects_from):
         return trials.hidden_record(seed, effects=effects or None, symmetric=baseline == "symmetric")
 
 

@@ -11,6 +11,8 @@ from trihedron.tools.diagnosis.procedure import answered
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import PositionRecord, StrapdownRecord, read_record
 
+pytestmark = pytest.mark.acceptance
+
 
 def place_of(text: str):
     (place,) = places_of([text], in_motion=False)

@@ -13,6 +13,8 @@ from trihedron.tools import cli
 from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
 
+pytestmark = pytest.mark.acceptance
+
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
 (EXAMPLE,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), flags=re.DOTALL)
 

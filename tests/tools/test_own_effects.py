@@ -11,10 +11,10 @@ from trihedron.fmus.native.compile import host_compiler
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS
 from trihedron.tools import cli
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.effect_check import check_effect
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.own_effects import OwnEffects, with_effects_of
+from trihedron.tools.own_effects.kernel_check import check_effect
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
 (EXAMPLE,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), flags=re.DOTALL)

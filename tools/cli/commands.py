@@ -10,10 +10,9 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import calibration as calibrations
-from .. import diagnosis, library, motion, orchestrator, papers, records, reports, ssp, trials
+from .. import diagnosis, library, motion, orchestrator, own_effects, papers, records, reports, ssp, trials
 from ..errors import one_line
 from ..files import ordinary_folder, write_text
-from ..own_effects import with_effects_of
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -40,7 +39,7 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     distinct_files({"the scenario": scenario, "--json": json})
     out, own = options.pop("out", None), options.pop("effects_from", None)
-    with with_effects_of(own), ssp.opened(scenario, **options) as (checked, ignored):
+    with own_effects.with_effects_of(own), ssp.opened(scenario, **options) as (checked, ignored):
         if ignored:
             shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
             print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)

@@ -8,10 +8,9 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from .. import campaign as campaigns
-from .. import document, library, planning, reports, trials
+from .. import document, library, own_effects, planning, reports, trials
 from ..errors import InputError
 from ..files import made_folder, write_text
-from ..own_effects import with_effects_of
 from ..rounding import exactly
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
 
@@ -225,7 +224,7 @@ def hidden(
         A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects may be hidden
         and are tried beside those of the catalogue.
     """
-    with with_effects_of(effects_from) as own:
+    with own_effects.with_effects_of(effects_from) as own:
         if clean and (effect or mode not in (None, "clean")):
             raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
         drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}

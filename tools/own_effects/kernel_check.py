@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fmus.catalogue import COMPONENTS
-from ..fmus.component import extend
-from ..fmus.native.translate import RestrictionError, translate
-from ..fmus.source import flat_parts
-from ..fmus.units import UNITS, unit_named
-from ..models.effects import Effect, EffectParameter, EffectPlace, MotionRows, Rows, Variant
-from ..models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, turned, whole_numbers
-from ..models.restricted import (
+from ...fmus.catalogue import COMPONENTS
+from ...fmus.component import extend
+from ...fmus.native.translate import RestrictionError, translate
+from ...fmus.source import flat_parts
+from ...fmus.units import UNITS, unit_named
+from ...models.effects import Effect, EffectParameter, EffectPlace, MotionRows, Rows, Variant
+from ...models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, turned, whole_numbers
+from ...models.restricted import (
     ALPHA,
     ANGULAR_ACCELERATION,
     BETA,
@@ -39,7 +39,7 @@ from ..models.restricted import (
     STEP_LENGTH,
     TEMPERATURE,
 )
-from .errors import InputError, nearest, one_line
+from ..errors import InputError, nearest, one_line
 
 STAGES = {
     ("AccelerometerBlock", "reading_effects"): (ACCELEROMETERS, 3),

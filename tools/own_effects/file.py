@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from ..fmus.source import kernel_functions
-from ..models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect
-from .effect_check import check_effect
-from .errors import InputError, nearest_file, one_line, reason
+from ...fmus.source import kernel_functions
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect
+from ..errors import InputError, nearest_file, one_line, reason
+from .kernel_check import check_effect
 
 LARGEST_FILE = 1_000_000
 """Bytes of a file of effects."""
