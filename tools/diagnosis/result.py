@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
@@ -309,6 +309,11 @@ class Length(Result):
     order_as_measured: OrderOfEffects | None
 
 
+def _current(schema: Any) -> Any:
+    """What a file of schema trihedron.diagnosis/1 says is read as the second: of levels it is silent."""
+    return DIAGNOSIS if schema == FIRST_DIAGNOSIS else schema
+
+
 class Diagnosis(Told):
     """What a record says of the simulation.
 
@@ -363,7 +368,9 @@ class Diagnosis(Told):
         single effects and the radius that each leaves, the least first
     """
 
-    schema_: Literal["trihedron.diagnosis/2"] = Field(default=DIAGNOSIS, alias="schema")
+    schema_: Annotated[Literal["trihedron.diagnosis/2"], BeforeValidator(_current)] = Field(
+        default=DIAGNOSIS, alias="schema"
+    )
     verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
     noise_bound: Number | None = None
     noise_bound_basis: str | None = None
@@ -415,13 +422,6 @@ class Diagnosis(Told):
     tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)
     dependence: Any = Field(default=None, exclude=True)
     beyond: Any = Field(default=None, exclude=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_first_schema(cls, content: Any) -> Any:
-        """What a file of schema trihedron.diagnosis/1 says: of levels it says nothing."""
-        first = isinstance(content, dict) and content.get("schema") == FIRST_DIAGNOSIS
-        return {**content, "schema": DIAGNOSIS} if first else content
 
     @model_validator(mode="after")
     def _agree(self) -> "Diagnosis":
