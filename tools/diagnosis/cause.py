@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ...models.effects import EffectPlace
-from ..evidence.fit import Fit
+from ..evidence.fit import Fit, contains
 from ..result import Result, Told, finite_or_none
 from ..rounding import Stated
 
@@ -132,6 +132,16 @@ class Finding:
 
     causes: tuple[Cause, ...]
     fit: Fit
+
+    @property
+    def sets_in(self) -> bool:
+        """Whether it is shown that no effect of the set that acts from a time on did so from the beginning."""
+        starts = [cause.intervals[-1][0] for cause in self.causes if cause.place.definition.sets_in]
+        return all(start > 0.0 for start in starts)
+
+    def contains(self, other: "Finding") -> bool:
+        """Whether this set can always do what another one does: by what its effects are, or by when they set in."""
+        return contains(self.fit.places, other.fit.places) or (other.sets_in and not self.sets_in)
 
     @property
     def title(self) -> str:

@@ -138,7 +138,7 @@ def diagnosed(
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, idle)
     # What contains a set that stands can always stand, too: it is no rival, and comes behind.
-    containing = [one for one in tried if any(contains(one.fit.places, other.fit.places) for other in findings)]
+    containing = [one for one in tried if any(one.contains(other) for other in findings)]
     findings = sorted(findings, key=lambda one: one in containing)
     best, judgement = findings[0], judgement_of(evidence, findings[0].fit)
     told |= {"findings": findings, "judgement": judgement}

@@ -150,7 +150,10 @@ class CarriedRun(CarriedRecord):
                 yield from ((*others, place) for place in self.starting)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set of effects with possible sizes, at the times at which it can set in, if any of it does."""
+        """Fits of a set of effects with possible sizes, at the times at which it can set in, if any of it does.
+
+        These begin at zero where one that acts from the first row on would do as well.
+        """
         setting_in = [place for place in places if place in self.starting]
         if not setting_in:
             return super().mended(places, work)
@@ -163,7 +166,9 @@ class CarriedRun(CarriedRecord):
         if not found:
             return []
         hours = self.onsets.hours
-        ends = float(hours[min(begin for *_, begin, _ in found)]), float(hours[max(end for *_, end in found)])
+        always = self.with_onset(place, 0).refit(places).radius <= self.limit
+        earliest = 0 if always else min(begin for *_, begin, _ in found)
+        ends = float(hours[earliest]), float(hours[max(end for *_, end in found)])
         best = sorted(found, key=lambda one: one[0].radius)
         first, *also = (setting_in_at(fit, place, self._start(row), ends) for fit, row, *_ in best)
         return [replace(first, also=tuple(also))]

@@ -8,6 +8,7 @@ import pytest
 from strapdown_records import drawn_motion, seen_attitude, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
+from trihedron.tools.diagnosis.procedure import diagnosed
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.fit import contains
@@ -15,12 +16,15 @@ from trihedron.tools.evidence.onsets import refused
 
 PERIOD = 0.02
 STEP = EffectPlace("gyro-bias-step", "gyro-block")
+SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
+SCALE_STEP = EffectPlace("gyro-scale-step", "gyro-block")
 
 
-def made(*, filmed: bool, step: float = 0.0, at: float = 0.5) -> Carried:
-    """Evidence of drawn moves; the bias of gyro 2 may change by a step [rad/s] at a part of the time."""
+def made(*, filmed: bool, step: float = 0.0, scale: float = 0.0, at: float = 0.5) -> Carried:
+    """Evidence of drawn moves; bias [rad/s] and scale factor of gyro 2 may change by a step at a part of the time."""
     rng = np.random.default_rng(4)
     time, rate, n, attitude = drawn_motion(rng, moves=8 if filmed else 14, rest=2.0, period=PERIOD)
+    rate[time > at * time[-1], 1] *= 1.0 + scale
     rate[time > at * time[-1], 1] += step
     record = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
     if filmed:
@@ -76,6 +80,18 @@ def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
         assert low <= true <= high
     assert evidence.with_onsets(fit).values_of([STEP], fit.estimate)[STEP][-1] == pytest.approx(start, abs=1e-9)
     assert not evidence.mended([EffectPlace("latency-step", "gyro-block")], Work())
+
+
+@pytest.mark.parametrize("at", [0.0, 0.5])
+def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
+    """The first moves hardly show a scale factor: one that always acts looks like one that sets in after them."""
+    evidence, places = made(filmed=True, scale=0.01, at=at), [SCALE, SCALE_STEP]
+    found = {place: evidence.mended([place], Work()) for place in places}
+    ((*_, (start, _)),) = found[SCALE_STEP][0].intervals()
+    assert (start == 0.0) == (at == 0.0)
+    result = diagnosed(evidence, rerun=False)
+    assert [cause.place for cause in result.causes] == [SCALE if at == 0.0 else SCALE_STEP]
+    assert (result.verdict, result.containing_sets) == ("explained", ((SCALE_STEP,),) if at == 0.0 else ())
 
 
 def test_what_is_refused_has_no_fit():
