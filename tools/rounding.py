@@ -15,6 +15,8 @@ FIXED = range(-3, 6)
 """Powers of ten of a leading digit that are written without one: from 0.001 to 999999."""
 MOST_DECIMALS = 9
 """Numbers of an interval with more decimals are written with a power of ten."""
+DECADES = 0.02
+"""An estimate is far smaller than half of its interval below this part of it."""
 MOST_DIGITS = 17
 """Significant digits of a double: ends of an interval have no more."""
 _EXACT = Context(prec=800)
@@ -116,7 +118,7 @@ def interval(
     """An estimate and the ends of what is possible, all to the place of the second digit of half the width.
 
     The lower end is rounded down, the upper up, the estimate to nearest; an estimate within its interval is shown
-    within. Ends may be infinite, or None where they are not known: then the place is that of `bound`, and where there
+    within. A positive estimate that is far smaller than that has three digits of its own. Ends may be infinite, or None where they are not known: then the place is that of `bound`, and where there
     is none each number has three digits of its own.
 
     Parameters
@@ -136,7 +138,11 @@ def interval(
     size = largest.adjusted() if largest else 0
     place = max(decimal(bound).adjusted() - 1, size - MOST_DIGITS + 1)
     power = 0 if place >= -MOST_DECIMALS and size < FIXED.stop else size
-    return tuple(_placed(number, place, power, how) for number, how in ways)  # type: ignore[return-value]
+    shown, below, above = (_placed(number, place, power, how) for number, how in ways)
+    # Of a positive number that is known to some powers of ten the place of the width would show nothing.
+    if value is not None and low is not None and 0.0 <= low <= value and 0.0 < value < DECADES * bound:
+        shown = digits(value)
+    return shown, below, above
 
 
 def outwards(low: float | None, high: float | None, bound: float | None = None) -> tuple[Number, Number]:

@@ -147,3 +147,8 @@ def test_intervals_as_they_are_shown():
     assert interval(0.25, 0.25, 0.25) == ("0.25", "0.25", "0.25")
     assert interval(None, None, None) == ("", "", "")
     assert outwards(-3.541e-5, 3.541e-5) == ("-0.000036", "0.000036")
+
+
+def test_a_positive_number_known_to_some_powers_of_ten_keeps_its_digits():
+    """A time constant between a twentieth of an hour and 3000 h is not 0."""
+    assert [str(number) for number in interval(0.2051, 0.05123, 2996.7)] == ["0.205", "0", "2997"]
