@@ -118,8 +118,9 @@ def interval(
     """An estimate and the ends of what is possible, all to the place of the second digit of half the width.
 
     The lower end is rounded down, the upper up, the estimate to nearest; an estimate within its interval is shown
-    within. A positive estimate that is far smaller than that has three digits of its own. Ends may be infinite, or None where they are not known: then the place is that of `bound`, and where there
-    is none each number has three digits of its own.
+    within. A positive estimate that is far smaller than that has three digits of its own. Ends may be infinite, or None
+    where they are not known: then the place is that of `bound`, and where there is none each number has three digits of
+    its own.
 
     Parameters
     ----------
