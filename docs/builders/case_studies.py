@@ -133,7 +133,11 @@ def stated_text(stated: Sequence[Diagnosis]) -> str:
             digits(found.reference_bound_arcmin),
             upwards(found.noise_bound_arcmin, 3),
             found.verdict,
-            "; ".join(" + ".join(cause.effect for cause in causes) for causes in sets_of(found)) or "none",
+            "; ".join(
+                [" + ".join(cause.effect for cause in causes) for causes in sets_of(found)]
+                + ["others may: the search was cut off"] * (found.cut_off_at is not None)
+            )
+            or "none",
         ]
         for found in stated
     ]

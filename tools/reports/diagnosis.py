@@ -26,6 +26,7 @@ FEW_RIVALS = 3
 MOST_SETS = 6
 """So many sets that remain are printed."""
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
+OTHERS_MAY = "and others may that were not tried: the search was cut off"
 OF_CARRIED = {
     "consistent": "consistent: the simulation explains the record within its noise; no effect is named",
     "insufficient": "insufficient: the record cannot tell whether the simulation is wrong",
@@ -66,6 +67,10 @@ def lines(result: Diagnosis) -> list[str]:
     said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
     if only_unlisted(result):
         said = ["ambiguous: a set of effects makes the model consistent, and so does what is in no catalogue"]
+    if result.verdict == "ambiguous" and result.cut_off_at is not None:
+        if len(sets_of(result)) == 1:
+            said[0] = said[0].replace("several sets", "a set")
+        said[0] += f", {OTHERS_MAY}"
     if proviso := evidence.as_stated(result):
         said[0] += f"; {proviso}"
     if result.verdict == "unexplained" and result.cut_off_at is not None:
@@ -84,6 +89,7 @@ def lines(result: Diagnosis) -> list[str]:
         said.append(f"measure next: {bench.position_text(position)}")
     said += [f"measure next: {text}" for text in result.next or ()]
     warnings = result.evidence.calibration.warnings if of_bench(result) else result.warnings
+    warnings = (*warnings, *([] if result.cut_off_at is None else [cut_off(result.cut_off_at)]))
     return said + [f"warning: {text}" for text in warnings]
 
 
@@ -117,8 +123,6 @@ def _bench_lines(result: Diagnosis) -> list[str]:
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
             f"correlation {digits(other.correlation_before)} -> {digits(other.correlation_after)}"
         )
-    if result.cut_off_at is not None:
-        said.append(f"warning: {cut_off(result.cut_off_at)}")
     return [*said, *_structure_lines(result, "residual of accelerometer", 5), *evidence.power_lines(result)]
 
 
@@ -379,10 +383,11 @@ def _verdict(result: Diagnosis) -> str:
 def rivals(result: Diagnosis) -> str:
     """The sets of effects that remain, few by their names, and what further positions would do."""
     sets = sets_of(result)
-    said = f"{' or '.join(finding.title for finding in sets)} would explain it."
-    if result.complete is False or len(sets) > FEW_RIVALS:
-        count = f"{len(sets)} set{'s' * (len(sets) != 1)}"
-        said = f"{count}{' or more' if result.complete is False else ''} of effects would explain it."
+    named = (
+        " or ".join(finding.title for finding in sets) if len(sets) <= FEW_RIVALS else f"{len(sets)} sets of effects"
+    )
+    others = "" if result.cut_off_at is None else f", {OTHERS_MAY}"
+    said = f"{named} would explain it{others}."
     proposed = len(result.next_positions or ())
     if not proposed:
         return said

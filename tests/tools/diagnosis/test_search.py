@@ -20,6 +20,7 @@ from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
 from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports.diagnosis import lines as told_lines
+from trihedron.tools.reports.diagnosis import verdict_sentence
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.draw import Case
 from trihedron.tools.trials.outcome import diagnosed
@@ -231,9 +232,11 @@ def test_what_was_found_before_the_search_was_cut_off_stands():
     assert {fit.title for fit in found.fits} < every
     result = diagnosed_evidence(evidence, most_work=limit)
     assert (result.verdict, result.complete, result.cut_off_at) == ("ambiguous", False, 1)
-    assert "or more of effects" in "\n".join(told_lines(result)) or "were not all tried" in "\n".join(
-        told_lines(result)
-    )
+    said = told_lines(result)
+    assert said[0].endswith("and others may that were not tried: the search was cut off")
+    assert ("several sets" in said[0]) == (len(result.findings) > 1)
+    assert "warning: the search was cut off: single effects were not all tried" in said
+    assert "others may that were not tried" in verdict_sentence(result)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.acceptance) for k in (1, 2, 3))])
