@@ -95,6 +95,11 @@ class Problem:
         rows, columns = self.columns.shape
         return 200.0 + 2e-2 * rows * columns
 
+    @property
+    def without_candidates(self) -> "Problem":
+        """The same without any candidate, as sets of outliers alone have it."""
+        return Problem.of(self.residual, self.nominal, ())
+
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
         """The problem as compiled code takes it: all columns (M, P + C), nominal ones first, where others are."""
@@ -108,7 +113,7 @@ class Projection:
 
     `basis` (M, p) is orthonormal, of the weighted nominal columns; `residual` (M,) and `columns` (M, C), of all
     candidates, are weighted and projected; `gram` (C, C) and `product` (C,) are the columns' products with each other
-    and with the residual.
+    and with the residual. For candidates one at a time only each one's own products are in `gram`, else zeros.
     """
 
     weights: NDArray
@@ -119,15 +124,27 @@ class Projection:
     product: NDArray
 
 
-def project(problem: Problem, weights: NDArray) -> Projection:
-    """Weigh the rows, by weights (M,) that are not negative, and project out the nominal columns."""
+def project(problem: Problem, weights: NDArray, together: bool = True) -> Projection:
+    """Weigh the rows, by weights (M,) that are not negative, and project out the nominal columns.
+
+    `together`: for sets in which several candidates stand together, else for candidates one at a time.
+    """
     root = np.sqrt(weights)
     basis, residual = without_nominal(problem, root)
     columns = root[:, None] * problem.columns
     before = np.linalg.norm(columns, axis=0)
     columns = columns - basis @ (basis.T @ columns)
     columns[:, np.linalg.norm(columns, axis=0) < 1e-7 * before] = 0.0
-    return Projection(weights, basis, residual, columns, columns.T @ columns, columns.T @ residual)
+    gram = columns.T @ columns if together else _own_products(columns, problem.blocks)
+    return Projection(weights, basis, residual, columns, gram, columns.T @ residual)
+
+
+def _own_products(columns: NDArray, blocks: Sequence[slice]) -> NDArray:
+    """The products (C, C) of the columns of each block; zeros between blocks."""
+    gram = np.zeros((columns.shape[1], columns.shape[1]))
+    for block in blocks:
+        gram[block, block] = columns[:, block].T @ columns[:, block]
+    return gram
 
 
 def without_nominal(problem: Problem, root: NDArray) -> tuple[NDArray, NDArray]:
@@ -176,11 +193,12 @@ def sets_of_size(
     What it costs is added to the work.
     """
     limit, work = (1.0 + slack) ** 2, work or Work()
+    problem = problem if size else problem.without_candidates
     weights = np.full(len(problem.residual), 1.0 / len(problem.residual))
     projections = []
     for rounds in ROUNDS_AT_FIRST:
         weights = sharp_weights(problem, weights, rounds)
-        projections.append(project(problem, weights))
+        projections.append(project(problem, weights, size > 1))
         work.add(problem.size_of_projection)
     for outliers in range(min(size, most_outliers) + 1):
         rows, choices = len(problem.residual), problem.choices(size - outliers)
@@ -190,7 +208,7 @@ def sets_of_size(
         for number, projection in enumerate(projections):
             work.add(0.3 * len(open_sets))
             open_sets = open_sets.tried(problem, projection, number, limit)
-        yield from settled(problem, projections, open_sets, slack, work)
+        yield from settled(problem, projections, open_sets, slack, work, together=size > 1)
 
 
 @dataclass(frozen=True)
@@ -217,9 +235,15 @@ class OpenSets:
 
 
 def settled(
-    problem: Problem, projections: Sequence[Projection], left: OpenSets, slack: float, work: Work
+    problem: Problem,
+    projections: Sequence[Projection],
+    left: OpenSets,
+    slack: float,
+    work: Work,
+    *,
+    together: bool = True,
 ) -> Iterator[EffectSet]:
-    """Decide the sets that no projection has refused."""
+    """Decide the sets that no projection has refused; `together` as for `project`."""
     limit = (1.0 + slack) ** 2
     weights = [projection.weights for projection in projections]
     wait, pause = 0, 0
@@ -243,7 +267,7 @@ def settled(
             before = len(left)
             work.add(problem.size_of_projection + 0.3 * before)
             weights.append(sharp)
-            left = left.tried(problem, project(problem, sharp), len(weights) - 1, limit)
+            left = left.tried(problem, project(problem, sharp, together), len(weights) - 1, limit)
             # Weights that refuse few others cost more than they save: leave more sets to themselves.
             pause = 0 if before - len(left) >= FEW else min(2 * pause + FEW, 1024)
             wait = pause

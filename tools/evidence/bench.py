@@ -205,6 +205,11 @@ class Bench(Evidence):
                         self._open_ways[frozenset(places)] = sorted(ways)
                         yield places
 
+    @cached_property
+    def _problems(self) -> dict[tuple[object, ...], Problem]:
+        """Searches beside a centre by their candidates: they are the same beside every choice of relaxed effects."""
+        return {}
+
     def _linear_sets(
         self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
     ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
@@ -267,10 +272,14 @@ class Bench(Evidence):
         self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[tuple[EffectPlace, int]] = ()
     ) -> Problem:
         """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
+        key = (centre, tuple(places), tuple(ways))
+        if key in self._problems:
+            return self._problems[key]
         rows, bound = self.readings.rows_with(centre), self.bound[:, None]
         blocks = [signature_columns([place], rows) / bound for place in places]
         blocks += [self.additive[place][way].columns.reshape(len(bound), -1) / bound for place, way in ways]
-        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
+        found = Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
+        return self._problems.setdefault(key, found)
 
     def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
         """Centres with one effect more that stands out, the most helpful first."""

@@ -47,6 +47,13 @@ def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
     assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= there
 
 
+def test_a_diagnosis_needs_no_library_of_distributions():
+    """It takes as long to import as a small record to diagnose; the few functions that are needed are special ones."""
+    code = "import sys, trihedron.tools.diagnosis.procedure; print('scipy.stats' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert said.stdout.strip() == "False"
+
+
 def test_plain_text_where_there_is_no_terminal():
     """Nor with a terminal that is asked to be plain."""
     commands = (["plan", "--help"], ["check", str(SCENARIOS / "table-attitude.toml")])
