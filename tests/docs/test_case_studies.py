@@ -65,7 +65,8 @@ def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
 
 
 @pytest.mark.acceptance
-def test_latency_and_scale_and_misalignment_are_named_in_broad_03_by_what_is_stated_of_the_cameras():
+def test_a_lag_and_scale_factors_remain_in_broad_03_by_what_is_stated_of_the_cameras():
+    """Latency or a low-pass, beside scale factors that are wrong or drift: so wide bounds tell no more."""
     record = measured(BROAD)
     needed = [
         float(figure)
@@ -75,10 +76,10 @@ def test_latency_and_scale_and_misalignment_are_named_in_broad_03_by_what_is_sta
     assert needed == sorted(needed)
     every, helping = needed
     found = diagnose(record, rerun=False, reference_bound=helping)
-    assert (found.verdict, {cause.effect for cause in found.causes}) == (
-        "explained",
-        {"latency", "gyro-scale-misalignment"},
-    )
+    sets = [{cause.effect for cause in finding.causes} for finding in found.findings]
+    assert (found.verdict, found.complete) == ("ambiguous", True)
+    assert {"latency", "gyro-scale-misalignment"} in sets
+    assert all(names & {"latency", "lag"} and names & {"gyro-scale-misalignment", "gyro-scale-drift"} for names in sets)
     assert "as stated" in lines(found)[0]
     less = diagnose(record, rerun=False, reference_bound=0.9 * every)
     assert (less.verdict, less.causes) == ("unexplained", ())
