@@ -195,19 +195,26 @@ def sets_of_size(
     limit, work = (1.0 + slack) ** 2, work or Work()
     problem = problem if size else problem.without_candidates
     weights = np.full(len(problem.residual), 1.0 / len(problem.residual))
-    projections = []
-    for rounds in ROUNDS_AT_FIRST:
-        weights = sharp_weights(problem, weights, rounds)
-        projections.append(project(problem, weights, size > 1))
-        work.add(problem.size_of_projection)
+    projections: list[Projection] = []
+
+    def projection(number: int) -> Projection:
+        """The first ones are made when they are needed: one alone may refuse all sets."""
+        nonlocal weights
+        for rounds in ROUNDS_AT_FIRST[len(projections) : number + 1]:
+            weights = sharp_weights(problem, weights, rounds)
+            projections.append(project(problem, weights, size > 1))
+            work.add(problem.size_of_projection)
+        return projections[number]
+
     for outliers in range(min(size, most_outliers) + 1):
         rows, choices = len(problem.residual), problem.choices(size - outliers)
         work.add(len(choices) * (1.0, 0.1 * rows, 0.1 * rows + 0.002 * rows**2)[outliers])
-        sets = surviving_sets(choices, outliers, limit, parts(problem, projections[0]))
+        sets = surviving_sets(choices, outliers, limit, parts(problem, projection(0)))
         open_sets = OpenSets(sets, np.zeros(len(sets)), np.zeros(len(sets), dtype=int))
-        for number, projection in enumerate(projections):
-            work.add(0.3 * len(open_sets))
-            open_sets = open_sets.tried(problem, projection, number, limit)
+        for number in range(len(ROUNDS_AT_FIRST)):
+            if len(open_sets):
+                work.add(0.3 * len(open_sets))
+                open_sets = open_sets.tried(problem, projection(number), number, limit)
         yield from settled(problem, projections, open_sets, slack, work, together=size > 1)
 
 

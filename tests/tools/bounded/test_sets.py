@@ -9,7 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trihedron.tools.bounded.set_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
-from trihedron.tools.bounded.sets import EffectSet, Problem, linear_radius, parts, project, sets_of_size, sharp_weights
+from trihedron.tools.bounded.sets import (
+    EffectSet,
+    Problem,
+    Work,
+    linear_radius,
+    parts,
+    project,
+    sets_of_size,
+    sharp_weights,
+)
 
 
 def random_problem(seed: int, rows: int = 40, effects: int = 7) -> Problem:
@@ -111,6 +120,14 @@ def test_one_at_a_time_candidates_have_the_bounds_that_they_have_together():
     rows = np.array([as_row(one) for one in sets])
     found = bounds_of(rows, parts(problem, one_at_a_time))
     assert found == pytest.approx(bounds_of(rows, parts(problem, together)), rel=1e-9)
+
+
+def test_where_one_projection_refuses_every_set_no_other_is_made():
+    small = random_problem(3)
+    problem = Problem(1e6 * small.residual, small.nominal, small.columns, small.blocks)
+    work = Work()
+    assert not list(sets_of_size(problem, 1, 0.0, 0, work))
+    assert work.done < 2.0 * problem.size_of_projection
 
 
 def test_lawsons_algorithm_makes_the_bound_sharp():
