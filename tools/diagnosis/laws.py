@@ -151,13 +151,13 @@ class Laws:
     def place_of(self, text: str) -> EffectPlace | None:
         """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
 
-        None where the place, or its factor, knows none.
+        None where the place, or its factor, knows none, or the quantity is a sense, whose two values no formula orders.
         """
         pair = self.pair
         tilted = "tilt" if pair.factor == "tilt" else ""
         left = LEFT.get((pair.where, tilted))
         factor = "" if tilted else pair.factor
-        if left is None or (factor and factor not in (*INPUTS, "hours", "temperature")):
+        if left is None or pair.told or (factor and factor not in (*INPUTS, "hours", "temperature")):
             return None
         factor = factor.replace("temperature", TEMPERATURE)
         y = pair.quantity.replace(" ", "*")

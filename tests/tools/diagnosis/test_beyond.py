@@ -18,6 +18,7 @@ from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials.draw import draw_alone
 
 COUNT = 36
 
@@ -169,3 +170,12 @@ def test_a_jump_in_temperature_is_told_where_it_is():
     (jump,) = [law for law in beyond.laws if law.shape and law.words.startswith("c step(")]
     assert jump.shape is not None
     assert jump.shape[0] <= 24.2 <= jump.shape[1]
+
+
+def test_a_function_of_a_sense_has_no_formula():
+    """Its two values are in no order, and no formula is made of them; hysteresis of the catalogue is one."""
+    case = draw_alone(1, effects=["hysteresis"])
+    evidence = bench_evidence(case.measured(), noise_bound=NOISE_BOUND)
+    pair = next(p for p in evidence.pairs() if p.told and p.where == case.places[0].where)
+    beyond = Beyond(evidence, pair, next(iter(pair.ladders()))[0], (evidence.refit(case.places),))
+    assert [law.fit.places for law in beyond.laws] == [tuple(case.places)]
