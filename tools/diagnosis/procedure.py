@@ -1,24 +1,20 @@
 """From a record to a verdict on the simulation: the procedure of `trihedron diagnose`, whatever the record."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Possible, SolverError, cosine, largest_length, same_space, spaces_beyond
-from ..bounded.sets import MAX_SET, CutOff, Work
+from ..bounded.programmes import Possible, SolverError, largest_length
+from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.carried_record import carried_evidence
-from ..evidence.evidence import Channel, Evidence, largest_size, rms_size
-from ..evidence.fit import ARCMIN, Fit, contains
-from ..progress import tracked
+from ..evidence.evidence import Channel, Evidence
+from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
-from ..rounding import digits
 from .beyond import Beyond, keys_of
 from .cause import Cause, Finding, NamedEffect
 from .dependence import dependence
@@ -33,8 +29,10 @@ from .hypothesis import (
     same_in_catalogue,
 )
 from .level import Proven, Suffices
-from .result import Diagnosis, EffectWitness, Length, OrderedEffect, OrderOfEffects, Witness
+from .order import of_lengths, only_at_one_length, what_helps
+from .result import Diagnosis, EffectWitness, Witness
 from .rivals import Listed, Unlisted
+from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
 
 KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
 """Lengths over which the functions that are tried vary: of the spread of a quantity, radians of an angle."""
@@ -42,16 +40,6 @@ NOISE_PARTS = (0.03, 0.3)
 """Parts of the residual's variance that are put down to noise in the fit of such a function."""
 MOST_ROWS = 400
 """Of a longer record rows spread over it are taken."""
-MOST_FOUND = 60
-"""So many sets of one size are enough to say that the record cannot decide."""
-MOST_WORK = 8e6
-"""The work of a search, after which it is cut off: some eight seconds of one processor."""
-MOST_COMPARED = 10
-MOST_STEPS, MOST_TRIED = 4, 12
-HELPS = 0.02
-"""An effect stands in the order when it takes so much off the errors that were left out."""
-SHOWN = 1.5
-"""An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""
 
 
 def diagnose(
@@ -400,211 +388,3 @@ def predicted_share(coordinates: NDArray, residual: NDArray) -> float:
             errors = (vectors @ (inverse * weights)) / ((vectors**2) @ inverse)
             least = min(least, float((errors**2).sum()))
     return max(0.0, 1.0 - least / total)
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """The smallest sets that explain a record, the least radius first; the model without effects where it stands.
-
-    `complete`: whether they are all; else the search was cut off among sets of `size` effects, all smaller ones being
-    tried.
-    """
-
-    fits: tuple[Fit, ...]
-    complete: bool = True
-    size: int = 0
-
-    @property
-    def told(self) -> Mapping[str, Any]:
-        """Keys of the result where the search was cut off."""
-        return {} if self.complete else {"complete": False, "cut_off_at": self.size}
-
-
-def search(
-    evidence: Evidence,
-    among: Sequence[EffectPlace] | None = None,
-    *,
-    progress: bool = False,
-    most_work: float = MOST_WORK,
-) -> Found:
-    """All sets of effects of the smallest size, up to three, with which the model stands; the least radius first.
-
-    Among so many effects, by default those that can be told apart; with so much work that it ends in any case.
-    A set that does not mend the record is tried with other members of its effects' classes, too: these differ in the
-    second order of their sizes, for which noise at its bound leaves no room.
-    """
-    work = Work(most_work)
-    for size in range(1, MAX_SET + 1):
-        found: list[Fit] = []
-        complete = True
-        try:
-            for candidate in tracked(evidence.candidates(size, work, among), f"sets of {size}", show=progress):
-                members = product(*(evidence.classes.whole_class(place) for place in candidate))
-                found += next((fits for places in members if (fits := evidence.mended(places, work))), ())
-                if len(found) >= MOST_FOUND:
-                    complete = False
-                    break
-        except CutOff:
-            complete = False
-        if found or not complete:
-            return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), fit.title))), complete, size)
-    return Found(())
-
-
-def single_radii(evidence: Evidence) -> tuple[tuple[str, float], ...]:
-    """What each single effect leaves, the least first."""
-    tried = [(place.title, evidence.alone(place)) for place in evidence.classes.places]
-    return tuple(sorted(tried, key=lambda entry: (round(entry[1], 9), entry[0])))
-
-
-def equivalence_groups(evidence: Evidence, fits: Sequence[Fit]) -> list[list[Fit]]:
-    """Sets that cannot be told apart, together; the least radius first."""
-    classes = evidence.classes
-    groups: list[list[Fit]] = []
-    spaces: list[tuple[object, NDArray]] = []
-    for fit in fits:
-        # Outliers and effects that are not linear are compared by name: they have no space of their own.
-        apart = frozenset(place for place in fit.places if classes.whole_class(place)[0] not in classes.places)
-        space, named = classes.joint_space([place for place in fit.places if place not in apart]), (apart, fit.signs)
-        for group, (others, other) in zip(groups, spaces, strict=True):
-            if named == others and same_space(space, other):
-                group.append(fit)
-                break
-        else:
-            groups.append([fit])
-            spaces.append((named, space))
-    return groups
-
-
-def compared_places(
-    places: Sequence[EffectPlace], sets: Sequence[Sequence[EffectPlace]], ranked: Sequence[str]
-) -> tuple[EffectPlace, ...]:
-    """The effects of the sets that remain, then others in the order of their titles' rank; ten at most."""
-    named = {place.title: place for place in places}
-    titles = dict.fromkeys([*(place.title for found in sets for place in found), *ranked])
-    return tuple(named[title] for title in titles if title in named)[:MOST_COMPARED]
-
-
-def likeness(evidence: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-    """Cosines (K, K) of the least angles between what linear effects add to the model on a record's rows.
-
-    1 where one can be sized to look just like the other, 0 where nothing of it can; a row of zeros for an effect that
-    adds nothing here.
-    """
-    spaces = spaces_beyond(evidence.nominal, [evidence.columns_of([place]) for place in places])
-    return np.array([[cosine(a, b) for b in spaces] for a in spaces]).reshape(len(spaces), len(spaces))
-
-
-def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
-    """What each scored part of evidence says with what is known beside it; nothing of evidence without such parts.
-
-    Where the model is falsified: its smallest sets of effects, the order in which effects help with what was left out,
-    and the same as measured, with nothing taken out.
-    """
-    found = []
-    places, falsified = evidence.classes.places if evidence.falsified else (), evidence.falsified
-    measured = evidence.as_measured() if falsified else None
-    for k in evidence.scored:
-        part, alone = evidence.parts[k], evidence.of_length(k)
-        sets = [()] if not (falsified and alone.falsified) else [fit.places for fit in search(alone, places).fits]
-        found.append(
-            Length(
-                over=part.label,
-                pieces=len(part),
-                noise_bound_arcmin=float(np.median(part.bound)) / ARCMIN,
-                rms_arcmin=rms_size(part.error) / ARCMIN,
-                max_arcmin=largest_size(part.error) / ARCMIN,
-                radius=alone.baseline.radius,
-                smallest_sets=tuple(tuple(NamedEffect.of(place) for place in chosen) for chosen in sets),
-                order=order_of_effects(alone, places) if falsified else None,
-                order_as_measured=order_of_effects(measured.of_length(k), places) if measured else None,
-            )
-        )
-    if not found:
-        return {}
-    return {"lengths": tuple(found), "order_stable": is_stable([one.order for one in found]) if falsified else None}
-
-
-def order_of_effects(evidence: Evidence, places: Sequence[EffectPlace]) -> OrderOfEffects:
-    """The order in which effects take most off the errors of the one scored part that were left out."""
-    (scored,), folds = evidence.scored, evidence.folds()
-
-    def left(chosen: Sequence[EffectPlace]) -> float:
-        return rms_size(evidence.split(evidence.left_out(chosen, folds))[scored])
-
-    start = current = left(())
-    chosen: list[EffectPlace] = []
-    steps = []
-    while len(chosen) < min(len(places), MOST_STEPS):
-        tried = sorted(((left([*chosen, p]), p) for p in places if p not in chosen), key=lambda entry: entry[0])
-        least, first = tried[0]
-        # What the best one contains comes first where it helps about as much.
-        contained = ((left, p) for left, p in tried if (1.0 - HELPS) * left <= least and contains([first], [p]))
-        best, place = next(contained, (least, first))
-        if best > (1.0 - HELPS) * current:
-            break
-        # What hardly helps by itself is not tried again behind what helps most.
-        places = [p for _, p in tried[:MOST_TRIED]] + chosen if len(tried) > MOST_TRIED else places
-        chosen.append(place)
-        steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))
-        current = best
-    return OrderOfEffects(held_out_rms_arcmin=start / ARCMIN, steps=tuple(steps))
-
-
-def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[EffectPlace, ...], tuple[str, ...]]:
-    """What takes most off the errors that were left out, at the middle length, and is no cause: it does not mend them.
-
-    The effects, and what is said of them; nothing of evidence without lengths, or where nothing helps.
-    """
-    number = len(lengths) // 2
-    if not lengths or (order := lengths[number].order) is None or not order.steps:
-        return (), ()
-    places = tuple(step.place for step in order.steps)
-    sizes = evidence.values_of(places, evidence.estimate(places))
-    said = "; ".join(
-        place.definition.sentence(place, {p.name: v for p, v in zip(place.definition.parameters, values, strict=True)})
-        for place, values in sizes.items()
-    )
-    needed = evidence.would_need(places)
-    return places, (
-        f"{' and '.join(step.effect for step in order.steps)}, though of all effects the most help: over "
-        f"{lengths[number].over} the errors that were left out fall from {digits(order.held_out_rms_arcmin)} to "
-        f"{digits(order.steps[-1].held_out_rms_arcmin)} arcmin rms, and not within their bounds ({said})"
-        + (f"; {needed}" if needed else ""),
-    )
-
-
-def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
-    """Whether no two lengths put two effects that both have in opposite orders, and all begin with the same effect."""
-    named = [[step.place for step in order.steps] for order in orders if order is not None]
-    for a in named:
-        for b in named:
-            if [place for place in a if place in b] != [place for place in b if place in a]:
-                return False
-    return len({tuple(order[:1]) for order in named}) <= 1
-
-
-def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) -> tuple[str, ...]:
-    """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
-    said = []
-    for place, block in zip(fit.places, fit.blocks, strict=True):
-        if place not in evidence.places:
-            # Of one that sets in at a time a length by itself tells less of the time than of the size.
-            continue
-        own, size = evidence.numbers_of([place]), fit.central[len(fit.point) :][block]
-        alone = evidence.with_errors([part.columns[..., own] @ size for part in evidence.parts])
-        others = [p for p in fit.places if p != place]
-        needing = [
-            one.over for one in lengths if any(place in [n.place for n in chosen] for chosen in one.smallest_sets)
-        ]
-        if len(needing) > 1:
-            continue
-        against = [
-            one.over
-            for k, one in zip(evidence.scored, lengths, strict=True)
-            if one.over not in needing and alone.of_length(k).refit(others).radius > SHOWN
-        ]
-        if against:
-            needed = f"is needed over {needing[0]} alone" if needing else "is needed over no length by itself"
-            said.append(f"{place.title} {needed}; over {', '.join(against)} it would show and is not needed")
-    return tuple(said)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..diagnosis.cause import Cause, Finding
-from ..diagnosis.procedure import is_stable
+from ..diagnosis.order import is_stable
 from ..diagnosis.result import Diagnosis, EffectWitness, OrderOfEffects, Witness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, half_width, sentence, unit_of, unit_text

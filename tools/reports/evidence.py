@@ -8,8 +8,8 @@ import numpy as np
 
 from ...models.effects import EffectPlace
 from ...models.effects.definition import ACCELEROMETERS, AXES
-from ..diagnosis.procedure import compared_places, likeness
 from ..diagnosis.result import Diagnosis, Witness
+from ..diagnosis.search import compared_places, likeness
 from ..document.blocks import Section, Table
 from ..document.notation import (
     Bar,

@@ -17,7 +17,7 @@ from shown_bounds import shown_too_well
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.procedure import compared_places, likeness
+from trihedron.tools.diagnosis.search import compared_places, likeness
 from trihedron.tools.document.blocks import Page, Section, notebook, text
 from trihedron.tools.document.notation import half_width, minus, typeset
 from trihedron.tools.evidence.bench import bench_evidence
