@@ -53,12 +53,14 @@ def test_the_first_ninety_seconds_of_broad_03_show_latency_and_scale_and_misalig
 def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
     found = diagnose(measured(BROAD))
     latency_first(found)
-    assert found.order_stable
+    assert found.order_stable is False
     for length in found.lengths or ():
         assert length.order is not None
         assert length.order_as_measured is not None
-        assert [step.effect for step in length.order.steps][:2] == ["latency", "gyro-scale-misalignment"]
-        assert {step.effect for step in length.order_as_measured.steps} >= {"gyro-bias", "latency"}
+        # Over the longest windows a low-pass of each gyro predicts better what was left out than one latency of all.
+        late = "lag" if length.over == "8 s" else "latency"
+        assert [step.effect for step in length.order.steps][:2] == [late, "gyro-scale-misalignment"]
+        assert {step.effect for step in length.order_as_measured.steps} >= {"gyro-bias", late}
     assert found.gain is not None
     for gain in (found.gain, *(found.gain.others or ())):
         assert (gain.after**2).sum() < 0.3 * (gain.before**2).sum()
