@@ -1,4 +1,4 @@
-"""Records with an error of a known formula, by a generator that shares nothing with the product but the formula."""
+"""Records with an error of a known formula, by a generator that shares nothing with the product, and answers to it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,6 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from independent_bench import SIGMA, G, Stand
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis.hypothesis import places_of
+from trihedron.tools.diagnosis.procedure import answered
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.records import PositionRecord, read_record
 
 
 @dataclass(frozen=True)
@@ -78,3 +83,29 @@ SIZES = {
     "f1 += c*n2**2*hours + d*n3*hours": (4e-4, -3e-4),
 }
 """The true coefficients."""
+
+
+def place_of(text: str, *, in_motion: bool = False) -> EffectPlace:
+    """The effect of a formula."""
+    (place,) = places_of([text], in_motion=in_motion)
+    return place
+
+
+def check_answers(text: str, folder: Path) -> None:
+    """A true formula stands with intervals that hold its coefficients; the false one beside it is refuted."""
+    errors, false = TRUE[text]
+    left = text.split()[0]
+    path = record_with(folder / "r.positions.csv", len(text), left, errors)
+    evidence = bench_evidence(read_record(path, PositionRecord), noise_bound=SIGMA)
+    right = answered(evidence, place_of(text), rerun=False)
+    assert right.answer == "stands"
+    assert right.radius <= 1.0 < right.radius_before
+    for parameter, size in zip(right.parameters, SIZES[text], strict=True):
+        assert parameter.low is not None
+        assert parameter.high is not None
+        # The zero of the inner encoder is not told; it is a thousandth of the size here.
+        assert parameter.low - 3e-3 * abs(size) <= size <= parameter.high + 3e-3 * abs(size)
+    wrong = answered(evidence, place_of(false), rerun=False)
+    assert wrong.answer == "refuted"
+    assert wrong.radius > 1.0
+    assert wrong.parameters == ()

@@ -157,7 +157,8 @@ def diagnosed(
     if unlisted.rivals:
         return _result("ambiguous", told | _named(best), evidence.probe([best.fit, *unlisted.fits(evidence)]))
     several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
-    told |= {"level": "quantity" if several_laws else "law"}
+    if unlisted.compared and "dependence" in told:
+        told |= {"level": "quantity" if several_laws else "law"}
     excluded = excluded_sizes(evidence, best.fit)
     same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
     return _result(

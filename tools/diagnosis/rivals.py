@@ -19,10 +19,9 @@ from .dependence import LARGEST_PART, RIVAL, Dependence, Standing
 
 LIKE = 0.05
 """An effect is a function of a quantity where so little of it, relatively, is none."""
-
-
 SURE_SECOND_ORDER = 0.3
 """Where the linear model may be wrong by so many bounds at most, what stands with it is a rival."""
+NOT_COMPARED = "functions that are in no catalogue were not compared: the misfit is too large for the linear model"
 MOST_RIVALS = 3
 """So many rivals are to be told apart by further positions."""
 FURTHER = 2
@@ -101,29 +100,31 @@ class Unlisted:
 
     `rivals` are functions of another place or quantity, as simple as the set; `same` a function of one quantity that
     does what several effects of the set do together; `alike`: pairs of several quantities that hold the set, as far as
-    these rows tell; `percent`: by so much a larger noise bound would do without them,
-    where that is little.
+    these rows tell; `percent`: by so much a larger noise bound would do without them, where that is little; `compared`:
+    whether functions that are in no catalogue could be compared at all.
     """
 
     rivals: tuple[Standing, ...]
     same: Standing | None
     percent: float | None
     alike: tuple[Pair, ...] = ()
+    compared: bool = True
 
     @staticmethod
     def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
         """Beside the fit of a set that stands."""
+        # What stands only within what the linear model may be wrong by is no rival, and no proof that there is none.
+        compared = found is not None and listed.evidence.second_order <= SURE_SECOND_ORDER
         if found is None:
-            return Unlisted((), None, None)
+            # A record without pairs is not compared by its kind, which is no caution of its own.
+            return Unlisted((), None, None, compared=not listed.evidence.pairs())
         most, several = complexity_of(fit.places), len(fit.places) > 1
         own = [one for one in found.standing if listed.is_of(fit, one.pair)]
-        rivals = tuple(one for one in found.standing if one not in own and one.complexity <= most)
-        # What stands only within what the linear model may be wrong by is no rival.
-        rivals = rivals if listed.evidence.second_order <= SURE_SECOND_ORDER else ()
+        rivals = tuple(one for one in found.standing if compared and one not in own and one.complexity <= most)
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
         alike = {one.pair.depends_on: one.pair for one in reversed(own)}
         pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
-        return Unlisted(rivals, own[0] if own and several else None, percent, pairs)
+        return Unlisted(rivals, own[0] if own and several else None, percent, pairs, compared)
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -137,6 +138,8 @@ class Unlisted:
             said.append(f"this record does not tell {' from '.join(pair.in_words for pair in self.alike)}")
         if self.percent is not None:
             said.append(f"a noise bound that is {digits(self.percent)} % larger would do without any cause")
+        if not self.compared:
+            said.append(NOT_COMPARED)
         return tuple(said)
 
     def fits(self, evidence: Evidence) -> list[Fit]:

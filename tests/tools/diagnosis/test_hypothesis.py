@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hypothesis_records import SIZES, TRUE, record_with
+from hypothesis_records import TRUE, check_answers, place_of, record_with
 from independent_bench import SIGMA
 from trihedron.tools import cli
 from trihedron.tools.diagnosis.hypothesis import places_of
@@ -17,30 +17,10 @@ from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
 
 
-def place_of(text: str, *, in_motion: bool = False):
-    (place,) = places_of([text], in_motion=in_motion)
-    return place
-
-
 @pytest.mark.parametrize("text", ["f2 += c*sin(3*alpha)", "beta += c*abs(sin(beta))"])
 def test_a_true_formula_stands_and_a_false_one_is_refuted(text, tmp_path):
     """On two of the ten records of the acceptance: the answers are right, and the intervals hold the truth."""
-    errors, false = TRUE[text]
-    left = text.split()[0]
-    path = record_with(tmp_path / "r.positions.csv", len(text), left, errors)
-    evidence = bench_evidence(read_record(path, PositionRecord), noise_bound=SIGMA)
-    right = answered(evidence, place_of(text), rerun=False)
-    assert right.answer == "stands"
-    assert right.radius <= 1.0 < right.radius_before
-    for parameter, size in zip(right.parameters, SIZES[text], strict=True):
-        assert parameter.low is not None
-        assert parameter.high is not None
-        # The zero of the inner encoder is not told; it is a thousandth of the size here.
-        assert parameter.low - 3e-3 * abs(size) <= size <= parameter.high + 3e-3 * abs(size)
-    wrong = answered(evidence, place_of(false), rerun=False)
-    assert wrong.answer == "refuted"
-    assert wrong.radius > 1.0
-    assert wrong.parameters == ()
+    check_answers(text, tmp_path)
 
 
 def test_what_is_in_the_model_or_is_not_needed_is_said_so(tmp_path):
