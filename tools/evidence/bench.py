@@ -26,7 +26,16 @@ from ..calibration.model import Linearisation
 from ..records import PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
-from .bench_centre import ROUNDS, STANDS_OUT, centre_of, usual_centre, usual_misfit, with_usual_signs
+from .bench_centre import (
+    ROUNDS,
+    STANDS_OUT,
+    Setting,
+    centre_of,
+    usual_centre,
+    usual_misfit,
+    with_usual_signs,
+    without_last,
+)
 from .bench_left_out import Linear, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
@@ -176,7 +185,7 @@ class Bench(Evidence):
         return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
 
     @cached_property
-    def _anchors(self) -> dict[tuple[EffectPlace, ...], list[Fit]]:
+    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting]]]:
         return {}
 
     def candidates(
@@ -218,36 +227,66 @@ class Bench(Evidence):
         With each the way of the effect in it that only adds columns, if there is one.
         """
         free = [place for place in places if place not in centre.places]
+        steps = tuple(self.ways) if size > 0 else ()
         if size > 0 and self.slack(centre) > TOO_MUCH:
             if centre.places not in self._anchors:
-                work.add(MOST_ANCHORS * ROUNDS * model_work(self.readings))
-                self._anchors[centre.places] = self.anchors(centre, free)
-            more = self._anchors[centre.places]
+                work.add(2 * MOST_ANCHORS * ROUNDS * model_work(self.readings))
+                self._anchors[centre.places] = self.anchors(centre, free), self.settings(centre)
+            more, settings = self._anchors[centre.places]
             for one in more:
                 yield from self._linear_sets(one, places, chosen, size - 1, work)
+            for setting in settings:
+                yield from self._sets_of(setting, free, chosen, size, work)
             free = [place for place in free if place not in {one.places[-1] for one in more}]
-        steps = self.ways if size > 0 else []
-        if steps and self.slack(centre) > TOO_MUCH:
-            # What stands out so far has its time told, but for the gaps that are nearest to it.
-            steps = [steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS]]
-        problem = self.problem(centre, free, steps)
+            standing = {place for setting in settings for place, _ in setting.steps}
+            steps = [step for step in steps if step[0] not in standing]
+            # Others have no time told, but for the gaps that are nearest to what they look like.
+            steps = tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
+        yield from self._sets_of(Setting(centre, self.slack(centre), steps), free, chosen, size, work)
+
+    def _sets_of(
+        self, setting: Setting, free: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
+    ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
+        """As `_linear_sets`, in one setting, of so many of the effects that are free and of its steps."""
+        steps, places = setting.steps, setting.centre.places
+        problem = self.problem(setting.centre, free, steps)
         part, kept = self._without(problem, chosen)
-        for candidate in sets_of_size(part, size, self.slack(centre), work=work):
+        for candidate in sets_of_size(part, size, setting.slack, work=work):
             outliers = [int(kept[row]) for row in candidate.outliers]
-            if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + self.slack(centre):
+            if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + setting.slack:
                 continue
             own = [steps[i - len(free)] for i in candidate.effects if i >= len(free)]
-            places = (
-                *centre.places,
+            found = (
+                *places,
                 *(free[i] for i in candidate.effects if i < len(free)),
                 *(place for place, _ in own),
                 *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
             )
-            yield frozenset(places), tuple(way for _, way in own)
+            yield frozenset(found), tuple(way for _, way in own)
 
     def slack(self, centre: Fit) -> float:
         """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
         return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.bound.min())
+
+    def settings(self, centre: Fit) -> list[Setting]:
+        """Where the bench is with each effect that only adds columns and stands out, beside those of a centre.
+
+        With about its time told the bench is known, so that all of its ways can be judged there.
+        """
+        found: dict[EffectPlace, Setting] = {}
+        for k in most_helpful(self.problem(centre, [], self.ways)):
+            place, way = self.ways[k]
+            if place in found:
+                continue
+            cast = Cast((*centre.places, place), {place: way})
+            one = centre_of(self.readings, cast, self.here.point, centre)
+            steps = tuple(step for step in self.ways if step[0] == place)
+            found[place] = Setting(without_last(self.readings, one), self.slack(one), steps)
+            if usual_misfit(one) > STANDS_OUT * usual_misfit(centre):
+                found[place] = replace(found[place], steps=())
+            if len(found) == MOST_ANCHORS:
+                break
+        return [setting for setting in found.values() if setting.steps]
 
     @property
     def second_order(self) -> float:
@@ -285,7 +324,7 @@ class Bench(Evidence):
         """Centres with one effect more that stands out, the most helpful first."""
         helpful = [places[k] for k in most_helpful(self.problem(centre, places))]
         more = [
-            centre_of(self.readings, (*centre.places, place), self.here.point, centre)
+            centre_of(self.readings, Cast((*centre.places, place)), self.here.point, centre)
             for place in helpful[:MOST_ANCHORS]
         ]
         return [one for one in more if usual_misfit(one) <= STANDS_OUT * usual_misfit(centre)]

@@ -1,7 +1,6 @@
 """Where a bench is that few readings cannot draw: neither gross ones, nor exchanged channels, nor a common limit."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +29,26 @@ STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
 
 
-def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray, before: Fit | None = None) -> Fit:
-    """The point with about the least sum of absolute misfits, which few readings cannot draw, with linear effects.
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """Where sets are sought: a centre, what the model linear there may be wrong by, and steps of effects in their ways.
 
-    It begins at parameters (P,) of the bench, or where the fit `before` with all of the effects but the last is.
+    The slack is in units of the bounds.
     """
-    cast, count, bound = Cast(tuple(places)), len(start), readings.bound
-    blocks = blocks_of(cast.places)
+
+    centre: Fit
+    slack: float
+    steps: tuple[tuple[EffectPlace, int], ...]
+
+
+def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None = None) -> Fit:
+    """The point with about the least sum of absolute misfits, which few readings cannot draw, with effects.
+
+    These are linear, or in a way that only adds columns. It begins at parameters (P,) of the bench, or where the fit
+    `before` with all of the effects but the last is.
+    """
+    count, bound = len(start), readings.bound
+    blocks = blocks_of(cast.places, cast.variants(readings, readings.rows(start)) or ())
     x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
     if before is not None:
         x[: len(before.at)] = before.at
@@ -50,9 +62,21 @@ def centre_of(readings: Readings, places: Sequence[EffectPlace], start: NDArray,
         settled = iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * bound.min()
         if settled or not np.abs((x + step)[:count]).max() <= ASTRAY:
             radius = float(np.abs(residual / bound).max(initial=0.0))
-            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, model.jacobian, radius, x, x[count:])
+            own = (model.jacobian, radius, x, x[count:], model.variants)
+            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, *own)
         x = x + step
     raise AssertionError("the loop returns")
+
+
+def without_last(readings: Readings, fit: Fit) -> Fit:
+    """The model linear at the bench of a fit, with all of its effects but the last, of the sizes that they have."""
+    places, blocks, count = fit.places[:-1], fit.blocks[:-1], len(fit.point)
+    x = fit.at[: count + (blocks[-1].stop if blocks else 0)]
+    model = Cast(places).model(readings, x[:count], x[count:], blocks)
+    assert model is not None
+    residual = readings.reading.ravel() - model.reading
+    radius = float(np.abs(residual / readings.bound).max(initial=0.0))
+    return Fit(places, blocks, x, 0.0 * x, residual, readings.bound, model.jacobian, radius, x, x[count:])
 
 
 def usual_misfit(fit: Fit) -> float:
@@ -71,14 +95,14 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
     for place in EXCHANGED_READINGS.places:
         for variant in readings.variants(place, rows):
             bound = np.where(variant.touched.ravel(), LOOSE, bound)
-    centre = centre_of(readings, (), start)
+    centre = centre_of(readings, Cast(()), start)
     if bound is not readings.bound:
-        centre = centre_of(replace(readings, bound=bound), (), aligned)
+        centre = centre_of(replace(readings, bound=bound), Cast(()), aligned)
     size = np.abs(readings.reading)
     within = size > size.max(axis=0) - AT_LIMIT * readings.bound.reshape(-1, 3)
     limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)
     if usual_misfit(centre) * float(readings.bound.min()) > GROSS and limited.any():
-        other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), (), aligned)
+        other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), Cast(()), aligned)
         told = ~limited.ravel()
         before, after = (np.quantile(np.abs(fit.residual / readings.bound)[told], USUAL) for fit in (centre, other))
         if after <= STANDS_OUT * before:

@@ -304,7 +304,8 @@ class _Drawing:
         parameters = place.definition.parameters
         if not all(parameter.possible(value) for parameter, value in zip(parameters, values, strict=False)):
             return None
-        return (Hidden(place, values, float(size), sizes, self.circumstances.began / 3600.0),)
+        # The run begins before the record's first row.
+        return (Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0),)
 
     def single(self) -> tuple[Hidden, ...] | None:
         """One effect at a size of the mode."""

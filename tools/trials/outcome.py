@@ -152,8 +152,13 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
     own = case.instrument
     sets = [finding.causes for finding in result.findings]
     kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
-    table = own.truth["TurntableMotion"] if isinstance(own, Bench) else None
-    inside, errors = _held_against(case.hidden, kind, sets, table)
+    table, secrets = None, case.hidden
+    if isinstance(own, Bench):
+        table = own.truth["TurntableMotion"]
+        # Only the record says when its first rest was: what changes within a rest may take a part of it away.
+        began = result.evidence.readings.circumstances.began / 3600.0
+        secrets = tuple(hidden.since(began) for hidden in case.hidden)
+    inside, errors = _held_against(secrets, kind, sets, table)
     if isinstance(own, Bench):
         told = {
             "seed": case.seed,
@@ -171,7 +176,7 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
                     rivals_excluded=finite_or_none(hidden.sizes.excluded),
                     last_rival=hidden.sizes.rival,
                 )
-                for hidden in case.hidden
+                for hidden in secrets
             ),
             "errors": errors,
         }

@@ -10,7 +10,7 @@ Chebyshev distance; b is wider where a sign is open). No parameters of a rival w
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,13 +60,11 @@ class Hidden:
 
     place: EffectPlace
     values: tuple[float, ...]
-    """its parameters"""
+    """its parameters, by the clock of the run"""
     size: float = 1.0
     """length of the vector of its linear coefficients, or in units of `sizes`; 1 for an effect that is not linear"""
     sizes: SureSizes = UNIT_SIZES
     """SureSizes: from which it is surely detected, and every rival excluded, in the same measure"""
-    began: float = 0.0
-    """hours from the start of the run to the record's first row, from which times of the parameters count"""
 
     @property
     def relative_size(self) -> float:
@@ -82,13 +80,17 @@ class Hidden:
     @property
     def entry(self) -> dict[str, Any]:
         """The effect as a scenario file writes it."""
+        return {**NamedEffect.keys(self.place), **self.parameters}
+
+    def since(self, hours: float) -> "Hidden":
+        """The same effect by a clock that begins so long [h] after this one, as that of a record's first row does."""
         values = self.parameters
         if "start" in values:
-            values["start"] += self.began
+            values["start"] -= hours
         if self.place.effect == "warm-up":
-            # What has settled before the first row is part of the bias there.
-            values["size"] *= math.exp(self.began / values["time_constant"])
-        return {**NamedEffect.keys(self.place), **values}
+            # What has settled by then is part of the bias there.
+            values["size"] *= math.exp(-hours / values["time_constant"])
+        return replace(self, values=tuple(values.values()))
 
 
 def sure_sizes(

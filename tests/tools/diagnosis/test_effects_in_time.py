@@ -56,6 +56,15 @@ def test_a_warm_up_is_named_with_its_time_constant(seed):
     assert_named(diagnosed(record, size * (1.0 - np.exp(-hours / constant))), "warm-up", (size, constant))
 
 
+@pytest.mark.parametrize(("seed", "sigmas"), [(9, 5000.0)])
+def test_a_large_warm_up_is_named_and_its_time_constant_is_inside(seed, sigmas):
+    """So large that the nominal fit says little of the time constant: every one has to be judged at a better one."""
+    rng, record = drawn(seed, 26)
+    hours, size = hours_of(record), sigmas * NOISE_BOUND
+    constant = float(np.exp(rng.uniform(np.log(0.15), np.log(3.0))) * hours[-1])
+    assert_named(diagnosed(record, size * (1.0 - np.exp(-hours / constant))), "warm-up", (size, constant))
+
+
 @pytest.mark.parametrize("seed", [2, 3])
 def test_a_lag_of_the_temperature_is_named_with_its_time_constant(seed):
     rng, record = drawn(seed, 26)

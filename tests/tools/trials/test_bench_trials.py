@@ -13,7 +13,7 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors, expected, faultless_record
 from trihedron.tools.trials.draw import Case, Options, draw_case
-from trihedron.tools.trials.outcome import diagnosed
+from trihedron.tools.trials.outcome import diagnosed, judged
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
@@ -47,7 +47,8 @@ def test_between_the_two_sizes_the_truth_is_among_the_candidates():
 def test_a_step_is_drawn_between_two_rests_and_hidden_there():
     options = Options("single", effects=("bias-step",), positions=(14, 18), noise="uniform")
     case = draw_case(options, 11, 0)
-    record, (hidden,) = case.measured(), case.hidden
+    record = case.measured()
+    hidden = case.hidden[0].since(record.time_s[0] / 3600.0)
     assert np.abs(faultless_record(case.instrument).time_s - record.time_s).max() <= STEP_S
     after = (record.time_s - record.time_s[0]) / 3600.0 > hidden.parameters["start"]
     change = record.specific_force - faultless_record(case.instrument).specific_force
@@ -55,6 +56,22 @@ def test_a_step_is_drawn_between_two_rests_and_hidden_there():
     assert mean[hidden.place.index] / STANDARD_GRAVITY == pytest.approx(hidden.parameters["size"], abs=NOISE_BOUND)
     own = change[:, hidden.place.index] - STANDARD_GRAVITY * hidden.parameters["size"] * after
     assert np.abs(own).max() <= 1.1 * NOISE_BOUND * STANDARD_GRAVITY
+
+
+def test_a_warm_up_is_held_against_the_clock_of_its_record():
+    """What settles takes the beginning of each rest away, which moves the first row: in 1 s by 3 % of such a size."""
+    case = draw_case(Options("single", effects=("warm-up",), positions=(16, 20), noise="uniform"), 13, 0)
+    record, (hidden,) = case.measured(), case.hidden
+    began = float(record.time_s[0])
+    assert began - faultless_record(case.instrument).time_s[0] > 2.0 * STEP_S
+    size, time_constant = hidden.values
+    left = size * np.exp(-record.time_s / 3600.0 / time_constant)
+    change = (record.specific_force - faultless_record(case.instrument).specific_force)[:, hidden.place.index]
+    assert np.ptp(change / STANDARD_GRAVITY + left) <= 2.2 * NOISE_BOUND
+    outcome = judged(case, diagnosed(case, record))
+    (secret,) = outcome.secrets
+    assert secret.parameters["size"] == pytest.approx(left[0], rel=1e-12)
+    assert (outcome.outcome, outcome.inside) == ("right", True)
 
 
 def test_pairs_are_named_both():
