@@ -85,7 +85,7 @@ def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
     assert "effects[1]: effect 'quadratc' is not one that extends a component; did you mean 'quadratic'?" in said
     assert "effects[2]: effect 'quadratic' has no place 'accelerometer-9'; did you mean 'accelerometer-" in said
     assert "effects[3]: effect 'quadratic' has no parameter 'coeficient'; did you mean 'coefficient'?" in said
-    assert "stimuli[1]: static-calibration-positions.csv: cannot be read" in said
+    assert "stimuli[1]: static-calibration-positions.csv: no such file" in said
 
 
 def test_a_check_runs_nothing_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

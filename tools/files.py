@@ -11,6 +11,9 @@ from typing import Any
 
 from .errors import InputError, nearest_file, reason
 
+LARGEST, LARGEST_RESULT, LARGEST_TEXT = 2 << 30, 256 << 20, 16 << 20
+"""Bytes of the largest file that is read: of any, of a result (JSON), and of what a person writes (TOML, Python)."""
+
 
 @contextmanager
 def said_writable(path: object, also: type[Exception] = OSError) -> Iterator[None]:
@@ -79,18 +82,46 @@ def made_folder(folder: Path, out: Path) -> None:
         raise InputError(f"--out {out}: cannot be made a folder ({error.strerror})") from error
 
 
-def bytes_of(path: Path, wanted: str = "give the name of a file") -> bytes:
-    """The bytes of a file; an InputError for a directory, a device, no file, or one that may not be read."""
+def bytes_of(
+    path: Path, wanted: str = "give the name of a file", *, label: str | None = None, most: int = LARGEST
+) -> bytes:
+    """The bytes of a regular file: everything that is named by a user, or in a file of a user's, is read here.
+
+    Parameters
+    ----------
+    path : Path
+        the file
+    wanted : str
+        what would be right in place of a folder or a device
+    label : str
+        what a refusal calls the file where that is not its path: the name that stands in a scenario, say
+    most : int
+        bytes that it may have
+
+    Raises
+    ------
+    InputError
+        a directory, a device, a pipe, no file, one that may not be read, or one that is larger
+    """
+    name, looked = (str(path), "") if label is None else (label, f" (looked for {path})")
     try:
         if path.is_dir():
-            raise InputError(f"{path}: is a directory; {wanted}")
+            raise InputError(f"{name}: is a directory; {wanted}")
         if not path.exists():
-            raise InputError(f"{path}: no such file{nearest_file(path)}")
+            raise InputError(f"{name}: no such file{nearest_file(path)}{looked}")
         if not path.is_file():
-            raise InputError(f"{path}: is not a regular file; {wanted}")
-        return path.read_bytes()
+            raise InputError(f"{name}: is not a regular file; {wanted}")
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > most:
+                raise InputError(f"{name}: is larger than {_size(most)}; not read")
+            return file.read(size)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        raise InputError(f"{name}: cannot be read ({error.strerror})") from error
+
+
+def _size(count: int) -> str:
+    return f"{count >> 30} GiB" if count >= 1 << 30 else f"{count >> 20} MiB"
 
 
 def json_text(content: Mapping[str, Any], indent: int = 2) -> str:

@@ -176,7 +176,7 @@ def test_what_is_no_file_of_effects_is_refused_too(tmp_path, capsys):
     written(tmp_path)
     for name, says in (
         ("half_scal.py", "did you mean 'half_scale.py'"),
-        (".", "cannot be read"),
+        (".", "is a directory; a file of effects is needed"),
         ("x" * 300, "cannot"),
     ):
         command = ["diagnose", "none.csv", "--effects-from", str(tmp_path / name)]
@@ -188,7 +188,7 @@ def test_what_is_no_file_of_effects_is_refused_too(tmp_path, capsys):
     assert cli.main(["export", "--effects-from", str(tmp_path / "half_scal.py")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "cannot be read" in said
+    assert "no such file; did you mean" in said
 
 
 def test_an_unknown_way_of_acting_is_checked(tmp_path):

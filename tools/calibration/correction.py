@@ -14,8 +14,8 @@ from pydantic import Field
 
 from ...fmus import components
 from ...fmus.parameters import calibrated_block, calibrated_intervals, checked_number, parameter_set
-from ..errors import InputError, unreadable
-from ..files import whole_file
+from ..errors import InputError
+from ..files import LARGEST_RESULT, bytes_of, whole_file
 from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
@@ -53,9 +53,7 @@ class Correction:
 def read_correction(path: Path) -> Correction:
     """The correction of a calibration's file; an InputError for one that is no consistent calibration."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {unreadable(path, error)}") from error
+        content = json.loads(bytes_of(path, most=LARGEST_RESULT).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON text; the file of `trihedron calibrate --json` is needed") from error
     return correction_of(content, str(path))

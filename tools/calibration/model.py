@@ -26,6 +26,7 @@ from ...models.bench import (
     target_reading,
 )
 from ..errors import InputError, nearest
+from ..files import LARGEST_TEXT, bytes_of
 from ..records import PositionRecord
 
 MOUNTING_TARGETS = ("X8", "-X12", "X13")
@@ -63,14 +64,11 @@ def checked_mounting(matrix: Any, where: str) -> NDArray:
 
 def read_mounting_file(path: Path) -> dict[str, NDArray]:
     """The mountings of a TOML file, `[name] matrix = [[...], [...], [...]]` for each; an InputError for any other."""
+    if not path.exists():
+        raise InputError(f"--mounting {path}: neither a file nor a preset ({nearest(str(path), tuple(PRESETS))})")
+    data = bytes_of(path, "a file of mountings is needed", label=f"--mounting {path}", most=LARGEST_TEXT)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(
-            f"--mounting {path}: neither a file nor a preset ({nearest(str(path), tuple(PRESETS))})"
-        ) from error
-    except OSError as error:
-        raise InputError(f"--mounting {path}: cannot be read ({error.strerror})") from error
+        content = tomllib.loads(data.decode("utf-8"))
     except UnicodeDecodeError as error:
         raise InputError(f"--mounting {path}: not UTF-8 text") from error
     except (ValueError, RecursionError) as error:

@@ -17,6 +17,7 @@ from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
 from .. import calibration, diagnosis, motion, papers, trials
 from ..errors import InputError, nearest
+from ..files import bytes_of
 from ..orchestrator.load import SETTABLE
 from ..orchestrator.run import PreparedScenario
 from ..orchestrator.scenario import read_scenario
@@ -117,7 +118,7 @@ class CalibrationRuns:
         if setting.positions is None:
             text = resources.files("trihedron.scenarios").joinpath("static-calibration-positions.csv").read_bytes()
         else:
-            text = (campaign.base_folder / setting.positions).read_bytes()
+            text = bytes_of(campaign.base_folder / setting.positions)
         self.alpha, self.beta = read_angles(text, setting.positions or "static-calibration-positions.csv")
         self.outputs = {**VERDICT, "misses": Output(pl.Int64, "lower"), "worst_error_ratio": LOWER}
         self.outputs |= {f"{s}_{what}": LOWER for s in TARGETS for what in ("error", "bound", "guaranteed", "width")}

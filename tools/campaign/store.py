@@ -20,7 +20,7 @@ import polars as pl
 
 from ... import fmus, models
 from ..errors import InputError
-from ..files import json_text, made_folder, whole_file, write_text
+from ..files import LARGEST, LARGEST_TEXT, bytes_of, json_text, made_folder, whole_file, write_text
 from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign
 from .kinds import Output
@@ -76,11 +76,8 @@ def make_order(path: Path) -> tuple[Order, Campaign]:
     """Read a campaign file and all that it reads; an InputError for what cannot be read or is not what it should be."""
 
     def content(file: Path) -> bytes:
-        try:
-            return file.read_bytes()
-        except OSError as error:
-            before = "" if file == path else f"{path}: "
-            raise InputError(f"{before}{file}: cannot be read ({error.strerror})") from error
+        most = LARGEST_TEXT if file.suffix.lower() == ".toml" else LARGEST
+        return bytes_of(file, label=str(file) if file == path else f"{path}: {file}", most=most)
 
     found = {path.resolve(): content(path)}
     campaign = parse_campaign(found[path.resolve()], path)

@@ -22,7 +22,7 @@ from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..errors import InputError, nearest
-from ..files import bytes_of
+from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, bytes_of
 from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
 from ..orchestrator.load import (
@@ -41,13 +41,14 @@ from ..orchestrator.run import temporary_folder
 from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import check_single_sources, read_table, resolve_stimuli
+from ..parquet import MAGIC
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.plan import Plan, Plans
 from ..records.columns import ANGLES, FORCE, POSITION, Columns, extra_warning, warnings
 from ..records.kinds import RawRecord, StrapdownRecord
 from ..records.limits import limits_of
-from ..records.read import MAGIC, all_faults, read_record
+from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import Location, field_problems, not_for_files
 from ..rounding import exactly, upwards
@@ -73,7 +74,8 @@ def check(path: Path | str) -> Check:
     calibration, diagnosis or plan (JSON); an .fmu or .ssp. An InputError where no file can be read.
     """
     path = Path(path)
-    data, ending = bytes_of(path), path.suffix.lower()
+    ending = path.suffix.lower()
+    data = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
     found = Findings(path)
     if data.startswith(b"PK"):
         (_check_ssp if ending == ".ssp" else _check_fmu)(found)

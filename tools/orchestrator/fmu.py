@@ -29,7 +29,8 @@ from fmpy import fmi2, fmi3
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
-from ..errors import InputError, nearest_file
+from ..errors import InputError
+from ..files import bytes_of
 from .interface import Interface, Value, Variable
 
 MOST_MEMBERS = 20_000
@@ -68,17 +69,6 @@ class UnpackedFmu:
 def shown(name: str) -> str:
     """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
     return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
-
-
-def read_archive(path: Path, label: str, kind: str) -> bytes:
-    """The bytes of an archive file, ".fmu" or ".ssp"; an OSError or an InputError where there are none to be had."""
-    if path.is_dir():
-        raise InputError(f"{label}: is a folder; give an {kind} file")
-    if path.exists() and not path.is_file():
-        raise InputError(f"{label}: is a pipe or a device; give an {kind} file")
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{label}: is larger than {MOST_BYTES >> 30} GiB; not read")
-    return path.read_bytes()
 
 
 def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
@@ -214,12 +204,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
 
     An InputError where it is missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or not for this platform.
     """
-    try:
-        content = read_archive(path, label, ".fmu")
-    except FileNotFoundError as error:
-        raise InputError(f"{label}: there is no such file (looked for {path}){nearest_file(path)}") from error
-    except OSError as error:
-        raise InputError(f"{label}: cannot be read ({error.strerror})") from error
+    content = bytes_of(path, "give an .fmu file", label=label)
     sha256 = hashlib.sha256(content).hexdigest()
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -30,6 +30,7 @@ from ...fmus.native.compile import (
     zig_version,
 )
 from ..errors import InputError, nearest, said_of
+from ..files import LARGEST_RESULT, bytes_of
 from .fmu import UnpackedFmu, unpack
 from .interface import Interface, Value, Variable, between, interface_of, refer_to, spread
 from .scenario import Connection, FmuSetting, Scenario
@@ -52,11 +53,8 @@ class Sources:
         self.hashes[label] = hashlib.sha256(content).hexdigest()
 
     def read(self, label: str) -> bytes:
-        """The bytes of a file, noted; an InputError where it cannot be read."""
-        try:
-            content = (self.base / label).read_bytes()
-        except OSError as error:
-            raise InputError(f"{label}: cannot be read ({error.strerror}; looked for {self.base / label})") from error
+        """The bytes of a result's file, noted; an InputError where it cannot be read."""
+        content = bytes_of(self.base / label, label=label, most=LARGEST_RESULT)
         self.note(label, content)
         return content
 

@@ -12,8 +12,7 @@ import numpy as np
 import polars as pl
 from pydantic import AfterValidator, BeforeValidator, Field, field_serializer, field_validator, model_validator
 
-from ..errors import InputError, unreadable
-from ..files import write_text
+from ..files import LARGEST_TEXT, bytes_of, write_text
 from ..result import Section, read_sections
 
 SCHEMA = "trihedron.scenario/1"
@@ -220,10 +219,7 @@ def read_scenario(path: Path | str) -> Scenario:
         not a file, not UTF-8, not TOML (with the line), or a field that is missing, unknown or wrong
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {unreadable(path, error)}") from error
+    content = bytes_of(path, "the file of a scenario is needed", most=LARGEST_TEXT)
     return read_sections(content, path, Scenario, base_folder=path.parent, source=path)
 
 

@@ -15,6 +15,8 @@ import polars as pl
 
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
+from ..files import bytes_of
+from ..parquet import fault_of_parquet
 from .interface import Interface, Value, Variable, checked, conversion, is_angle, refer_to, spread
 from .load import Loaded, Sources, Wire, interfaces_of
 from .scenario import RunSetting, Scenario, Stimulus
@@ -96,12 +98,12 @@ def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[Nu
     An InputError where it is not a file, not UTF-8, lacks a column, or for a field that is empty or no finite number
     (row and column named).
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{label}: cannot be read ({error.strerror}; looked for {path})") from error
+    content = bytes_of(path, label=label)
     if path.suffix.lower() != ".parquet":
         return _read_csv(content, label, wanted), content
+    wrong = fault_of_parquet(content)
+    if wrong is not None:
+        raise InputError(f"{label}: {wrong}")
     try:
         frame = pl.read_parquet(io.BytesIO(content))
     except (pl.exceptions.PolarsError, OSError) as error:

@@ -17,10 +17,11 @@ from types import ModuleType
 
 from ...fmus.source import kernel_functions
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect
-from ..errors import InputError, nearest_file, one_line, reason
+from ..errors import InputError, one_line
+from ..files import bytes_of
 from .kernel_check import check_effect
 
-LARGEST_FILE = 1_000_000
+LARGEST_FILE = 1 << 20
 """Bytes of a file of effects."""
 BUILT_IN = frozenset(CATALOGUE)
 """Names that no effect of a user's own can have."""
@@ -47,16 +48,7 @@ class OwnEffects:
         if path is None or isinstance(path, OwnEffects):
             return path
         file = Path(path)
-        try:
-            with file.open("rb") as stream:
-                content = stream.read(LARGEST_FILE + 1)
-        except OSError as error:
-            meant = nearest_file(file) if isinstance(error, FileNotFoundError) else ""
-            raise InputError(f"--effects-from {file}: cannot be read ({reason(error)}){meant}") from error
-        except ValueError as error:
-            raise InputError(f"--effects-from {one_line(str(file))}: is no name of a file ({error})") from error
-        if len(content) > LARGEST_FILE:
-            raise InputError(f"--effects-from {file}: has more than {LARGEST_FILE} bytes; is it a file of effects?")
+        content = bytes_of(file, "a file of effects is needed", label=f"--effects-from {file}", most=LARGEST_FILE)
         try:
             return OwnEffects(str(file), content.decode("utf-8-sig"))
         except UnicodeDecodeError as error:

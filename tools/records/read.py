@@ -9,8 +9,6 @@ import hashlib
 import io
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
@@ -22,6 +20,7 @@ import polars as pl
 
 from ..errors import InputError
 from ..files import bytes_of
+from ..parquet import MAGIC, fault_of_parquet
 from ..progress import tracked
 from .columns import (
     ANGLES,
@@ -52,8 +51,6 @@ PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
 ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""
-MAGIC = b"PAR1"
-"""What a Parquet file begins with."""
 
 Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
 Faults: TypeAlias = Generator[RecordError, None, Columns | None]
@@ -62,16 +59,6 @@ Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
 Other = TypeVar("Other", PositionRecord, StrapdownRecord)
 
 _DIGITS = re.compile(r"\s*[+-]?(\d*)\.?(\d*)(?:[eE][+-]?\d+)?\s*")
-# Corrupt files make polars' native code write to standard error, or end the process.
-_PROBE = """
-import io, sys
-import polars as pl
-try:
-    pl.read_parquet(io.BytesIO(sys.stdin.buffer.read()))
-except (Exception, pl.exceptions.PanicException) as error:
-    print((str(error).strip() or type(error).__name__).splitlines()[0])
-    sys.exit(1)
-"""
 
 
 @runtime_checkable
@@ -388,11 +375,9 @@ def _name_fault(text: str, signs: str = "letters, digits and signs") -> str | No
 
 def _read_parquet(path: Path, data: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
     """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
-    if not trusted:
-        # another process reads it first
-        done = subprocess.run([sys.executable, "-I", "-c", _PROBE], input=data, capture_output=True, check=False)
-        if done.returncode:
-            raise _unreadable(path, done.stdout.decode("utf-8", "replace"))
+    wrong = None if trusted else fault_of_parquet(data)
+    if wrong is not None:
+        raise RecordError(path, None, None, wrong)
     try:
         layout: Layout = recognise(path, list(pl.read_parquet_schema(io.BytesIO(data))), None, kinds)
         frame = pl.read_parquet(io.BytesIO(data), columns=list(layout.present))

@@ -13,8 +13,9 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from ...fmus.units import Unit
-from ..errors import InputError, one_line, unreadable
-from ..orchestrator.fmu import DAMAGE, check_members, read_archive, unpack
+from ..errors import InputError, one_line
+from ..files import bytes_of
+from ..orchestrator.fmu import DAMAGE, check_members, unpack
 from ..orchestrator.interface import Interface, Value, interface_of
 from ..orchestrator.scenario import Scenario, read_scenario
 from ..result import checked_sections
@@ -111,10 +112,7 @@ def scenario_of_ssp(
 def _unpack(path: Path, folder: Path) -> None:
     """Check an .ssp and unpack it; nothing is written when it does not pass the checks."""
     label = str(path)
-    try:
-        content = read_archive(path, label, ".ssp")
-    except OSError as error:
-        raise InputError(f"{label}: {unreadable(path, error)}") from error
+    content = bytes_of(path, "give an .ssp file")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             check_members(archive.infolist(), label, STRUCTURE)

@@ -95,7 +95,7 @@ def test_what_is_open_is_named_in_words_and_priors_close_it(folder, capsys):
         ),
         (["calibrate", "p.csv", "--noise-bound", "1e-5", "--ssv", "p.csv"], "--ssv p.csv: is the record too"),
         (["apply", "p.csv", "few.csv"], "p.csv: is not JSON text"),
-        (["apply", "none.json", "few.csv"], "none.json: cannot be read"),
+        (["apply", "none.json", "few.csv"], "none.json: no such file"),
         (["apply", "c.json", "p.csv"], "c.json: the schema is None"),
     ],
 )

@@ -155,7 +155,7 @@ def test_a_simulation_is_measured_and_calibrated():
         ("block.bias[1]", "block.bias", "has 3 elements"),
         ('"alpha_deg"', '"alfa_deg"', "the record has no column 'alfa_deg'"),
         ('"f1_mps2"', '"f4_mps2"', "simulation.scalars.f1_largest: the record has no column 'f4_mps2'"),
-        ("static-calibration.toml", "none.toml", "cannot be read"),
+        ("static-calibration.toml", "none.toml", "no such file"),
     ],
 )
 def test_what_a_scenario_does_not_have_is_refused(before, after, message):

@@ -113,8 +113,8 @@ def test_a_bad_archive_is_not_unpacked(tmp_path: Path, case: str) -> None:
 
 def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "folder").mkdir()
-    assert "there is no such file" in refusal(tmp_path, {"x": {"fmu": "Missing.fmu"}})
-    assert "is a folder" in refusal(tmp_path, {"x": {"fmu": "folder"}})
+    assert "Missing.fmu: no such file" in refusal(tmp_path, {"x": {"fmu": "Missing.fmu"}})
+    assert "is a directory" in refusal(tmp_path, {"x": {"fmu": "folder"}})
     whole = (foreign / "Clock.fmu").read_bytes()
     for content in (b"", b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
         (tmp_path / "Half.fmu").write_bytes(content)

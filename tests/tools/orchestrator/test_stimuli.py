@@ -114,7 +114,7 @@ def test_other_wrong_stimuli(foreign: Path) -> None:
         ({"to": "g.count", "constant": 1.5}, "count = 1.5 must be a whole number"),
         ({"to": "g.u", "constant": 1.5}, "g.u has 2 elements; one value is given"),
         ({"to": "g.u", "programme": "rows.csv", "dwell_s": 1.0}, "rows.csv, row 2: is not UTF-8 text"),
-        ({"csv": "none.csv", "columns": {"g.u[1]": "u"}}, "none.csv: cannot be read (No such file or directory"),
+        ({"csv": "none.csv", "columns": {"g.u[1]": "u"}}, "none.csv: no such file"),
         ({"csv": "rows.csv", "columns": {"g.u": "u"}}, "is an array; name each element"),
         ({"table": {"time_s": [0.0], "u": [0.5]}, "columns": {"g.count": "u"}}, "count = 0.5 must be a whole number"),
         ({"table": {"time_s": [0.0], "u": [None]}, "columns": {"g.u[1]": "u"}}, "row 1, column 'u': is empty"),

@@ -229,10 +229,10 @@ def test_an_experiment_that_says_no_end_or_none_that_can_be_counted(tmp_path, fm
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     for name in ("made.ssp", "made.fmu"):
         os.mkfifo(tmp_path / name)
-    assert "is a pipe or a device" in refusal(tmp_path / "made.ssp")
+    assert "is not a regular file" in refusal(tmp_path / "made.ssp")
     fmus = {"a": {"fmu": "made.fmu"}}
     data = {"run": {"step_s": 0.1, "stop_s": 1.0}, "fmus": fmus, "base_folder": tmp_path}
-    with pytest.raises(InputError, match="is a pipe or a device"):
+    with pytest.raises(InputError, match="is not a regular file"):
         simulate(Scenario.model_validate(data))
 
 

@@ -1,0 +1,141 @@
+"""Every file that is named, to a command or in another file, is read by one reader: no devices, no giants."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from trihedron.tools import cli
+from trihedron.tools.errors import InputError
+from trihedron.tools.files import LARGEST, LARGEST_TEXT, bytes_of
+from trihedron.tools.parquet import MOST_NUMBERS, fault_of_parquet
+
+SCENARIO = """schema = "trihedron.scenario/1"
+[run]
+step_s = 0.1
+stop_s = 1.0
+[fmus.block]
+component = "AccelerometerBlock"
+{block}
+{stimulus}
+"""
+CAMPAIGN = """schema = "trihedron.campaign/1"
+repeats = 2
+[{kind}]
+{setting}
+"""
+NAMED: dict[str, tuple[str, str]] = {
+    "a stimulus": ("scenario", '[[stimuli]]\ncsv = "{file}"\ncolumns = {{"block.specific_force[1]" = "a_mps2"}}'),
+    "a programme": ("scenario", '[[stimuli]]\nto = "block.specific_force"\nprogramme = "{file}"\ndwell_s = 1.0'),
+    "parameters of a calibration": ("scenario", 'block parameters_from = "{file}"'),
+    "an FMU": ("scenario", 'foreign fmu = "{file}"'),
+    "the scenario of a campaign": ("campaign simulation", 'scenario = "{file}"'),
+    "the positions of a campaign": ("campaign calibration", 'noise_bound = 1e-5\npositions = "{file}"'),
+}
+GIVEN: dict[str, list[str]] = {
+    "calibrate": ["calibrate", "{file}"],
+    "diagnose": ["diagnose", "{file}"],
+    "inspect": ["inspect", "{file}"],
+    "attitude": ["attitude", "{file}"],
+    "check": ["check", "{file}"],
+    "fmpy-input": ["fmpy-input", "{file}", "--out", "x.csv"],
+    "apply": ["apply", "{file}", "few.csv"],
+    "simulate": ["simulate", "{file}"],
+    "campaign": ["campaign", "{file}"],
+    "--effects-from": ["hidden", "new.csv", "--effects-from", "{file}"],
+    "--mounting": ["plan", "--positions", "8", "--mounting", "{file}"],
+}
+
+
+def as_written(where: str, text: str, file: str, folder: Path) -> list[str]:
+    """The command that reads a file which names `file`."""
+    text = text.format(file=file)
+    if where == "scenario":
+        if text.startswith("foreign "):
+            written = SCENARIO.format(block="[fmus.other]\n" + text.removeprefix("foreign "), stimulus="")
+        elif text.startswith("block "):
+            written = SCENARIO.format(block=text.removeprefix("block "), stimulus="")
+        else:
+            written = SCENARIO.format(block="", stimulus=text)
+        (folder / "s.toml").write_text(written)
+        return ["simulate", str(folder / "s.toml"), "--out", str(folder / "out")]
+    kind = where.split()[1]
+    (folder / "c.toml").write_text(CAMPAIGN.format(kind=kind, setting=text))
+    return ["campaign", str(folder / "c.toml"), "--out", str(folder / "out")]
+
+
+def command(name: str, file: Path, folder: Path) -> list[str]:
+    """The command that is given the file, or a file that names it."""
+    if name in NAMED:
+        return as_written(*NAMED[name], str(file), folder)
+    return [part.format(file=file) for part in GIVEN[name]]
+
+
+def refusal(name: str, file: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line in which it is refused; nothing is written."""
+    before = {path.name for path in folder.iterdir()}
+    assert cli.main(command(name, file, folder)) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1, said
+    assert {path.name for path in folder.iterdir()} <= before | {"s.toml", "c.toml"}
+    return said
+
+
+@pytest.fixture
+def giant(tmp_path: Path) -> Path:
+    """More bytes than are read of any file; on the disk it takes none."""
+    path = tmp_path / "giant"
+    with path.open("wb") as file:
+        file.truncate(LARGEST + 1)
+    return path
+
+
+@pytest.mark.parametrize("name", [*NAMED, *GIVEN])
+def test_what_has_no_end_is_refused_wherever_it_is_named(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A link to a device, and a pipe into which nobody writes."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe")
+    for kind in ("zero", "pipe"):
+        assert f"{kind}: is not a regular file; " in refusal(name, tmp_path / kind, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("name", [*NAMED, *GIVEN])
+def test_what_is_too_large_is_refused_before_it_is_read(
+    name: str, giant: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(giant.parent)
+    said = refusal(name, giant, giant.parent, capsys)
+    assert re.search(r"giant: is larger than (2 GiB|(1|16|256) MiB); not read", said), said
+
+
+def test_the_limit_is_the_largest_that_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(bytes(100))
+    assert bytes_of(path, most=100) == bytes(100)
+    with pytest.raises(InputError, match="is larger than"):
+        bytes_of(path, most=99)
+    assert LARGEST_TEXT < LARGEST
+
+
+def test_a_small_file_of_too_many_rows_is_refused_before_they_are_unpacked(tmp_path: Path, capsys) -> None:
+    """Parquet packs rows that are alike into next to nothing."""
+    path = tmp_path / "packed.parquet"
+    pl.DataFrame({"alpha_deg": pl.repeat(True, MOST_NUMBERS + 1, eager=True)}).write_parquet(path)
+    assert path.stat().st_size < 1 << 20
+    said = f"has {MOST_NUMBERS + 1} rows of 1 columns; at most {MOST_NUMBERS} numbers are read"
+    assert fault_of_parquet(path.read_bytes()) == said
+    assert cli.main(["calibrate", str(path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_sound_parquet_file_has_no_fault(tmp_path: Path) -> None:
+    path = tmp_path / "sound.parquet"
+    pl.DataFrame({"a": np.arange(10.0)}).write_parquet(path)
+    assert fault_of_parquet(path.read_bytes()) is None
+    assert "is not a readable Parquet file" in str(fault_of_parquet(path.read_bytes()[:-9] + b"PAR1"))
