@@ -122,10 +122,7 @@ def check_reference_bound(bound: float, found: Inspection) -> None:
 
 def warnings_of(found: Inspection) -> tuple[str, ...]:
     """What a person should know of a record and its sampling."""
-    said = [
-        line + ("; moves with them are not used" if line.startswith("w") else "")
-        for line in found.sampling.limits.lines
-    ]
+    said = [line + ("; moves with them are not used" if line.startswith("w") else "") for line in found.sampling.lines]
     said += rest_warnings(found.rests, found.gravity)
     if found.sampling.gaps:
         said.append(
@@ -493,7 +490,7 @@ def missing_things(found: Inspection) -> tuple[str, ...]:
     count = len(moves[0]) if moves else 0
     if count < FEWEST_MOVES:
         return (
-            f"{count} moves from rest to rest without a gap or a saturated gyro; at least {FEWEST_MOVES} are needed, "
-            "about every axis",
+            f"{count} moves from rest to rest without a gap, a knock or a saturated gyro; at least {FEWEST_MOVES} are "
+            "needed, about every axis",
         )
     return ()

@@ -150,13 +150,14 @@ def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
 
 
 def usable_in(found: Inspection) -> Usable:
-    """Which stretches of a record hold no gap and no saturated gyro."""
+    """Which stretches of a record hold no gap, no knock, no saturated gyro and no turn that cannot be told."""
     record, sampling = found.record, found.sampling
     bad = np.zeros(len(record), dtype=bool)
     bad[1:] = np.diff(record.time_s) > GAP * sampling.period
-    clipped = sampling.limits.of("w")
-    bad |= clipped
-    bad[1:] |= clipped[:-1]
+    # Of rates both turns beside a row hold it.
+    spoilt = sampling.limits.of("w") | sampling.broken
+    bad |= spoilt
+    bad[1:] |= spoilt[:-1]
     broken = np.cumsum(bad)
     return lambda first, last: broken[last] == broken[first]
 

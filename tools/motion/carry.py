@@ -13,13 +13,13 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...models.attitude_algorithms import ALGORITHMS
+from ...models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT
 from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
-from .rests import GAP, Sampling, check_meaning, check_turns, mean_rates
+from .rests import GAP, Sampling, check_meaning, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
@@ -95,7 +95,8 @@ class Motion:
 def motion_of(record: StrapdownRecord, sampling: Sampling, gravity: float, rates: str = "instantaneous") -> Motion:
     """The means of a record over its intervals, gravity [m/s²] and rates as of `attitude_of_record`.
 
-    An InputError for an unknown meaning of the rates, or a turn by more than half a turn between two rows.
+    Turns of more than half a turn between two rows, which cannot be told, count as none: pieces with them are not used.
+    An InputError for an unknown meaning of the rates.
     """
     check_meaning(rates)
     step = np.concatenate([[sampling.period], np.diff(record.time_s)])
@@ -105,7 +106,7 @@ def motion_of(record: StrapdownRecord, sampling: Sampling, gravity: float, rates
         assert record.rate is not None
         rate = np.vstack([record.rate[:1], mean_rates(record, rates)])
     step[step > GAP * sampling.period] = sampling.period
-    check_turns(record, rate[1:] * step[1:, None])
+    rate[~(np.linalg.norm(rate * step[:, None], axis=1) <= MAX_INCREMENT)] = 0.0
     return Motion(sampling.period, record.time_s, step, rate, record.specific_force, gravity, record.temperature)
 
 

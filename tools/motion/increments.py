@@ -8,12 +8,14 @@ import numpy as np
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..records.limits import Limits, limits_of
-from ..rounding import exactly
+from ..rounding import exactly, upwards
 from .gaps import Bridge, without_gaps
 from .rests import GAP, check_meaning, check_turns, mean_rates
 
 JITTER = 0.01
-"""Largest deviation of a row's time from the uniform grid that is taken, in sampling periods."""
+"""Largest deviation of a row's time from the uniform grid that is none, in sampling periods."""
+MOST_JITTER = 0.5
+"""Largest deviation that is taken for jitter of the stamps: rates are then integrated over the intervals as logged."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Increments:
 def sampling_period(record: StrapdownRecord) -> float:
     """Time between the rows of a uniform record [s].
 
-    An InputError for fewer than two rows, a gap, or a time that is off the uniform grid by more than 1 % of the period.
+    An InputError for fewer than two rows, a gap, or a time that is off the uniform grid by more than half the period.
     """
     time = record.time_s
     if len(time) < 2:
@@ -46,15 +48,31 @@ def sampling_period(record: StrapdownRecord) -> float:
             f"{exactly(time[k + 1], 9)} s, where rows come every {exactly(usual, 6)} s; give a record without gaps"
         )
     period = float(time[-1] - time[0]) / (len(time) - 1)
-    off = (time - time[0]) / period - np.arange(len(time))
+    off = off_the_grid(time)
     worst = int(np.argmax(np.abs(off)))
-    if not abs(off[worst]) <= JITTER:
+    if not abs(off[worst]) <= MOST_JITTER:
         raise InputError(
             f"{record.path}, row {int(record.row[worst])}, column 'time_s': {exactly(time[worst], 9)} s is "
             f"{exactly(100.0 * abs(off[worst]), 3)} % of the period ({exactly(period, 6)} s) off the uniform grid; "
-            f"at most {exactly(100.0 * JITTER)} % is taken: give a uniformly sampled record with enough digits of time"
+            f"at most {exactly(100.0 * MOST_JITTER)} % is taken: give a uniformly sampled record"
         )
     return period
+
+
+def off_the_grid(time: np.ndarray) -> np.ndarray:
+    """By how much times (N,) are off the uniform grid from the first to the last, in periods."""
+    return (time - time[0]) / (time[-1] - time[0]) * (len(time) - 1) - np.arange(len(time))
+
+
+def jitter_line(record: StrapdownRecord) -> list[str]:
+    """What a person should know of stamps that jitter."""
+    worst = float(np.abs(off_the_grid(record.time_s)).max())
+    if record.rate is None or worst <= JITTER:
+        return []
+    return [
+        f"time stamps are up to {upwards(100.0 * worst)} % of the period off the uniform grid: rates are integrated "
+        "over the intervals as logged"
+    ]
 
 
 def increments_from(
@@ -80,7 +98,10 @@ def increments_from(
     if record.increment is not None:
         angle = record.increment[first + 1 :]
     else:
-        angle = period * mean_rates(record, rates)[first:]
+        step = np.full(len(record) - 1, period)
+        if np.abs(off_the_grid(record.time_s)).max() > JITTER:
+            step = np.diff(record.time_s)
+        angle = step[first:, None] * mean_rates(record, rates)[first:]
     if gyro_bias is not None:
         bias = np.asarray(gyro_bias, dtype=np.float64)
         if bias.shape != (3,) or not np.isfinite(bias).all():
@@ -141,8 +162,9 @@ class Taken:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should know of the gyros' limits."""
-        return tuple(line for line in self.limits.lines if line.startswith("w"))
+        """What a person should know of the record, its stamps and the gyros' limits."""
+        limits = (line for line in self.limits.lines if line.startswith("w"))
+        return (*self.record.warnings, *jitter_line(self.record), *limits)
 
     def trusted_until(self, time: np.ndarray) -> float | None:
         """The last of some times (N,), the start first, whose attitude is to be trusted [s]; None: all are."""

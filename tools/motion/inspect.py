@@ -230,7 +230,7 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         rests=rests,
         moves=_moves(record, rests, rate - level),
         rate_rms_radps=excitation,
-        turning=check_turning(record.time_s, rate - level, record.specific_force, noise),
+        turning=check_turning(record.time_s, rate - level, record.specific_force, noise, sampling.broken),
         accelerometers=calibration,
         gyros_at_rest=gyros,
     )
@@ -319,10 +319,13 @@ def _hindrance(design: NDArray) -> str | None:
     return None if singular[-1] > DISTINCT * singular[0] else "the rests do not tell its terms apart"
 
 
-def check_turning(time_s: NDArray, rate: NDArray, force: NDArray, noise: NDArray) -> TurningCheck:
+def check_turning(
+    time_s: NDArray, rate: NDArray, force: NDArray, noise: NDArray, broken: NDArray | None = None
+) -> TurningCheck:
     """Compare gyros with accelerometers (N, 3), as the record has them, over moves; times (N,) in [s].
 
-    The noise (3,) is the scatter of a sample of the gyros at rest, in the rates' unit.
+    The noise (3,) is the scatter of a sample of the gyros at rest, in the rates' unit; windows with rows (N,) that are
+    broken tell nothing.
     """
     period = float(np.median(np.diff(time_s)))
     size = max(2, round(TURNING_WINDOW / period))
@@ -337,6 +340,9 @@ def check_turning(time_s: NDArray, rate: NDArray, force: NDArray, noise: NDArray
     change, level = np.diff(middle, axis=0), 0.5 * (middle[1:] + middle[:-1])
     least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), LEAST_TURN)
     moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
+    if broken is not None:
+        spoilt = broken[blocks].reshape(pieces, size).any(axis=1)
+        moving &= ~(spoilt[1:] | spoilt[:-1])
     if moving.sum() < FEWEST_WINDOWS:
         return TurningCheck()
     turn, change, level = turn[moving], change[moving], level[moving]

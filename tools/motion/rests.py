@@ -13,6 +13,7 @@ from pydantic import Field
 from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
+from ..records.columns import LARGEST_FORCE
 from ..records.limits import Limits, limits_of, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..result import ABSENT, Array, Result
@@ -84,6 +85,10 @@ class Sampling(Result):
         such a channel to the time of the first of them [s]
     dead : tuple of str
         channels that never change
+    wrapped, wrapped_from : int, float or None
+        rows at which a turn of more than half a turn since the row before ends, and the time of the first [s]
+    broken : (N,) array of bool
+        these rows, and those with a knock: no rest or move with them is used
     """
 
     period: float = Field(alias="period_s")
@@ -94,7 +99,22 @@ class Sampling(Result):
     saturated: dict[str, int] = Field(alias="saturated_rows")
     saturated_from: dict[str, float] = Field(default_factory=dict, alias="saturated_from_s")
     dead: tuple[str, ...] = Field(alias="dead_channels")
+    wrapped: int = Field(default=0, alias="wrapped_rows")
+    wrapped_from: float | None = Field(default=None, alias="wrapped_from_s")
     limits: Limits = Field(default=ABSENT, exclude=True)
+    broken: NDArray[np.bool_] = Field(default=ABSENT, exclude=True)
+
+    @property
+    def lines(self) -> list[str]:
+        """What a person should know of turns that cannot be told, and of channels at their limit."""
+        if self.wrapped_from is None:
+            return self.limits.lines
+        where = "in the row at" if self.wrapped == 1 else f"in {self.wrapped} rows, the first at"
+        return [
+            *self.limits.lines,
+            f"w: more than half a turn since the row before {where} {digits(self.wrapped_from, 9)} s, which cannot be "
+            "told (are the rates in rad/s?)",
+        ]
 
 
 def rates_of(record: StrapdownRecord) -> NDArray[np.float64]:
@@ -145,7 +165,10 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     off = between[~is_gap] - period
     channels = {f"w{i + 1}": v for i, v in enumerate(rates_of(record).T)}
     channels |= {f"f{i + 1}": v for i, v in enumerate(record.specific_force.T)}
-    limits = limits_of(record)
+    limits, wrapped = (
+        limits_of(record),
+        wrapped_rows(record, np.concatenate([[period], np.where(is_gap, period, between)])),
+    )
     return Sampling(
         period_s=period,
         jitter_rms_s=float(np.sqrt(np.mean(off**2))),
@@ -156,7 +179,19 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
         saturated_from_s={name: float(record.time_s[np.argmax(mask)]) for name, mask in limits.rows.items()},
         limits=limits,
         dead_channels=tuple(name for name, values in channels.items() if np.ptp(values) == 0.0),
+        wrapped_rows=int(wrapped.sum()),
+        wrapped_from_s=float(record.time_s[np.argmax(wrapped)]) if wrapped.any() else None,
+        broken=wrapped | record.knocks,
     )
+
+
+def wrapped_rows(record: StrapdownRecord, step: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Rows (N,) at which a turn of more than half a turn ends, over intervals (N,) [s]: it cannot be told.
+
+    So they are whether a rate is that of its row or the mean over the interval before.
+    """
+    turn = record.increment if record.increment is not None else rates_of(record) * step[:, None]
+    return ~(np.linalg.norm(turn, axis=1) <= MAX_INCREMENT)
 
 
 class Rests(Result):
@@ -217,7 +252,8 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     all where nothing is quiet.
     """
     rate = rates_of(record)
-    channels = [*rate.T, *record.specific_force.T]
+    # A knock would be all that sums of squares hold.
+    channels = [*rate.T, *np.clip(record.specific_force, -LARGEST_FORCE, LARGEST_FORCE).T]
     size = max(8, round(WINDOW / sampling.period))
     lag = max(1, min(round(LAG / sampling.period), size // 4))
     if len(record) < 2 * size:
@@ -231,6 +267,7 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(len(record))
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
+    resting &= ~sampling.broken
     kept, turning = [], 0
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, record.time_s, sampling.period):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
+from ..rounding import digits
 
 FORCE = ("f1_mps2", "f2_mps2", "f3_mps2")
 RATE = ("w1_radps", "w2_radps", "w3_radps")
@@ -32,6 +33,10 @@ LIMITS = {
 
 QUATERNION_NORM = 1e-3
 """How far the norm of a true attitude may be from 1."""
+LARGEST_FORCE = 10.0 * STANDARD_GRAVITY
+"""Readings beyond this are none of a block at rest or in a hand [m/s²]; in a series a single one is a knock."""
+CORRUPT_FORCE = 1e5
+"""No accelerometer reads more [m/s²]."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +189,26 @@ def warnings(columns: Columns) -> tuple[str, ...]:
     temperature = columns.numbers.get(TEMPERATURE)
     if temperature is not None and float(temperature.min()) >= 200.0:
         said.append(f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?")
+    knocked = np.flatnonzero(knocks_of(columns.group(FORCE)))
+    if knocked.size:
+        size = np.linalg.norm(columns.group(FORCE)[knocked[0]])
+        said.append(
+            f"{columns.path}: |f| is above 10 times gravity in {_rows_from(columns, knocked)} "
+            f"({digits(size)} m/s²): knocks; rests and moves with them are left out"
+        )
+    spoilt = np.flatnonzero(spoilt_attitudes(columns))
+    if spoilt.size:
+        said.append(
+            f"{columns.path}: q0..q3 are no attitude in {_rows_from(columns, spoilt)}: empty in part, or their norm is "
+            f"not 1 within {QUATERNION_NORM:g}; the true attitude counts as not known there"
+        )
     return tuple(said)
+
+
+def _rows_from(columns: Columns, index: np.ndarray) -> str:
+    """How many rows, and the first of them."""
+    first = int(columns.row[index[0]])
+    return f"row {first}" if len(index) == 1 else f"{len(index)} rows, the first row {first}"
 
 
 def faults(columns: Columns) -> Iterator[RecordError]:
@@ -222,18 +246,27 @@ def _increasing(columns: Columns, name: str) -> Iterator[RecordError]:
         yield columns.fault(k + 1, name, what)
 
 
+def knocks_of(force: np.ndarray) -> np.ndarray:
+    """Rows (N,) of readings (N, 3) [m/s²] that are beyond 10 times gravity."""
+    large = np.abs(force).max(axis=1, initial=0.0)
+    # the squares of huge numbers overflow
+    return (large > LARGEST_FORCE) | (np.linalg.norm(np.clip(force, -1e9, 1e9), axis=1) > LARGEST_FORCE)
+
+
 def _forces(columns: Columns) -> Iterator[RecordError]:
+    """Readings that are none, and the wrong unit; knocks are of a series, not of averaged readings."""
     force = columns.group(FORCE)
-    limit = 10.0 * STANDARD_GRAVITY
+    averaged = columns.layout.kind is POSITION
+    limit = LARGEST_FORCE if averaged else CORRUPT_FORCE
     # a component beyond the limit first: the squares of huge numbers overflow
     large = np.abs(force) > limit
     for index, axis in np.argwhere(large).tolist():
-        what = f"{float(force[index, axis]):g} is above 10 times gravity; m/s2 are needed"
-        yield columns.fault(index, FORCE[axis], what)
+        what = "10 times gravity" if averaged else f"{CORRUPT_FORCE:g} m/s2"
+        yield columns.fault(index, FORCE[axis], f"{float(force[index, axis]):g} is above {what}; m/s2 are needed")
     if large.any():
         return
     norm = np.sqrt(np.einsum("ij,ij->i", force, force))
-    over = np.flatnonzero(norm > limit)
+    over = np.flatnonzero(norm > limit) if averaged else np.zeros(0, dtype=int)
     for k in over:
         yield columns.fault(k, _all(FORCE), f"|f| = {norm[k]:g} is above 10 times gravity")
     median = float(np.median(norm)) / STANDARD_GRAVITY
@@ -243,19 +276,31 @@ def _forces(columns: Columns) -> Iterator[RecordError]:
         yield RecordError(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
 
 
-def _quaternions(columns: Columns) -> Iterator[RecordError]:
+def spoilt_attitudes(columns: Columns) -> np.ndarray:
+    """Rows (N,) in which a true attitude is given that is none: empty in part, or of a norm that is not 1."""
+    if QUATERNION[0] not in columns.numbers:
+        return np.zeros(len(columns.row), dtype=bool)
     quaternion = columns.group(QUATERNION)
-    empty = np.isnan(quaternion)
-    for k in np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1)):
-        name = QUATERNION[int(np.argmax(empty[k]))]
-        yield columns.fault(k, name, "the field is empty; give all of q0..q3 or none of them")
-    known = np.flatnonzero(~empty.any(axis=1))
-    scale = np.abs(quaternion[known]).max(axis=1, initial=0.0)
     # numbers that are far off are found without squaring them
-    norm = np.where(scale > 2.0, scale, np.sqrt(np.square(np.clip(quaternion[known], -2.0, 2.0)).sum(axis=1)))
-    for k in np.flatnonzero(np.abs(norm - 1.0) > QUATERNION_NORM):
-        what = f"the norm of the attitude is {norm[k]:.6g}; it must be 1 within {QUATERNION_NORM:g}"
-        yield columns.fault(int(known[k]), _all(QUATERNION), what)
+    norm = np.sqrt(np.square(np.clip(quaternion, -2.0, 2.0)).sum(axis=1))
+    return ~np.isnan(quaternion).all(axis=1) & ~(np.abs(norm - 1.0) <= QUATERNION_NORM)
+
+
+def _quaternions(columns: Columns) -> Iterator[RecordError]:
+    """Columns that are no true attitude: hardly a row of them is one."""
+    spoilt = spoilt_attitudes(columns)
+    given = ~np.isnan(columns.group(QUATERNION)).all(axis=1)
+    if 2 * np.count_nonzero(spoilt) <= np.count_nonzero(given):
+        return
+    k = int(np.argmax(spoilt))
+    quaternion = columns.group(QUATERNION)[k]
+    if np.isnan(quaternion).any():
+        name = QUATERNION[int(np.argmax(np.isnan(quaternion)))]
+        yield columns.fault(k, name, "the field is empty; give all of q0..q3 or none of them")
+        return
+    norm = math.hypot(*quaternion.tolist())
+    what = f"the norm of the attitude is {norm:.6g}; it must be 1 within {QUATERNION_NORM:g}"
+    yield columns.fault(k, _all(QUATERNION), f"{what}, and is so in hardly a row")
 
 
 def _all(names: tuple[str, ...]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import whole_file
-from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE
+from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE, knocks_of
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -74,6 +74,7 @@ class _Record:
     groups: ClassVar[dict[str, tuple[str, ...]]]
     """Field -> its columns in a file, in their order; one column is an array (N,), several are (N, columns)."""
     time_s: np.ndarray
+    specific_force: np.ndarray
     row: np.ndarray
     path: Path
     warnings: tuple[str, ...]
@@ -94,6 +95,11 @@ class _Record:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def knocks(self) -> np.ndarray:
+        """Rows (N,) whose readings are beyond 10 times gravity: no rest or move with them is used."""
+        return knocks_of(self.specific_force)
 
     def __str__(self) -> str:
         span = f", {self.time_s[-1] - self.time_s[0]:.6g} s" if len(self) else ""

@@ -40,6 +40,7 @@ from .columns import (
     faults,
     quoted,
     recognise,
+    spoilt_attitudes,
     warnings,
 )
 from .kinds import PositionRecord, RawRecord, StrapdownRecord
@@ -175,6 +176,7 @@ def _record(columns: Columns) -> Record:
             values[name] = np.deg2rad(numbers) if own[0] in ANGLES else numbers
     if values.get("attitude") is not None:
         # a row of NaN where it is not known
+        values["attitude"][spoilt_attitudes(columns)] = np.nan
         values["attitude"] = values["attitude"] / np.sqrt(np.square(values["attitude"]).sum(axis=1, keepdims=True))
     if kind is not StrapdownRecord:
         values["resolution"] = columns.resolution

@@ -139,6 +139,9 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
     start = first + 1 if first > 0 else first
     end = last - 1 if last < len(raw) - 1 else last
     reading_floor, angle_floor = _reading_floor(raw), np.full(2, UNSEEN_ANGLE)
+    knocked = np.flatnonzero(raw.knocks[start : end + 1])
+    if knocked.size:
+        return Rest(first, last, start, end, refused=f"a knock in row {raw.row[start + int(knocked[0])]}")
     half = slice((start + end) // 2, end + 1)
     half_lasts = f"in its last {_lasts(raw, half)}"
     turning = trend_of(raw.time_s[half], angles[half], angle_floor)

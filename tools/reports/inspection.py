@@ -47,7 +47,7 @@ def sampling_lines(found: Inspection) -> list[str]:
         f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
     ]
     lines += [f"gap of {digits(gap.length_s, 4)} s after {digits(gap.time_s, 6)} s" for gap in sampling.gaps[:5]]
-    lines += sampling.limits.lines
+    lines += [*found.seen.warnings, *sampling.lines]
     lines += [f"{name}: dead, it never changes" for name in sampling.dead]
     lines.append("temperature: " + ("in the record" if record.temperature is not None else "not in the record"))
     return lines + [f"units and axes: {said}" for said in found.turning.said]
@@ -66,7 +66,7 @@ def rest_lines(found: Inspection) -> list[str]:
     lines += rest_warnings(rests, found.gravity)
     if len(found.moves):
         turns = np.degrees([move.turn_rad for move in found.moves])
-        lines.append(f"{len(turns)} moves between them, of {' to '.join(outwards(turns.min(), turns.max()))} degrees")
+        lines.append(f"{len(turns)} moves between them, {span_of(turns)} degrees")
     quiet = [str(p + 1) for p in range(3) if found.excitation[p] < EXCITED * rests.noise[p]]
     rates = ", ".join(digits(math.degrees(value)) for value in found.excitation)
     lines.append(f"rates between the rests: {rates} deg/s rms about axes 1, 2, 3")
@@ -81,6 +81,12 @@ def rest_lines(found: Inspection) -> list[str]:
             f"{upwards(math.degrees(rate))} deg/s"
         )
     return lines
+
+
+def span_of(values: np.ndarray) -> str:
+    """The least and the largest of values, or the only one."""
+    least, most = float(values.min()), float(values.max())
+    return f"of {' to '.join(outwards(least, most))}" if least < most else f"of {digits(least)}"
 
 
 def accelerometer_lines(found: NormCalibration) -> list[str]:
@@ -211,10 +217,12 @@ def distrust(run: AttitudeRun | AttitudeComparison, name: str) -> str:
 
 
 def care_lines(run: AttitudeRun | AttitudeComparison) -> list[str]:
-    """What limits of the gyros and bridged gaps mean for the attitude."""
-    lines = []
+    """What stamps, limits of the gyros and bridged gaps mean for the attitude."""
+    lines = list(run.warnings)
     if run.trusted_until is not None:
-        lines = [f"not to be trusted after {downwards(run.trusted_until, 9)} s: {'; '.join(run.warnings)}"]
+        limits = [line for line in run.warnings if line.startswith("w")]
+        lines = [line for line in run.warnings if line not in limits]
+        lines.insert(0, f"not to be trusted after {downwards(run.trusted_until, 9)} s: {'; '.join(limits)}")
     if run.bridged_bound:
         lines.append(f"bridged gaps turn the attitude by at most {upwards(math.degrees(run.bridged_bound), 3)} deg")
     return lines

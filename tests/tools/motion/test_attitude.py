@@ -224,14 +224,26 @@ def clipped_record() -> StrapdownRecord:
     return StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (600, 1)))
 
 
-def test_a_time_off_the_grid_is_refused_by_its_row() -> None:
+def test_stamps_that_jitter_are_said_and_the_rates_integrated_as_logged() -> None:
     record = steady_record((0.1, 0.2, 0.3))
     time = record.time_s.copy()
-    time[20] += 0.02 * 0.05
-    with pytest.raises(InputError, match=r"steady\.csv, row 21, column 'time_s': .* 2 % of the period"):
+    time[20] += 0.0095 * 0.05
+    run = attitude_of_record(replace(record, time_s=time))
+    assert run.warnings == ()
+    time[20:] += 0.02 * 0.05
+    jittering = attitude_of_record(replace(record, time_s=time))
+    assert "time stamps are up to" in jittering.warnings[0]
+    # At a constant rate the turn is the rate times the time that the stamps say.
+    turn = 2.0 * np.arccos(abs(jittering.attitude[-1] @ jittering.attitude[0]))
+    assert turn == pytest.approx(np.linalg.norm([0.1, 0.2, 0.3]) * (time[-1] - time[0]), rel=1e-9)
+
+
+def test_a_time_far_off_the_grid_is_refused_by_its_row() -> None:
+    record = steady_record((0.1, 0.2, 0.3))
+    time = record.time_s.copy()
+    time[20:] = time[20] + 0.9 * (time[20:] - time[20])
+    with pytest.raises(InputError, match=r"steady\.csv, row \d+, column 'time_s': .* % of the period"):
         attitude_of_record(replace(record, time_s=time))
-    time[20] -= 0.0105 * 0.05
-    assert attitude_of_record(replace(record, time_s=time)).final is not None
 
 
 def test_rates_in_degrees_are_refused_before_they_wrap() -> None:

@@ -1,0 +1,113 @@
+"""Single rows that no motion makes: what holds them is left out and said, and the rest of the record is used."""
+
+import itertools
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from record_files import RAW_HEADER, STRAPDOWN_HEADER, measured, reader, refused
+from strapdown_records import strapdown_record
+from table_runs import PROGRAMME, Bench
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.motion import inspect_record
+from trihedron.tools.records import StrapdownRecord, read_record, write_record
+from trihedron.tools.records.rests import average_rests, find_rests
+
+
+@pytest.fixture(scope="module")
+def clean() -> StrapdownRecord:
+    return strapdown_record(seed=1)
+
+
+def struck(record: StrapdownRecord, row: int, force: float = 120.0) -> StrapdownRecord:
+    """The record with one reading that no hand makes."""
+    values = record.specific_force.copy()
+    values[row, 1] = force
+    return replace(record, specific_force=values)
+
+
+def middles(record: StrapdownRecord) -> tuple[int, int]:
+    """A row in a rest, and one in the move after it."""
+    rows = inspect_record(record).rests.rows
+    return (rows[3].start + rows[3].stop) // 2, (rows[3].stop + rows[4].start) // 2
+
+
+def test_a_knock_is_read_and_said_with_its_row(tmp_path):
+    read = reader(tmp_path / "record.csv")
+    rows = [f"{k},0,0,0,0,0,{9.8 if k != 7 else 130.0}" for k in range(20)]
+    said = read("\n".join([STRAPDOWN_HEADER, *rows]) + "\n").warnings[0]
+    assert "row 9 (130 m/s²)" in said
+    assert "left out" in said
+    # Not a knock but the unit: every row is beyond.
+    refused(read, "\n".join([STRAPDOWN_HEADER, *(f"{k},0,0,0,0,0,981" for k in range(20))]), "median of |f|")
+    refused(read, "\n".join([RAW_HEADER, "1,0,0,0,0,9.8", "2,0,0,0,0,1e30"]), "row 3, column f3_mps2")
+
+
+@pytest.mark.parametrize("force", [120.0, 9e4])
+@pytest.mark.parametrize("where", [0, 1])
+def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, force):
+    row = middles(clean)[where]
+    path = tmp_path / "knocked.csv"
+    write_record(struck(clean, row, force), path)
+    record: Any = read_record(path)
+    before, after = inspect_record(clean), inspect_record(record)
+    assert all(not (rows.start <= row < rows.stop) for rows in after.rests.rows)
+    # What the bounds hold without the knock they hold with it: no mean is drawn.
+    assert np.abs(after.rests.force).max() < 1.1 * np.abs(before.rests.force).max()
+    assert after.turning.said == ()
+    found = diagnose(record, rerun=False)
+    assert found.verdict == "consistent"
+    assert any(f"row {row + 2}" in said for said in found.warnings)
+    assert f"row {row + 2}" in str(inspect_record(record))
+    # Of the moves over one rest and more those with the knock are gone, and no other.
+    first, last = found.evidence.reference.scored[0].first, found.evidence.reference.scored[0].last
+    assert not ((first < row) & (row <= last)).any()
+
+
+def test_a_turn_that_cannot_be_told_leaves_its_move_out(clean):
+    row = middles(clean)[1]
+    rate = clean.rate.copy()
+    rate[row, 2] = 5e3
+    found = diagnose(replace(clean, rate=rate), rerun=False)
+    assert found.verdict == "consistent"
+    assert any("more than half a turn since the row before" in said for said in found.warnings)
+
+
+def test_where_every_move_is_knocked_the_record_says_what_is_lacking(clean):
+    rows, record = inspect_record(clean).rests.rows, clean
+    for before, after in itertools.pairwise(rows):
+        record = struck(record, (before.stop + after.start) // 2)
+    found = diagnose(record, rerun=False)
+    assert found.verdict == "insufficient"
+    assert "without a gap, a knock" in str(found.missing)
+
+
+def test_a_rest_of_the_table_with_a_knock_is_left_out_by_its_row():
+    raw, truth = Bench().run(PROGRAMME)
+    rest = find_rests(raw)[5]
+    force = raw.specific_force.copy()
+    row = (rest.kept_first + rest.kept_last) // 2
+    force[row] *= 12.0
+    spoilt = replace(raw, specific_force=force)
+    record = average_rests(spoilt, find_rests(spoilt))
+    assert len(record) == len(truth) - 1
+    assert any(f"a knock in row {raw.row[row]}" in said for said in record.warnings)
+
+
+def test_an_attitude_that_is_none_is_not_known_there(tmp_path):
+    read = reader(tmp_path / "record.csv")
+    rows = [f"{k},0,0,0,0,0,9.8,1,0,0,0" for k in range(8)]
+    rows[3], rows[5] = "3,0,0,0,0,0,9.8,0.7,0,0,0", "5,0,0,0,0,0,9.8,1,,0,0"
+    record = read("\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]))
+    assert np.flatnonzero(np.isnan(record.attitude).all(axis=1)).tolist() == [3, 5]
+    assert "2 rows, the first row 5" in record.warnings[0]
+    rows = [f"{k},0,0,0,0,0,9.8,2,0,0,0" for k in range(8)]
+    refused(read, "\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]), "row 2", "norm of the attitude is 2")
+
+
+def test_one_knock_refuses_no_mpu9150():
+    record = measured("mpu9150-4")
+    assert np.flatnonzero(record.knocks).tolist() == [6524]
+    assert diagnose(record, rerun=False).verdict == "consistent"
