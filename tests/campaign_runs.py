@@ -40,6 +40,15 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+def assert_begun(there: dict[str, bytes], whole: dict[str, bytes]) -> None:
+    """What is there of a folder is that of the whole campaign; of its digests the last may be half a line."""
+    digests = there.pop("SHA256SUMS", b"").splitlines(keepends=True)
+    lines = set(whole["SHA256SUMS"].splitlines(keepends=True))
+    assert set(digests[:-1]) <= lines
+    assert all(any(line.startswith(last) for line in lines) for last in digests[-1:])
+    assert all(whole[name] == value for name, value in there.items() if name.rpartition("/")[2][0] != ".")
+
+
 def children(pid: int) -> list[int]:
     """Processes that a process has started."""
     found = []

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from ..fmus.native.compile import PLATFORMS, cache_folder, compiles, has_prebuilt, host_compiler, host_name, zig_version
+from ..fmus.cache import cache_folder, others_can_write
+from ..fmus.native.compile import PLATFORMS, compiles, has_prebuilt, host_compiler, host_name, zig_version
 from .calibration import calibrate
 from .document.page import converter
 from .orchestrator.load import usual_flavour
@@ -125,12 +126,12 @@ def _cache() -> Finding:
     at = folder
     while not at.exists() and at != at.parent:
         at = at.parent
-    writable = at.is_dir() and os.access(at, os.W_OK)
-    return found(
-        "cache",
-        str(folder) if writable else f"{folder}, not writable: each run begins anew",
-        True if writable else None,
-    )
+    if not (at.is_dir() and os.access(at, os.W_OK)):
+        return found("cache", f"{folder}, not writable: each run begins anew", None)
+    open_place = others_can_write(folder if folder.exists() else at)
+    if open_place is not None:
+        return found("cache", f"{folder}, not used: others can write to {open_place}; each run begins anew", None)
+    return found("cache", str(folder), True)
 
 
 def _printing() -> Finding:

@@ -17,6 +17,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+from ..cache import kept
+
 FLAGS = (
     "-std=c99",
     "-O2",
@@ -110,20 +112,6 @@ def all_flags() -> list[str]:
 
 class BuildError(RuntimeError):
     """A binary cannot be made here; the message says why and what would help."""
-
-
-def cache_folder() -> Path:
-    """Where binaries are kept: TRIHEDRON_CACHE, or the folder that the system has for such things."""
-    named = os.environ.get("TRIHEDRON_CACHE")
-    if named:
-        return Path(named)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = str(Path.home() / "Library" / "Caches")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "trihedron"
 
 
 @cache
@@ -270,18 +258,12 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
     digest = hashlib.sha256("\0".join([version, *(word for command in commands for word in command[1:])]).encode())
     for file, content in files.items():
         digest.update(f"\0{file}\0{len(content)}\0".encode() + content)
-    kept = cache_folder() / "binaries" / f"{digest.hexdigest()}{platform.suffix}"
-    with suppress(OSError):
-        return kept.read_bytes()
-    with tempfile.TemporaryDirectory(prefix="trihedron-") as scratch:
-        content = _compile(commands, files, Path(scratch), output)
-    with suppress(OSError):
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=kept.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(beside).replace(kept)
-    return content
+
+    def make() -> bytes:
+        with tempfile.TemporaryDirectory(prefix="trihedron-") as scratch:
+            return _compile(commands, files, Path(scratch), output)
+
+    return kept("binaries", f"{digest.hexdigest()}{platform.suffix}", make)
 
 
 def _compile(commands: Sequence[Sequence[str]], files: Mapping[str, bytes], folder: Path, output: str) -> bytes:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from campaign_runs import CALIBRATION, command_of, content, workers_of, written
+from campaign_runs import CALIBRATION, assert_begun, command_of, content, workers_of, written
 from trihedron.tools.library import run_campaign
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
@@ -109,7 +109,7 @@ def test_ctrl_c_leaves_a_whole_folder(tmp_path, unbroken):
     assert re.fullmatch(r"trihedron: interrupted; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
     wait_for(lambda: not any(command_of(pid) for pid in workers))
     there = content(out)
-    assert all(unbroken[name] == value for name, value in there.items())
+    assert_begun(there, unbroken)
     run_campaign(path, out, jobs=2, resume=True)
     assert content(out) == unbroken
 
@@ -166,7 +166,7 @@ def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on
         _, complaints = main.communicate(timeout=60.0)
     assert main.returncode == 2
     assert re.fullmatch(r"trihedron: --scheduler: .*; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
-    assert all(unbroken[name] == value for name, value in content(out).items())
+    assert_begun(content(out), unbroken)
     with cluster(tmp_path / "again", 2) as (_, address):
         main = started(path, out, "--engine", "dask", "--scheduler", address, "--resume")
         _, complaints = main.communicate(timeout=MOST_SECONDS)
@@ -190,7 +190,7 @@ def test_a_disk_that_is_full(tmp_path, unbroken):
         assert complaints.count("\n") == 1
         there = content(out)
         assert 0 < files_done(out) < 60
-        assert all(unbroken[name] == value for name, value in there.items())
+        assert_begun(there, unbroken)
         subprocess.run(["mount", "-o", "remount,size=8m", str(small)], check=True)
         main = started(path, out, "--jobs", "2", "--resume")
         _, complaints = main.communicate(timeout=MOST_SECONDS)

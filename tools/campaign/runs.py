@@ -263,6 +263,8 @@ def run_campaign(
     columns = columns_of(campaign, make_runner(campaign))
     folder = default_folder(path) if out is None else out
     with opened(folder, order, campaign, columns, path.read_bytes(), resume=resume) as store:
+        damaged = store.damaged()
+        store.drop(damaged)
         missing, before, failed = store.missing()
         done, seconds, cpu_seconds, kills = before, 0.0, 0.0, 0
         try:
@@ -278,13 +280,14 @@ def run_campaign(
                     words = f", {failed} failed" if failed else ""
                     shown(computed.runs, f"{done} of {campaign.runs} runs, {digits(rate)}/s{words}")
                 kills = workers.kills if workers else 0
+                store.tidy()
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {_so_far(store, done)}") from None
         except LostCluster as error:
             raise InputError(f"--scheduler: {error}; {_so_far(store, done)}") from error
         except InputError as error:
             raise InputError(f"{error}; {_so_far(store, done)}") from error
-        cost = Cost(campaign.runs - before, clocks.perf_counter() - began, seconds, cpu_seconds, kills)
+        cost = Cost(campaign.runs - before, clocks.perf_counter() - began, seconds, cpu_seconds, kills, len(damaged))
         result = summarise(store).model_copy(update={"folder": folder, "cost": cost})
         store.write_summary(result.to_json())
     return result

@@ -8,7 +8,6 @@ import hashlib
 import json
 import os
 import platform
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,10 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ... import fmus, models
+from ...fmus.cache import kept
 from ...fmus.native.compile import (
     PLATFORMS,
     BuildError,
-    cache_folder,
     compiles,
     has_prebuilt,
     host_compiler,
@@ -96,16 +95,6 @@ def _sources() -> str:
     return digest.hexdigest()
 
 
-def keep(path: Path, content: bytes) -> None:
-    """Put a file into the cache, whole; where that cannot be written, the run goes on without it."""
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(beside).replace(path)
-
-
 def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | None, folder: Path) -> Path:
     """The FMU of a component, extended by effects, from the cache where it has been built before.
 
@@ -126,14 +115,10 @@ def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | N
 
         made_from += [repr(place.definition.parameters) for place in places]
         made_from.append(flat_source(extend(fmus.components()[name], places)))
-    kept = cache_folder() / "fmus" / hashlib.sha256("\0".join(made_from).encode()).hexdigest()
-    for path in kept.glob("*.fmu"):
-        # Its name is the hash of its bytes: a damaged one is built again.
-        if hashlib.sha256(path.read_bytes()).hexdigest() == path.stem:
-            return path
-    path = fmus.build(name, folder, places, flavour=flavour)
-    content = path.read_bytes()
-    keep(kept / f"{hashlib.sha256(content).hexdigest()}.fmu", content)
+    path = folder / f"{hashlib.sha256(chr(0).join(made_from).encode()).hexdigest()}.fmu"
+    if not path.exists():
+        made = kept("fmus", path.name, lambda: fmus.build(name, folder, places, flavour=flavour).read_bytes())
+        path.write_bytes(made)
     return path
 
 

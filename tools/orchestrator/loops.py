@@ -25,12 +25,12 @@ from typing import Any, NoReturn
 import numpy as np
 import polars as pl
 
-from ...fmus.native.compile import cache_folder
+from ...fmus.cache import kept
 from ..errors import InputError, said_of
 from . import program as op
 from .fmu import Slave, Slave3
 from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
-from .load import Group, Loaded, keep
+from .load import Group, Loaded
 from .program import Ports, Program, loop_of, step_program
 from .scenario import Scenario
 from .stimuli import Grid
@@ -401,16 +401,13 @@ def compiled_march() -> Callable[..., int]:
     made_from += [(Path(__file__).parent / name).read_bytes() for name in ("../compiled.py", "program.py", "loops.py")]
     made_from.append(platform.python_version().encode())
     key = hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in made_from)).hexdigest()
-    path = cache_folder() / "loops" / f"{key}.o"
-    content = b""
-    with suppress(OSError):
-        content = path.read_bytes()
-    digest, code = content[:32], content[32:]
-    if hashlib.sha256(code).digest() != digest:
+
+    def make() -> bytes:
         from ..compiled import object_code
 
-        code = object_code(loop_of, machine, name)
-        keep(path, hashlib.sha256(code).digest() + code)
+        return object_code(loop_of, machine, name)
+
+    code = kept("loops", f"{key}.o", make)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

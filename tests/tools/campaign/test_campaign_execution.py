@@ -1,5 +1,6 @@
 """Campaigns are carried out whole, in any order, whatever dies; their bytes do not tell who computed what."""
 
+import hashlib
 import json
 import os
 import random
@@ -18,7 +19,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from campaign_runs import CALIBRATION, content, dies_of_three, workers_of, written
+from campaign_runs import CALIBRATION, assert_begun, content, dies_of_three, workers_of, written
 from trihedron.tools import cli
 from trihedron.tools.campaign import runs
 from trihedron.tools.campaign.runs import KILLED, run_campaign
@@ -130,7 +131,7 @@ def test_a_run_that_no_process_survives_is_recorded_and_the_rest_goes_on(tmp_pat
     # Every other file is that of the unbroken campaign.
     other = content(tmp_path / "out")
     changed = {name for name in unbroken if other[name] != unbroken[name]}
-    assert changed == {"runs/part-00003.parquet", "summary.json"}
+    assert changed == {"runs/part-00003.parquet", "summary.json", "SHA256SUMS"}
 
 
 def test_a_file_that_dies_by_chance_is_not_blamed_on_its_runs(tmp_path, unbroken, workers):
@@ -160,7 +161,8 @@ def test_an_interrupted_campaign_is_whole_and_goes_on(tmp_path, unbroken, worker
     assert "--resume goes on" in said
     there = content(out)
     assert len([name for name in there if name.startswith("runs/")]) == 3
-    assert all(unbroken[name] == there[name] for name in there)
+    assert there["SHA256SUMS"].count(b"\n") == 4
+    assert_begun(there, unbroken)
     workers.fate = lambda *_: False
     workers.calls.clear()
     assert cli.main(["campaign", str(path), "--out", str(out), "--resume"]) == 0
@@ -181,7 +183,37 @@ def test_a_damaged_file_is_computed_again(tmp_path, unbroken, workers):
     done = run_campaign(path, out, resume=True)
     assert done.cost is not None
     assert done.cost.runs == 4
+    assert str(done.cost).endswith("; 2 damaged files were made again")
     assert content(out) == unbroken
+
+
+@pytest.mark.parametrize("name", ["runs/part-00002.parquet", "campaign.json", "SHA256SUMS"])
+def test_one_flipped_bit_is_noticed_and_mended(name, tmp_path, unbroken, workers, capsys):
+    """In a value of a partition, in the manifest, and in a digest itself, of a partition's."""
+    path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
+    run_campaign(path, out)
+    data = bytearray((out / name).read_bytes())
+    place = data.index(b"runs/") - 10 if name == "SHA256SUMS" else len(data) // 3
+    data[place] ^= 1
+    (out / name).write_bytes(data)
+    assert cli.main(["campaign-report", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "is damaged: it is not what was written" in said
+    assert "--resume" in said
+    assert cli.main(["campaign", str(path), "--out", str(out), "--resume"]) == 0
+    assert ("1 damaged file was made again" in capsys.readouterr().out) == (name != "campaign.json")
+    there = content(out)
+    assert there.pop("index.html")
+    assert there == unbroken
+
+
+def test_digests_are_as_other_programs_check_them(unbroken, tmp_path, workers):
+    run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out")
+    lines = (tmp_path / "out" / "SHA256SUMS").read_text().splitlines()
+    assert len(lines) == 1 + len([name for name in unbroken if name.startswith(("runs/", "records/"))])
+    for line in lines:
+        digest, _, name = line.partition("  ")
+        assert hashlib.sha256((tmp_path / "out" / name).read_bytes()).hexdigest() == digest
 
 
 def test_a_folder_with_results_is_not_written_over_or_mixed(tmp_path, workers, capsys):
@@ -241,7 +273,7 @@ def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbro
     assert "No space left on device" in said
     assert "--resume goes on" in said
     assert len(list((out / "runs").iterdir())) == 3
-    assert all(unbroken[name] == value for name, value in content(out).items())
+    assert_begun(content(out), unbroken)
     run_campaign(path, out, resume=True)
     assert content(out) == unbroken
 
@@ -317,6 +349,6 @@ def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path,
     while any(Path(f"/proc/{pid}").exists() for pid in below):
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert all(unbroken[name] == value for name, value in content(out).items() if name.rpartition("/")[2][0] != ".")
+    assert_begun(content(out), unbroken)
     run_campaign(path, out, resume=True)
     assert content(out) == unbroken

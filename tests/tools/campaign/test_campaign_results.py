@@ -32,6 +32,7 @@ def made(folder: Path, text: str, value, failing=lambda run: False, seed: int = 
     written = (HEAD + f"seed = {seed}\n[attitude]\n" + text).encode()
     campaign = parse_campaign(written, folder / "c.toml")
     columns = Columns(dict.fromkeys(campaign.parameters, pl.Float64), OUTPUTS)
+    folder.mkdir(exist_ok=True)
     store, design = Store(folder, campaign), Design(campaign)
     for partition in range(campaign.partitions):
         rows = []

@@ -1,5 +1,6 @@
 """FMUs of a scenario: archives that are not unpacked, parameters that are not taken, components built and kept."""
 
+import hashlib
 import json
 import stat
 import sys
@@ -12,6 +13,7 @@ import pytest
 from foreign_fmus import declaring, rewritten
 from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import FAILING, GAIN, refusal, run
+from trihedron.fmus.cache import others_can_write
 from trihedron.fmus.native.compile import BuildError, host_compiler
 from trihedron.models.bench import TARGETS
 from trihedron.tools.errors import InputError
@@ -164,7 +166,7 @@ def test_both_flavours_give_the_same_bits(cache: Path, monkeypatch: pytest.Monke
 
 def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = compensated("python")
-    (kept,) = cache.glob("fmus/*/*.fmu")
+    (kept,) = cache.glob("fmus/*.fmu")
     content = kept.read_bytes()
     kept.write_bytes(content[:-100] + bytes(100))
     assert compensated("python").table.equals(first.table)
@@ -188,6 +190,22 @@ def test_damaged_machine_code_is_made_again(cache: Path) -> None:
     loops.compiled_march.cache_clear()
     loops.compiled_march()
     assert kept.read_bytes() == content
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o722])
+def test_what_others_could_have_put_into_the_cache_is_not_run(cache: Path, mode: int) -> None:
+    """A digest tells damage only: whoever writes a file can write its digest."""
+    first = compensated("python")
+    (kept,) = cache.glob("fmus/*.fmu")
+    for folder in (kept.parent, cache):
+        kept.write_bytes(hashlib.sha256(b"planted").digest() + b"planted")
+        folder.chmod(mode)
+        assert others_can_write(kept.parent) == folder
+        assert compensated("python").table.equals(first.table)
+        assert kept.read_bytes().endswith(b"planted")
+        folder.chmod(0o700)
+    with pytest.raises(InputError):
+        compensated("python")
 
 
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
