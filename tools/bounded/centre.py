@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .programmes import DETERMINED, LEAST_VALUE, TOLERANCE, Possible, chebyshev_radius, first_rows, least_largest
+from .possible import DETERMINED, Possible
+from .programmes import LEAST_VALUE, TOLERANCE, chebyshev_radius, first_rows, least_largest
 
 INTERIOR = 1e-7
 """A set in which some slack stays below this part of its bound has no interior: the programmes are not exacter."""

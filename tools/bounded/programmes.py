@@ -6,7 +6,7 @@ that their solution violates, until it violates none.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import highspy
@@ -23,14 +23,7 @@ MANY_ROWS = 1000
 ADDED_ROWS = 100
 """The most violated rows that one round takes in."""
 DUAL_SIMPLEX, PRIMAL_SIMPLEX = 1, 4
-ROOM = 1e-9
-"""What the bounds grow by, relatively, so that a fit at its bounds stays inside."""
-DETERMINED = 1e-6
-"""A direction that lies, to this part, in what the rows determine is determined."""
-ENCLOSING, BOUNDING = 72, 16
-"""Directions in which a pair of coefficients is enclosed, and in which its length alone is bounded."""
 Interval = tuple[float, float]
-Reach = Callable[[NDArray], float]
 LEAST_VALUE = 1e-8
 """Directions whose singular value is below this part of the largest are not determined."""
 SAME_SPACE = 1e-7
@@ -314,135 +307,6 @@ def solved(
             highs.setOptionValue("presolve", "off")
             return solution
     raise SolverError(f"a linear programme was not solved: {highs.modelStatusToString(highs.getModelStatus())}")
-
-
-class Possible:
-    """The steps x from a fit that keep every error within its bound: |left - jacobian x| ≤ bound.
-
-    The jacobian (M, n) may have any rank; the units of its columns do not matter. `left` (M,) are the errors at the
-    fit; where one is beyond its bound, that much is allowed. Of more rows than `most_rows` so many are taken, spread
-    over all: fewer rows leave more possible, so what they bound is bounded. With `growths` of the bounds about the fit
-    the set is the union of their branches; the fit lies in the first.
-
-    `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper; `span` (n, rank):
-    orthonormal basis of what the rows determine of the columns times their `scale` (n,): x = span y / scale.
-    """
-
-    def __init__(
-        self,
-        jacobian: NDArray,
-        left: NDArray,
-        bound: NDArray,
-        most_rows: int | None = None,
-        growths: Sequence[Growth] = (),
-    ) -> None:
-        if most_rows is not None and len(left) > most_rows:
-            rows = np.linspace(0, len(left) - 1, most_rows).round().astype(int)
-            jacobian, left, bound = jacobian[rows], left[rows], bound[rows]
-            growths = [growth.of(rows) for growth in growths]
-        now = growths[0].now if growths else 0.0
-        bound = np.maximum(bound, np.abs(left) - now) * (1.0 + ROOM)
-        self.scale = np.abs(jacobian).max(axis=0, initial=0.0)
-        self.scale[self.scale == 0.0] = 1.0
-        first = [(jacobian, bound, left - bound, left + bound)]
-        # The fit's own branch has it in; any other may be empty.
-        some = [g for k, g in enumerate(growths) if k == 0 or _is_some(jacobian, left, bound, g)]
-        branches = [grown_rows(jacobian, left, bound, growth) for growth in some] or first
-        _, values, directions = np.linalg.svd(branches[0][0] / self.scale, full_matrices=False)
-        self.span = directions[values > LEAST_VALUE * values.max(initial=0.0)].T
-        self._polytopes: list[Polytope] = []
-        for rows, size, lower, upper in branches:
-            polytope = Polytope(rows / self.scale @ self.span, size)
-            polytope.confine(lower, upper)
-            self._polytopes.append(polytope)
-        rows, _, self.lower, self.upper = branches[0]
-        self.matrix = rows / self.scale @ self.span
-
-    def reach(self, weights: NDArray) -> float:
-        """How far weights'x (n,) can go; infinite where nothing bounds it."""
-        weights = weights / self.scale
-        inside = self.span.T @ weights
-        if np.linalg.norm(weights - self.span @ inside) > DETERMINED * np.linalg.norm(weights):
-            return math.inf
-        try:
-            return max(polytope.maximise(inside)[0] for polytope in self._polytopes)
-        except SolverError:
-            return math.inf
-
-    def ends(self, column: int) -> Interval:
-        """Least and largest step of one column."""
-        reach = self.among(np.array([column]))
-        return -reach(-np.ones(1)), reach(np.ones(1))
-
-    def among(self, columns: NDArray) -> Reach:
-        """How far the steps of some columns (k,) can go in a direction (k,)."""
-
-        def reach(direction: NDArray) -> float:
-            weights = np.zeros(len(self.scale))
-            weights[columns] = direction
-            return self.reach(weights)
-
-        return reach
-
-
-def _is_some(jacobian: NDArray, left: NDArray, bound: NDArray, growth: Growth) -> bool:
-    """Whether any step keeps every error within its bound and its growth."""
-    return chebyshev_radius(jacobian, left, bound, growth=growth)[0] <= 1.0
-
-
-def grown_rows(
-    jacobian: NDArray, left: NDArray, bound: NDArray, growth: Growth
-) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """{x: |left − jacobian x| ≤ bound + growth(x)} as rows with their sizes, and lower and upper ends.
-
-    A row that grows is two, one for each of its ends: on the other side they reach as far as the growth can.
-    """
-    paid, split = np.flatnonzero(growth.rows.any(axis=0)), growth.rows.any(axis=1)
-    own, low, high = growth.rows[:, paid], growth.low[paid], growth.high[paid]
-    allowed, most = bound + growth.now, 2.0 * np.maximum(own * low, own * high).sum(axis=1)
-    # An end of a coefficient is a row like the others: of the size that it has in them.
-    scale = np.maximum(np.abs(jacobian), np.abs(growth.rows)).max(axis=0)
-    ends = np.diag(scale)[paid]
-    rows = np.vstack((jacobian + growth.rows, (jacobian - growth.rows)[split], ends))
-    size = np.concatenate((bound, bound[split], np.full(len(paid), bound.min())))
-    lower = np.concatenate((left - allowed, (left - allowed - most)[split], low * scale[paid]))
-    upper = np.concatenate((left + allowed + most, (left + allowed)[split], high * scale[paid]))
-    return rows, size, lower, upper
-
-
-def largest_length(reach: Reach) -> float:
-    """An upper bound of the length of a pair that is possible, as `reach` (direction (2,) -> how far) says."""
-    angles = 2.0 * math.pi * np.arange(BOUNDING) / BOUNDING
-    heights = [reach(np.array([math.cos(angle), math.sin(angle)])) for angle in angles]
-    # The supporting lines enclose the set; between two directions it reaches farther by this factor at most.
-    return max(heights) / math.cos(math.pi / BOUNDING)
-
-
-def polar_intervals(reach: Reach) -> tuple[Interval, Interval]:
-    """Intervals of amplitude and phase that hold a convex set of (amplitude·cos(phase), amplitude·sin(phase)).
-
-    The set lies within the polygon of its supporting lines in `ENCLOSING` directions; the polygon's corners bound
-    amplitude and phase. The phase is within (-π, π] at the middle and may reach beyond at the ends; (-π, π) when the
-    set holds zero. Infinite where the set is not bounded.
-    """
-    angles = 2.0 * math.pi * np.arange(ENCLOSING) / ENCLOSING
-    units = np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    heights = np.array([reach(unit) for unit in units])
-    if not np.isfinite(heights).all():
-        return (-math.inf, math.inf), (-math.inf, math.inf)
-    following = np.roll(heights, -1)
-    turn = 2.0 * math.pi / ENCLOSING
-    along = (following - heights * math.cos(turn)) / math.sin(turn)
-    corners = heights[:, None] * units + along[:, None] * np.stack((-units[:, 1], units[:, 0]), axis=1)
-    high = float(np.linalg.norm(corners, axis=1).max())
-    # The farthest that a line can separate the set from zero.
-    low = float(max(0.0, (-heights).max()))
-    if low == 0.0:
-        return (0.0, high), (-math.pi, math.pi)
-    middle = corners.mean(axis=0)
-    phase = math.atan2(middle[1], middle[0])
-    offsets = [math.remainder(math.atan2(y, x) - phase, 2.0 * math.pi) for x, y in corners]
-    return (low, high), (phase + min(offsets), phase + max(offsets))
 
 
 def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Possible, SolverError, largest_length
+from ..bounded.possible import AnyOf, Proofs, Steps, largest_length
+from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
@@ -304,12 +305,11 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     """
     found, room, count = [], evidence.room(fit), len(fit.at)
     for place, columns in evidence.beside(fit):
-        every = [one.possible(room, columns, evidence.most_rows) for one in (fit, *fit.also)]
+        # What bounds an effect beside one way of the others bounds it beside the next one nearly as well.
+        proofs: Proofs = {}
+        possible = AnyOf([one.possible(room, columns, evidence.most_rows, proofs) for one in (fit, *fit.also)])
         parameters = place.definition.parameters
-        sizes = [
-            max(largest_coefficient(possible, count + k, parameter.name) for possible in every)
-            for k, parameter in enumerate(parameters)
-        ]
+        sizes = [largest_coefficient(possible, count + k, parameter.name) for k, parameter in enumerate(parameters)]
         ends = evidence.told(place, [(0.0, size) for size in sizes])
         for parameter, (_, above) in zip(parameters, ends, strict=True):
             if above < parameter.largest and not parameter.name.endswith("phase"):
@@ -319,7 +319,7 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
-def largest_coefficient(possible: Possible, column: int, name: str) -> float:
+def largest_coefficient(possible: Steps, column: int, name: str) -> float:
     """Largest absolute value of a coefficient, or largest length of the pair of an amplitude and its phase."""
     if name.endswith("phase"):
         return np.inf

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from ...models.effects import Rows
 from ...models.effects.definition import AXES
-from ..bounded.programmes import DETERMINED, Possible, column_space
+from ..bounded.possible import DETERMINED, Possible
+from ..bounded.programmes import column_space
 from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
 from ..result import finite_or_none
 from .bench_pairs import pairs_of_bench

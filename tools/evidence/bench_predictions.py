@@ -16,7 +16,8 @@ from scipy.linalg import block_diag
 from ...fmus.parameters import component_parameters
 from ...models.bench import TARGETS, admissible
 from ...models.effects import EffectPlace, Rows
-from ..bounded.programmes import Possible, column_space, cosine, least_largest, spaces_beyond
+from ..bounded.possible import Possible
+from ..bounded.programmes import column_space, cosine, least_largest, spaces_beyond
 from ..calibration.model import (
     PRESETS,
     Parametrisation,

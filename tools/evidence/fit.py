@@ -17,18 +17,8 @@ from ...fmus.component import can_extend
 from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
-from ..bounded.programmes import (
-    ROOM,
-    Growth,
-    Interval,
-    Possible,
-    Reach,
-    SolverError,
-    column_space,
-    grown_rows,
-    polar_intervals,
-    same_space,
-)
+from ..bounded.possible import ROOM, Possible, Proofs, Reach, grown_rows, polar_intervals
+from ..bounded.programmes import Growth, Interval, SolverError, column_space, same_space
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
@@ -132,16 +122,22 @@ class Fit:
         """Whether the sizes that are stated are possible."""
         return all(are_possible(place, values) for place, values in zip(self.places, self.values(), strict=True))
 
-    def possible(self, room: float = 0.0, further: NDArray | None = None, most_rows: int | None = None) -> Possible:
+    def possible(
+        self,
+        room: float = 0.0,
+        further: NDArray | None = None,
+        most_rows: int | None = None,
+        proofs: Proofs | None = None,
+    ) -> Possible:
         """The steps from the Chebyshev centre that keep every error within its bound and `room`.
 
-        `further` are columns (M, C) of more effects, at zero in the fit; `most_rows` is as for `Possible`.
+        `further` are columns (M, C) of more effects, at zero in the fit; `most_rows`, `proofs` are as for `Possible`.
         """
         jacobian = self.jacobian if further is None else np.hstack((self.jacobian, further))
         growths = [growth.moved(self.step) for growth in self.growths]
         if further is not None:
             growths = [growth.beside(further.shape[1]) for growth in growths]
-        return Possible(jacobian, self.left, self.bound + room, most_rows, growths)
+        return Possible(jacobian, self.left, self.bound + room, most_rows, growths, proofs)
 
     def centred(self, room: float = 0.0, most_rows: int | None = None) -> "Fit":
         """The fit that states one possible point: the centre of what the bounds and `room` leave, sizes possible.

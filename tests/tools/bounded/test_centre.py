@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from trihedron.tools.bounded.centre import Bounded, analytic_centre, central, central_programme
-from trihedron.tools.bounded.programmes import Possible
+from trihedron.tools.bounded.possible import Possible
 
 UNITS = np.array([1.0, 1e-4, 1e3, 1.0])
 

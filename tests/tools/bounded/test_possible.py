@@ -8,17 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from other_solver import farthest, farthest_of_growing
+from trihedron.tools.bounded.possible import BOUNDING, ENCLOSING, AnyOf, Possible, largest_length, polar_intervals
 from trihedron.tools.bounded.programmes import (
-    BOUNDING,
-    ENCLOSING,
     Growth,
-    Possible,
+    Polytope,
     chebyshev_radius,
     column_space,
     cosine,
-    largest_length,
     least_squares,
-    polar_intervals,
     same_space,
     spaces_beyond,
 )
@@ -100,6 +97,38 @@ def test_a_radius_is_paid_for_by_the_size_that_it_takes(sign):
     assert chebyshev_radius(jacobian, left, bound)[0] == pytest.approx(10.0)
 
 
+def alike(seed: int, proofs: dict | None):
+    """Nine sets that are nearly alike: their columns change little by little; the second branch of some is empty."""
+    jacobian, left, bound = problem(seed)
+    rng = np.random.default_rng(seed + 20)
+    change = 0.02 * rng.normal(size=jacobian.shape) * np.abs(jacobian).max(axis=0)
+    rate = 0.1 * np.abs(jacobian[:, 0]) * rng.integers(0, 2, 24)
+    size = 30.0 * bound.max() / np.abs(jacobian[:, 0]).max()
+    for k in range(9):
+        own = jacobian + k * change
+        # About a point that needs a size of its first column, of which the other sign does not do.
+        step = np.array([(0.1 + 0.05 * k) * size, 0.0, 0.0, 0.0])
+        branches = [grown(rate, sign, size).moved(step) for sign in (1.0, -1.0)]
+        yield Possible(own, left, bound, growths=branches, proofs={} if proofs is None else proofs)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_bounds_one_set_bounds_the_union_of_those_alike_as_far_as_it_reaches(seed, monkeypatch):
+    each, solved = list(alike(seed, None)), []
+    together = AnyOf(list(alike(seed, {})))
+    directions = list(np.vstack((np.eye(4), -np.eye(4), [[0.0, 0.3, -0.8, 0.0]])))
+    truth = [max(one.reach(weights) for one in each) for weights in directions]
+    maximise = Polytope.maximise
+    monkeypatch.setattr(Polytope, "maximise", lambda *given: solved.append(1) or maximise(*given))
+    for weights, end in zip(directions, truth, strict=True):
+        assert together.reach(weights) == pytest.approx(end, rel=1e-9)
+        # What goes no farther than is asked for is told as that, what does as far as it goes.
+        assert together.reach(weights, 1.01 * end) == 1.01 * end
+        assert together.reach(weights, 0.99 * end) == pytest.approx(end, rel=1e-9)
+    # Asked three times of each set, this many would be a third.
+    assert len(solved) < len(directions) * len(each)
+
+
 def test_fewer_rows_leave_more_possible():
     jacobian, left, bound = problem(8, rows=300)
     some, every = Possible(jacobian, left, bound, most_rows=40), Possible(jacobian, left, bound)
@@ -119,7 +148,7 @@ def test_what_nothing_bounds_has_no_ends():
 
 def of_points(points: np.ndarray):
     """How far a polygon with these corners (K, 2) reaches."""
-    return lambda direction: float((points @ direction).max())
+    return lambda direction, least=-math.inf: max(least, float((points @ direction).max()))
 
 
 @settings(max_examples=60)

@@ -1,0 +1,276 @@
+"""What bounds on errors leave possible of a model's parameters and of coefficients: a polytope, or a union of several.
+
+The same question is often asked of many sets that are nearly alike: an effect beside each of the ways in which another
+one may act. The readings that bound the first of them bound the others nearly as well. So a programme's duals are moved
+to the rows of the next set, by least squares over the readings that have one; what they prove there is proven whatever
+their source, and where it is enough no programme is solved.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lstsq
+
+from .programmes import LEAST_VALUE, Growth, Interval, Polytope, SolverError, chebyshev_radius
+
+ROOM = 1e-9
+"""What the bounds grow by, relatively, so that a fit at its bounds stays inside."""
+DETERMINED = 1e-6
+"""A direction that lies, to this part, in what the rows determine is determined."""
+ENCLOSING, BOUNDING = 72, 16
+"""Directions in which a pair of coefficients is enclosed, and in which its length alone is bounded."""
+EXACT = 1e-11
+"""Duals that miss a direction by this part of their sizes prove what they say of it."""
+SURELY_EMPTY = 1e-6
+"""A set is empty where its bounds, enlarged by this part, leave nothing."""
+Reach = Callable[..., float]
+"""How far a set goes in a direction (k,); at most so much as is given beside it where it goes no farther."""
+Proofs = dict[tuple[int, bytes], NDArray[np.float64]]
+"""Duals (M,) that bounded a direction, or proved that there is nothing, of a set, by its branch and the direction."""
+
+
+class Steps:
+    """A set of steps x (n,) of a model's columns, by how far it reaches in each direction."""
+
+    count: int
+
+    def reach(self, weights: NDArray, least: float = -math.inf) -> float:
+        """How far weights'x (n,) can go; infinite where nothing bounds it; at most `least` where it goes no farther."""
+        raise NotImplementedError
+
+    def ends(self, column: int) -> Interval:
+        """Least and largest step of one column."""
+        reach = self.among(np.array([column]))
+        return -reach(-np.ones(1)), reach(np.ones(1))
+
+    def among(self, columns: NDArray) -> Reach:
+        """How far the steps of some columns (k,) can go in a direction (k,)."""
+
+        def reach(direction: NDArray, least: float = -math.inf) -> float:
+            weights = np.zeros(self.count)
+            weights[columns] = direction
+            return self.reach(weights, least)
+
+        return reach
+
+
+class Possible(Steps):
+    """The steps x from a fit that keep every error within its bound: |left - jacobian x| ≤ bound.
+
+    The jacobian (M, n) may have any rank; the units of its columns do not matter. `left` (M,) are the errors at the
+    fit; where one is beyond its bound, that much is allowed. Of more rows than `most_rows` so many are taken, spread
+    over all: fewer rows leave more possible, so what they bound is bounded. With `growths` of the bounds about the fit
+    the set is the union of their branches; the fit lies in the first. `proofs` of sets that are nearly alike are used,
+    and added to.
+
+    `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper; `span` (n, rank):
+    orthonormal basis of what the rows determine of the columns times their `scale` (n,): x = span y / scale.
+    """
+
+    def __init__(
+        self,
+        jacobian: NDArray,
+        left: NDArray,
+        bound: NDArray,
+        most_rows: int | None = None,
+        growths: Sequence[Growth] = (),
+        proofs: Proofs | None = None,
+    ) -> None:
+        if most_rows is not None and len(left) > most_rows:
+            rows = np.linspace(0, len(left) - 1, most_rows).round().astype(int)
+            jacobian, left, bound = jacobian[rows], left[rows], bound[rows]
+            growths = [growth.of(rows) for growth in growths]
+        now = growths[0].now if growths else 0.0
+        bound = np.maximum(bound, np.abs(left) - now) * (1.0 + ROOM)
+        self.count, self._proofs = jacobian.shape[1], {} if proofs is None else proofs
+        self.scale = np.abs(jacobian).max(axis=0, initial=0.0)
+        self.scale[self.scale == 0.0] = 1.0
+        branches = [grown_rows(jacobian, left, bound, growth) for growth in growths]
+        self._branches = [
+            _Branch(rows / self.scale, size, lower, upper)
+            for rows, size, lower, upper in branches or [(jacobian, bound, left - bound, left + bound)]
+        ]
+
+    @cached_property
+    def span(self) -> NDArray[np.float64]:
+        """What the rows determine (n, rank)."""
+        _, values, directions = np.linalg.svd(self._branches[0].rows, full_matrices=False)
+        return directions[values > LEAST_VALUE * values.max(initial=0.0)].T
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """Rows (M, rank) of the first branch."""
+        return self._branches[0].rows @ self.span
+
+    @property
+    def lower(self) -> NDArray[np.float64]:
+        """Their lower ends (M,)."""
+        return self._branches[0].lower
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """Their upper ends (M,)."""
+        return self._branches[0].upper
+
+    def reach(self, weights: NDArray, least: float = -math.inf) -> float:
+        """As for every set of steps."""
+        direction, farthest = weights / self.scale, least
+        for number, branch in enumerate(self._branches):
+            key = number, weights.tobytes()
+            if branch.bounded(direction, self._proofs.get(key)) <= farthest or not self._is_some(number):
+                continue
+            inside = self.span.T @ direction
+            if np.linalg.norm(direction - self.span @ inside) > DETERMINED * np.linalg.norm(direction):
+                return math.inf
+            try:
+                reached, self._proofs[key] = branch.maximise(inside, self.span)
+            except SolverError:
+                return math.inf
+            farthest = max(farthest, reached)
+        return farthest
+
+    def bounded(self, weights: NDArray) -> float:
+        """How far weights'x (n,) can go at most, by the proofs of other sets; infinite where they prove nothing."""
+        direction, reached = weights / self.scale, -math.inf
+        for number, branch in enumerate(self._branches):
+            most = branch.bounded(direction, self._proofs.get((number, weights.tobytes())))
+            if most > reached and self._is_some(number):
+                reached = most
+        return reached
+
+    def _is_some(self, number: int) -> bool:
+        """Whether a branch holds anything: the fit's own has it in, any other may be empty."""
+        return number == 0 or self._branches[number].is_some(self._proofs, number)
+
+
+class AnyOf(Steps):
+    """The union of sets of steps of the same columns."""
+
+    def __init__(self, sets: Sequence[Possible]) -> None:
+        self.count, self._sets, self._first = sets[0].count, sets, 0
+
+    def reach(self, weights: NDArray, least: float = -math.inf) -> float:
+        """As for every set of steps; the one that reached farthest last is asked first, then those that may be next."""
+        most, number = dict.fromkeys(range(len(self._sets)), math.inf), self._first
+        while most[number] > least:
+            del most[number]
+            if (reached := self._sets[number].reach(weights, least)) > least:
+                least, self._first = reached, number
+            if not most or least == math.inf:
+                break
+            most = {other: min(end, self._sets[other].bounded(weights)) for other, end in most.items()}
+            number = max(most, key=lambda other: most[other])
+        return least
+
+
+class _Branch:
+    """{x: lower ≤ rows x ≤ upper}, rows (M, n) of a size (M,); a model for the solver is made when it is needed."""
+
+    def __init__(self, rows: NDArray, size: NDArray, lower: NDArray, upper: NDArray) -> None:
+        self.rows, self.size, self.lower, self.upper = rows, size, lower, upper
+        self._polytope: Polytope | None = None
+        self._is_some: bool | None = None
+
+    def maximise(self, inside: NDArray, span: NDArray) -> tuple[float, NDArray[np.float64]]:
+        """How far it reaches in a direction (r,) within a span (n, r) of its rows, and the duals (M,) that prove it."""
+        if self._polytope is None:
+            self._polytope = Polytope(self.rows @ span, self.size)
+            self._polytope.confine(self.lower, self.upper)
+        reached, _, duals = self._polytope.maximise(inside)
+        return reached, duals
+
+    def bounded(self, direction: NDArray, proof: NDArray | None) -> float:
+        """What the duals (M,) of another set prove here of a direction (n,): how far it reaches at most."""
+        if proof is None or len(proof) != len(self.rows):
+            return math.inf
+        used = np.flatnonzero(proof)
+        rows, duals = self.rows[used], proof[used]
+        duals = duals + lstsq(rows.T, direction - duals @ rows, lapack_driver="gelsy", check_finite=False)[0]
+        if np.linalg.norm(direction - duals @ rows) > EXACT * np.abs(duals).sum():
+            return math.inf
+        return float(np.maximum(duals, 0.0) @ self.upper[used] + np.minimum(duals, 0.0) @ self.lower[used])
+
+    def is_some(self, proofs: Proofs, number: int) -> bool:
+        """Whether there is any such x; what shows that there is none is kept by a number, and tried first."""
+        if self._is_some is None:
+            middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
+            nothing, key = np.zeros(self.rows.shape[1]), (number, b"")
+            # Of these duals the sum of |duals| half is one.
+            self._is_some = not self.bounded(nothing, proofs.get(key)) < -SURELY_EMPTY
+            if self._is_some:
+                radius, _, duals = chebyshev_radius(self.rows, middle, half)
+                self._is_some = radius <= 1.0
+                if not self._is_some:
+                    proofs[key] = -duals
+        return self._is_some
+
+
+def grown_rows(
+    jacobian: NDArray, left: NDArray, bound: NDArray, growth: Growth
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """{x: |left − jacobian x| ≤ bound + growth(x)} as rows with their sizes, and lower and upper ends.
+
+    A row that grows is two, one for each of its ends: on the other side they reach as far as the growth can.
+    """
+    paid, split = np.flatnonzero(growth.rows.any(axis=0)), growth.rows.any(axis=1)
+    own, low, high = growth.rows[:, paid], growth.low[paid], growth.high[paid]
+    allowed, most = bound + growth.now, 2.0 * np.maximum(own * low, own * high).sum(axis=1)
+    # An end of a coefficient is a row like the others: of the size that it has in them.
+    scale = np.maximum(np.abs(jacobian), np.abs(growth.rows)).max(axis=0)
+    ends = np.diag(scale)[paid]
+    rows = np.vstack((jacobian + growth.rows, (jacobian - growth.rows)[split], ends))
+    size = np.concatenate((bound, bound[split], np.full(len(paid), bound.min())))
+    lower = np.concatenate((left - allowed, (left - allowed - most)[split], low * scale[paid]))
+    upper = np.concatenate((left + allowed + most, (left + allowed)[split], high * scale[paid]))
+    return rows, size, lower, upper
+
+
+def largest_length(reach: Reach) -> float:
+    """An upper bound of the length of a pair that is possible, as `reach` (direction (2,) -> how far) says."""
+    heights: dict[int, float] = {}
+    highest = -math.inf
+    for stride in (4, 2, 1):
+        for k in range(0, BOUNDING, stride):
+            if k in heights:
+                continue
+            if stride < 4:
+                # A set reaches no farther between two directions than the corner of their supporting lines.
+                corner = heights[k - stride] + heights[(k + stride) % BOUNDING]
+                heights[k] = 0.5 * corner / math.cos(2.0 * math.pi * stride / BOUNDING)
+                if heights[k] <= highest:
+                    continue
+            angle = 2.0 * math.pi * k / BOUNDING
+            heights[k] = reach(np.array([math.cos(angle), math.sin(angle)]), highest)
+            highest = max(highest, heights[k])
+    # The supporting lines enclose the set; between two directions it reaches farther by this factor at most.
+    return highest / math.cos(math.pi / BOUNDING)
+
+
+def polar_intervals(reach: Reach) -> tuple[Interval, Interval]:
+    """Intervals of amplitude and phase that hold a convex set of (amplitude·cos(phase), amplitude·sin(phase)).
+
+    The set lies within the polygon of its supporting lines in `ENCLOSING` directions; the polygon's corners bound
+    amplitude and phase. The phase is within (-π, π] at the middle and may reach beyond at the ends; (-π, π) when the
+    set holds zero. Infinite where the set is not bounded.
+    """
+    angles = 2.0 * math.pi * np.arange(ENCLOSING) / ENCLOSING
+    units = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    heights = np.array([reach(unit) for unit in units])
+    if not np.isfinite(heights).all():
+        return (-math.inf, math.inf), (-math.inf, math.inf)
+    following = np.roll(heights, -1)
+    turn = 2.0 * math.pi / ENCLOSING
+    along = (following - heights * math.cos(turn)) / math.sin(turn)
+    corners = heights[:, None] * units + along[:, None] * np.stack((-units[:, 1], units[:, 0]), axis=1)
+    high = float(np.linalg.norm(corners, axis=1).max())
+    # The farthest that a line can separate the set from zero.
+    low = float(max(0.0, (-heights).max()))
+    if low == 0.0:
+        return (0.0, high), (-math.pi, math.pi)
+    middle = corners.mean(axis=0)
+    phase = math.atan2(middle[1], middle[0])
+    offsets = [math.remainder(math.atan2(y, x) - phase, 2.0 * math.pi) for x, y in corners]
+    return (low, high), (phase + min(offsets), phase + max(offsets))
