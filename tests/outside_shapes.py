@@ -316,10 +316,11 @@ def distance(change: np.ndarray, columns: np.ndarray) -> float:
     down = np.hstack([-columns, -np.ones((count, 1))])
     limits = [(None, None)] * wide + [(0.0, None)]
     ends = np.concatenate([change, -change]) / size
-    found = linprog(np.append(np.zeros(wide), 1.0), np.vstack([up, down]), ends, bounds=limits, method="highs")
-    if not found.success:
-        raise ArithmeticError(found.message)
-    return size * float(found.fun)
+    for method in ("highs-ds", "highs-ipm"):
+        found = linprog(np.append(np.zeros(wide), 1.0), np.vstack([up, down]), ends, bounds=limits, method=method)
+        if found.success:
+            return size * float(found.fun)
+    raise ArithmeticError(found.message)
 
 
 def as_near(change: np.ndarray, columns: np.ndarray, near: float) -> bool:

@@ -29,10 +29,10 @@ LARGEST_PART = 0.5
 """A function has at most this part of as many coefficients as its quantity has values."""
 SHARPENED = 6
 """Rounds that sharpen the weights of the model without functions."""
-ALIKE = 0.05
+ALIKE = 0.1
 """Functions that are so much of their size apart are told apart."""
-SMOOTH_PIECES = 4
-"""Pieces of the functions by which two quantities are compared."""
+SMOOTH_ORDER = 4
+"""Highest power, or harmonic, of the functions by which two quantities are compared."""
 NONE = np.full(5, -1)
 
 
@@ -97,23 +97,28 @@ class Dependence:
 
 
 def is_same(one: Pair, other: Pair) -> bool:
-    """Whether two pairs of a place depend on the same, as far as these rows can tell."""
+    """Whether two pairs of a place depend on the same, as far as these rows can tell.
+
+    That is where one quantity is a function of the other, as n3 = cos α is one of α: what stands by it stands by both.
+    """
     if one.depends_on == other.depends_on:
         return True
     if one.where != other.where or one.told or other.told or one.factor != other.factor:
         return False
-    return _within(one, other) and _within(other, one)
+    return _within(one, other) or _within(other, one)
 
 
 def _within(one: Pair, other: Pair) -> bool:
     """Whether smooth functions of one quantity are functions of the other."""
-    smooth, fine = (next(iter(pair.ladders())) for pair in (one, other))
-    few = next(form for form in smooth if form.count >= SMOOTH_PIECES)
-    most = [form for form in fine if form.count <= LARGEST_PART * len(other.values)][-1]
-    space = column_space(other.columns(most))
-    functions = one.columns(few)
-    left = functions - space @ (space.T @ functions)
-    return bool((np.linalg.norm(left, axis=0) <= ALIKE * np.linalg.norm(functions, axis=0)).all())
+    *_, smooth = one.ladders()
+    functions = one.columns(next(form for form in smooth if form.count >= SMOOTH_ORDER))
+    for ladder in other.ladders():
+        finest = [form for form in ladder if form.count <= LARGEST_PART * len(other.values)][-1]
+        space = column_space(other.columns(finest))
+        left = functions - space @ (space.T @ functions)
+        if (np.linalg.norm(left, axis=0) <= ALIKE * np.linalg.norm(functions, axis=0)).all():
+            return True
+    return False
 
 
 def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | None:

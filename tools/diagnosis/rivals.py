@@ -22,6 +22,8 @@ LIKE = 0.05
 SURE_SECOND_ORDER = 0.3
 """Where the linear model may be wrong by so many bounds at most, what stands with it is a rival."""
 NOT_COMPARED = "functions that are in no catalogue were not compared: the misfit is too large for the linear model"
+TABLES = ("lookup", "bias-wander")
+"""Effects of which the law says the knots."""
 MOST_RIVALS = 3
 """So many rivals are to be told apart by further positions."""
 FURTHER = 2
@@ -38,6 +40,14 @@ def complexity_of(places: Sequence[EffectPlace]) -> int:
     return sum(own) + sum(searched) + FURTHER * (len(places) - 1)
 
 
+def _is_table_of(place: EffectPlace, pair: Pair) -> bool:
+    """Whether an effect is by its law a table of the quantity of a pair."""
+    if place.where != pair.where or place.effect not in TABLES:
+        return False
+    table = Table.of(place.law)
+    return (table.quantity.replace("*", " "), table.factor) == (pair.quantity, pair.factor)
+
+
 @dataclass(frozen=True, eq=False)
 class Listed:
     """Effects of the catalogue beside functions of pairs: which of them say the same."""
@@ -47,21 +57,26 @@ class Listed:
 
     def is_of(self, fit: Fit, pair: Pair) -> bool:
         """Whether all effects of a fit are functions of a pair, so that they say the same and less."""
-        # What does not only add its columns depends on its accelerometer's own input.
         return all(
-            self._holds(fit, block, pair)
+            _is_table_of(place, pair) or self._holds(fit, block, pair)
             if variant is None or variant.adds
+            # What does not only add its columns depends on its accelerometer's own input.
             else place.where == pair.where and f"n{place.where[-1]}" in pair.depends_on
             for place, block, variant in fit.ways
         )
 
     def beside(self, found: Dependence, fits: Sequence[Fit]) -> Dependence:
-        """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise."""
-        most = np.inf if found.least is None else RIVAL * found.least
+        """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise.
+
+        Sets of several effects are so many that some stand by chance where one function suffices: they have to be no
+        more complex than that, single effects `RIVAL` times as complex at most.
+        """
+        least = np.inf if found.least is None else found.least
         for fit in fits:
+            most = RIVAL * least if len(fit.places) == 1 else least
             if found.listed_elsewhere or complexity_of(fit.places) > most:
                 continue
-            if not (found.standing and self.is_of(fit, found.standing[0].pair)):
+            if not any(self.is_of(fit, one.pair) for one in found.standing):
                 elsewhere = {place.where for place in fit.places} != {found.place}
                 found = replace(found, listed_elsewhere=elsewhere, listed_otherwise=True)
         return found

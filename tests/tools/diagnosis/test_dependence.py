@@ -13,8 +13,9 @@ from outside_shapes import SHAPES, Known, encoder_bump, fifth_power, of_temperat
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose
-from trihedron.tools.diagnosis.dependence import Dependence, dependence
-from trihedron.tools.diagnosis.rivals import Unlisted, complexity_of
+from trihedron.tools.diagnosis.dependence import Dependence, dependence, is_same
+from trihedron.tools.diagnosis.rivals import RIVAL, Listed, Unlisted, complexity_of
+from trihedron.tools.diagnosis.search import search
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import read_record
 from trihedron.tools.reports.diagnosis import lines
@@ -87,6 +88,70 @@ def test_time_and_a_temperature_that_rises_with_it_are_one_quantity(tmp_path: Pa
     assert found is not None
     assert found.proven is not None
     assert set(found.quantities) == {"hours", "temperature"}
+
+
+@pytest.mark.parametrize("count", [36, 100])
+def test_quantities_are_the_same_where_one_is_a_function_of_the_other(count: int, tmp_path: Path):
+    """n3 = cos α, and a temperature that rises and falls is a function of time though time is none of it."""
+    rng = np.random.default_rng([13, count])
+    session = Session.drawn(rng, count)
+    part = session.hours / session.hours[-1]
+    session = replace(session, temperature=np.round(20.0 + 5.0 * np.sin(4.0 * part), 4))
+    reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+    record: Any = read_record(written(tmp_path / "same.positions.csv", rng, session, reading))
+    pairs = bench_evidence(record, noise_bound=SIGMA).pairs()
+    of = {pair.quantity: pair for pair in pairs if pair.where == "accelerometer-1" and not pair.factor}
+    same = [("n3", "alpha"), ("temperature", "hours")]
+    other = [("n3", "beta"), ("n1", "n3"), ("n1", "beta"), ("n1", "hours"), ("temperature", "alpha")]
+    assert [is_same(of[a], of[b]) for a, b in same] == [is_same(of[b], of[a]) for a, b in same] == [True, True]
+    assert not any(is_same(of[a], of[b]) for a, b in other)
+
+
+def test_a_function_of_an_input_that_is_one_of_an_angle_is_proven_by_both(tmp_path: Path):
+    rng = np.random.default_rng([13, 1])
+    session = Session.drawn(rng, 48)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 0] += 2e-4 * n[:, 2] ** 3
+    found = found_of(written(tmp_path / "cosine.positions.csv", rng, session, reading))
+    assert found is not None
+    assert found.proven is not None
+    assert found.quantities == ("n3", "alpha")
+
+
+def test_a_wander_of_the_catalogue_is_a_function_of_time_by_its_law(tmp_path: Path):
+    rng = np.random.default_rng([13, 0])
+    session = Session.drawn(rng, 36)
+    part = session.hours / session.hours[-1]
+    session = replace(session, temperature=np.round(20.0 + 5.0 * np.sin(4.0 * part), 4))
+    reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+    reading[:, 0] += 1.2e-4 * np.exp(-2.0 * ((session.temperature - 21.1) / 3.0) ** 2)
+    record: Any = read_record(written(tmp_path / "wander.positions.csv", rng, session, reading))
+    evidence = bench_evidence(record, noise_bound=SIGMA)
+    listed, (wander,) = Listed(evidence), search(evidence).fits
+    assert wander.places[0].effect == "bias-wander"
+    of = {pair.name for pair in evidence.pairs() if listed.is_of(wander, pair)}
+    assert "hours" in of
+    assert not of & {"n1", "n2", "n3", "alpha", "beta"}
+
+
+def test_sets_of_several_effects_that_are_less_simple_are_no_rivals_of_one_function(tmp_path: Path):
+    rng = np.random.default_rng([14, 3])
+    session = Session.drawn(rng, 36)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 0] += 1.5e-4 * np.tanh(n[:, 0] / 0.35)
+    record: Any = read_record(written(tmp_path / "bent.positions.csv", rng, session, reading))
+    evidence = bench_evidence(record, noise_bound=SIGMA)
+    found, listed, sets = dependence(evidence), Listed(evidence), search(evidence).fits
+    assert found is not None
+    assert found.least is not None
+    others = [fit for fit in sets if not any(listed.is_of(fit, one.pair) for one in found.standing)]
+    assert others
+    assert found.least < min(complexity_of(fit.places) for fit in others) <= RIVAL * found.least
+    proven = listed.beside(found, sets).proven
+    assert proven is not None
+    assert (proven.pair.where, proven.pair.name) == ("accelerometer-1", "n1")
 
 
 def test_the_work_of_a_hundred_positions_is_small(tmp_path: Path):
