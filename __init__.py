@@ -11,13 +11,14 @@ from . import tools
 _TYPES = {
     "Check": "check",
     "Exported": "exporting",
+    "Imported": "foreign",
     "InputError": "errors",
     "Installation": "installation",
     "Simulation": "orchestrator",
 }
 _FUNCTIONS = (
-    *("apply", "attitude_of_record", "calibrate", "check", "diagnose", "doctor", "export", "hide", "inspect", "new"),
-    *("plan", "plan_positions", "read_record", "run_campaign", "simulate"),
+    *("apply", "attitude_of_record", "calibrate", "check", "diagnose", "doctor", "export", "hide"),
+    *("import_record", "inspect", "new", "plan", "plan_positions", "read_record", "run_campaign", "simulate"),
 )
 _HOME = {**_TYPES, **dict.fromkeys(_FUNCTIONS, "library")}
 """In which module of the tools each name is; the stub beside this file says the same to those who check types."""

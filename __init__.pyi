@@ -1,6 +1,7 @@
 from .tools.check import Check as Check
 from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
+from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
 from .tools.library import apply as apply
 from .tools.library import attitude_of_record as attitude_of_record
@@ -10,6 +11,7 @@ from .tools.library import diagnose as diagnose
 from .tools.library import doctor as doctor
 from .tools.library import export as export
 from .tools.library import hide as hide
+from .tools.library import import_record as import_record
 from .tools.library import inspect as inspect
 from .tools.library import new as new
 from .tools.library import plan as plan

@@ -75,6 +75,7 @@ COMMANDS = (
     command("plan --target X4 --grid 15 --json out.json --report out.html --picture out.svg"),
     command("plan --positions 6 --starts 1 --cuts 0 --out out --json out.json --report out.html"),
     command("plan --check angles.csv --json out.json", "angles.csv"),
+    command("import foreign.csv --out out.csv --json out.json", "foreign.csv"),
     command("check run.toml --json out.json", "run.toml"),
     command("new scenario out.toml --json out.json"),
     command("completion bash --json out.json"),
@@ -100,6 +101,8 @@ def make_inputs(folder: Path) -> None:
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
     write_hidden_record(folder / "measured.csv", 5, None, effects=["quadratic"])
     write_hidden_record(folder / "clean.csv", 5, None, effects=())
+    clean = (folder / "clean.csv").read_text(encoding="utf-8")
+    (folder / "foreign.csv").write_text(clean.replace(",", ";").replace(".", ","), encoding="cp1252")
     calibration = calibrate(read_record(folder / "clean.csv", PositionRecord), noise_bound=1e-5)
     (folder / "calibration.json").write_text(calibration.json_text(), encoding="utf-8")
     finished = ["--jobs", "1", "--out", str(folder / "finished"), "--quiet"]

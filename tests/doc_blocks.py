@@ -193,7 +193,10 @@ class Reader:
         self._printed = told.getvalue()
 
     def _text(self, block: Block, where: str) -> None:
-        """What the block directly above printed; elsewhere it is text."""
+        """What the block directly above printed, or a file where it has a title; elsewhere it is text."""
+        if block.title:
+            self._file(block)
+            return
         if block.follows and self._printed is not None:
             assert matches(block.text, self._printed), f"{where}: printed is\n{self._printed}"
         self._printed = None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import calibration as calibrations
 from . import campaign as campaigns
 from . import check as checks
-from . import diagnosis, motion, orchestrator, own_effects, planning, records, reports, ssp, trials
+from . import diagnosis, foreign, motion, orchestrator, own_effects, planning, records, reports, ssp, trials
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -588,6 +588,46 @@ def read_record(record: "records.Source", *wanted: type) -> Any:
         whatever is wrong with the file, in one line that names row and column
     """
     return records.read_record(record, *wanted)
+
+
+def import_record(
+    file: str | Path,
+    *,
+    out: str | Path | None = None,
+    mapping: str | Path | None = None,
+    answers: Mapping[str, str] | None = None,
+) -> "foreign.Imported":
+    """Make a record of a measured file as a laboratory writes it: CSV of Windows, Excel, LabVIEW.
+
+    Nothing is guessed silently: what the file does not say is asked for, all at once, with the options that answer.
+
+    Parameters
+    ----------
+    file : path
+        The file.
+    out : path, optional
+        The record (CSV); the mapping that was used is written beside it, RECORD.import.toml.
+    mapping : path, optional
+        A mapping to use, as an import proposed it and you edited it.
+    answers : mapping, optional
+        KEY=VALUE: an answer, as units.force=g or dates=day-first; may be repeated.
+
+    Raises
+    ------
+    InputError
+        for what has to be said first, or a file that cannot be used
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.import_record("messung.csv", answers={"units.force": "mg"}).record  # doctest: +SKIP
+    """
+    return foreign.import_record(
+        Path(file),
+        out=None if out is None else Path(out),
+        mapping=None if mapping is None else Path(mapping),
+        answers=answers,
+    )
 
 
 def check(file: str | Path) -> "checks.Check":

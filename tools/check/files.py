@@ -48,7 +48,7 @@ from ..planning.plan import Plan, Plans
 from ..records.columns import ANGLES, FORCE, POSITION, Columns, extra_warning, warnings
 from ..records.kinds import RawRecord, StrapdownRecord
 from ..records.limits import limits_of
-from ..records.read import all_faults, read_record
+from ..records.read import all_faults, is_workbook, read_record
 from ..records.rests import position_record_of
 from ..result import Location, field_problems, not_for_files
 from ..rounding import exactly, upwards
@@ -77,7 +77,7 @@ def check(path: Path | str) -> Check:
     ending = path.suffix.lower()
     data = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
     found = Findings(path)
-    if data.startswith(b"PK"):
+    if data.startswith(b"PK") and not is_workbook(data):
         (_check_ssp if ending == ".ssp" else _check_fmu)(found)
     elif ending in (".fmu", ".ssp"):
         found.kind = "FMU" if ending == ".fmu" else "SSP archive"

@@ -20,6 +20,7 @@ from .commands import (
     export,
     export_ssp,
     fmpy_input,
+    import_,
     inspect,
     installed_version,
     new,
@@ -63,6 +64,7 @@ for command in (
     *(fmpy_input, hidden, inspect, new, plan, reproduce, simulate),
 ):
     app.command(command)
+app.command(import_, name="import")
 add_completion(app)
 
 

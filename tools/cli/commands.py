@@ -11,8 +11,8 @@ from cyclopts import App, Parameter
 
 from .. import calibration as calibrations
 from .. import diagnosis, library, motion, orchestrator, own_effects, papers, records, reports, ssp, trials
-from ..errors import one_line
-from ..files import ordinary_folder, write_text
+from ..errors import InputError, one_line
+from ..files import ordinary_file, ordinary_folder, write_text
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -257,6 +257,31 @@ def check(file: Path, /, *, json: JsonFile = None) -> Answer:
     distinct_files({"the file": file, "--json": json})
     found = library.check(file)
     return answer(found, json, complaint="" if found.good else found.verdict)
+
+
+@takes(library.import_record)
+def import_(
+    file: Path,
+    /,
+    *,
+    out: Annotated[Path, Parameter(name="--out", validator=ordinary_file)],
+    mapping: Annotated[Path | None, Parameter(name="--mapping")] = None,
+    answers: Annotated[tuple[str, ...], Parameter(name="--set", allow_leading_hyphen=True)] = (),
+    json: JsonFile = None,
+) -> Answer:
+    """Example: trihedron import messung.csv --out record.csv
+
+    Example: trihedron import messung.csv --out record.csv --set decimal=, --set units.force=mg
+    """
+    distinct_files({"the file": file, "--out": out, "--json": json})
+    distinct_files({"--mapping": mapping, "--out": out, "the file": file})
+    said = {}
+    for answer_ in answers:
+        key, is_there, text = answer_.partition("=")
+        if not is_there:
+            raise InputError(f"--set {answer_}: write KEY=VALUE, as units.force=g")
+        said[key.strip()] = text
+    return answer(library.import_record(file, out=out, mapping=mapping, answers=said), json)
 
 
 @takes(library.new)

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 from ..rounding import digits
+from .comments import Comments
 
 FORCE = ("f1_mps2", "f2_mps2", "f3_mps2")
 RATE = ("w1_radps", "w2_radps", "w3_radps")
@@ -104,6 +105,7 @@ class Columns:
     resolution: float
     angle_resolution: float = 0.0
     temperature_resolution: float = 0.0
+    comments: Comments = field(default_factory=Comments)
 
     def group(self, names: Sequence[str]) -> np.ndarray:
         """The named columns side by side, shape (N, len(names))."""

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -11,6 +12,7 @@ import numpy as np
 from ..errors import InputError
 from ..files import whole_file
 from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE, knocks_of
+from .comments import comment_lines
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -150,7 +152,7 @@ class RawRecord(_Record):
         readings of the three accelerometers, block frame [m/s²]
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings, resolution, sha256
+    path, row, warnings, resolution, sha256, about
         as in PositionRecord
     """
 
@@ -173,6 +175,7 @@ class RawRecord(_Record):
     warnings: tuple[str, ...] = ()
     resolution: float = 0.0
     sha256: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,6 +216,8 @@ class PositionRecord(_Record):
         for a record made from rests, where they are long enough to tell
     sha256 : str
         of the file's bytes, in hexadecimal; empty when the record has no file
+    about : dict
+        key -> value of the comment lines of its file: serial number, operator, date
     raw : RawRecord or None
         what it was made from, with all the `rests` of the table, refused ones too
     """
@@ -248,6 +253,7 @@ class PositionRecord(_Record):
     scatter: np.ndarray | None = None
     dwell_noise: DwellNoise | None = None
     sha256: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
 
@@ -288,7 +294,7 @@ class StrapdownRecord(_Record):
         true attitude, unit quaternion, scalar first, body to reference; a row of NaN where it is not known
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings, sha256
+    path, row, warnings, sha256, about
         as in PositionRecord
     """
 
@@ -312,6 +318,7 @@ class StrapdownRecord(_Record):
     row: np.ndarray = field(default_factory=_no_rows)
     warnings: tuple[str, ...] = ()
     sha256: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):
@@ -320,7 +327,7 @@ class StrapdownRecord(_Record):
 
 
 def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Path, decimals: int | None = None) -> None:
-    """Write a record as CSV; an attitude that is not known is an empty field.
+    """Write a record as CSV, what is known about it as comment lines; an attitude that is not known is an empty field.
 
     Parameters
     ----------
@@ -353,6 +360,7 @@ def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Pat
     if Path(path).suffix.lower() == ".parquet":
         raise InputError(f"{path}: records are written as CSV; give a name that ends with .csv")
     table = io.StringIO()
+    table.write(comment_lines(record.about))
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(texts)
     writer.writerows(zip(*texts.values(), strict=True))

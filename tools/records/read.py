@@ -9,6 +9,7 @@ import hashlib
 import io
 import math
 import re
+import shlex
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
@@ -43,6 +44,7 @@ from .columns import (
     spoilt_attitudes,
     warnings,
 )
+from .comments import comments_of
 from .kinds import PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
 
@@ -52,6 +54,9 @@ PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
 ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""
+OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+"""What an Excel workbook of the old kind (.xls) begins with."""
+
 
 Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
 Faults: TypeAlias = Generator[RecordError, None, Columns | None]
@@ -139,7 +144,7 @@ def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind], *, trusted
     except StopIteration as done:
         columns: Columns = done.value
     said = extra_warning(columns) + warnings(columns)
-    return replace(_record(columns), warnings=said, sha256=hashlib.sha256(data).hexdigest())
+    return replace(record_of(columns), warnings=said, sha256=hashlib.sha256(data).hexdigest())
 
 
 def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
@@ -150,22 +155,39 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     Parquet file that this process made are trusted not to be corrupt.
     """
     try:
+        if is_workbook(data):
+            raise RecordError(path, None, None, "is an Excel workbook")
         if data.startswith(MAGIC):
             columns = _read_parquet(path, data, kinds, trusted=trusted)
         else:
             columns = yield from _read_csv(path, data, kinds)
     except RecordError as error:
-        yield error
+        yield _with_import(error, path, data)
         return None
     if columns is not None:
         yield from faults(columns)
     return columns
 
 
-def _record(columns: Columns) -> Record:
+def is_workbook(data: bytes) -> bool:
+    """Whether bytes are those of an Excel workbook, of the new kind (.xlsx, a ZIP archive) or the old."""
+    return data.startswith(OLD_WORKBOOK) or (data.startswith(b"PK") and b"xl/workbook" in data)
+
+
+def _with_import(error: RecordError, path: Path, data: bytes) -> RecordError:
+    """What is wrong with a file that is no record, and the command that makes one of what a laboratory wrote."""
+    text = is_workbook(data) or data[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" not in data
+    if not text or data.startswith(MAGIC) or not data.strip() or "no rows follow" in error.what:
+        return error
+    name = shlex.quote(str(path))
+    what = f"{error.what}; a laboratory's own file becomes a record by: trihedron import {name} --out RECORD.csv"
+    return RecordError(path, error.row, error.column, what)
+
+
+def record_of(columns: Columns) -> Record:
     """The values of columns that have no faults."""
     kind = {POSITION: PositionRecord, RAW: RawRecord}.get(columns.layout.kind, StrapdownRecord)
-    values: dict[str, Any] = {"path": columns.path, "row": columns.row}
+    values: dict[str, Any] = {"path": columns.path, "row": columns.row, "about": columns.comments.about}
     for name, own in kind.groups.items():
         if own[0] not in columns.layout.present:
             values[name] = None
@@ -185,6 +207,8 @@ def _record(columns: Columns) -> Record:
         rounded = columns.angle_resolution <= ROUNDED_ANGLE
         values["angle_resolution"] = float(np.deg2rad(columns.angle_resolution)) if rounded else 0.0
         values["temperature_resolution"] = columns.temperature_resolution
+        if columns.comments.scatter:
+            values["scatter"] = np.tile(columns.comments.scatter, (len(columns.row), 1))
     return kind(**values)
 
 
@@ -194,6 +218,10 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
     written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
     rows = np.flatnonzero(written) + 1
     body = list(compress(lines, written))
+    comments, fault = comments_of((row, line) for row, line in enumerate(lines, 1) if line.startswith("#"))
+    if fault is not None:
+        row, key, what = fault
+        raise RecordError(path, row, None, f"comment {key}: {what}")
     if not body:
         raise RecordError(path, None, None, "is empty; a header and at least one row are needed")
     header_row = int(rows[0])
@@ -242,9 +270,10 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
         values,
         tuple(mounting) if MOUNTING in place else None,
         np.concatenate(kept),
-        resolution(*FORCE),
-        resolution(*ANGLES),
-        resolution(TEMPERATURE),
+        max(resolution(*FORCE), comments.resolution),
+        max(resolution(*ANGLES), comments.angle),
+        max(resolution(TEMPERATURE), comments.temperature),
+        comments,
     )
 
 

@@ -16,6 +16,7 @@ from ..rounding import digits
 if TYPE_CHECKING:
     from ..check import Check
     from ..exporting import Exported
+    from ..foreign import Imported
     from ..installation import Installation
     from ..orchestrator.run import Simulation
 
@@ -30,6 +31,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Curve": ("plan", "curve_lines", None),
     "Diagnosis": ("diagnosis", "lines", "page"),
     "Exported": ("makers", "exported_lines", None),
+    "Imported": ("makers", "import_lines", None),
     "Inspection": ("inspection", "inspection_lines", None),
     "Installation": ("makers", "installation_lines", None),
     "Plans": ("plan", "plan_lines", "plan_page"),
@@ -93,6 +95,25 @@ def installation_lines(result: "Installation") -> list[str]:
     width = max(len(finding.subject) for finding in result.findings)
     mark = {True: "yes", False: "NO", None: "-"}
     return [verdict, *(f"{mark[f.good]:>4}  {f.subject:<{width}}  {f.state}" for f in result.findings)]
+
+
+def import_lines(result: "Imported") -> list[str]:
+    """What became of the file: how it was read, column by column, what was left out, the first rows as understood."""
+    rows = f"{result.rows} rows" + (f" of {result.readings} readings" if result.readings != result.rows else "")
+    lines = [f"{result.file}: {result.kind} of {rows}", f"read as {result.written_as}"]
+    width = max(len(column.column) for column in result.columns)
+    for column in result.columns:
+        unit = f" in {column.unit}" if column.unit else ""
+        lines.append(f"  {column.column:<{width}}  {'-' if column.sign < 0 else ''}{column.source!r}{unit}")
+    lines += [f"left out: {text}" for text in result.left_out] + [*result.notes]
+    lines += [f"kept: {key}: {text}" for key, text in result.about.items()]
+    lines.append("its first rows:")
+    lines += ["  " + ", ".join(f"{name} {_shown(value)}" for name, value in row.items()) for row in result.first_rows]
+    return lines + [file for file in (result.record_file, result.mapping_file) if file is not None]
+
+
+def _shown(value: float | str) -> str:
+    return value if isinstance(value, str) else digits(value, 9)
 
 
 def simulation_lines(result: "Simulation") -> list[str]:

@@ -1,0 +1,241 @@
+"""Position records as laboratories write them: imported, or asked about; never understood wrongly in silence."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from bench_cases import write_hidden_record
+from laboratory_files import Bench, LabFile, position_files, repeated_file
+from trihedron.tools import cli
+from trihedron.tools.records import PositionRecord, read_record
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """A run of twenty rests with whole degrees."""
+    path = tmp_path_factory.mktemp("clean") / "clean.csv"
+    write_hidden_record(path, 5, None, effects=())
+    record = read_record(path, PositionRecord)
+    return Bench(
+        np.round(record.time_s),
+        np.round(np.degrees(record.alpha)),
+        np.round(np.degrees(record.beta)),
+        record.specific_force,
+        np.linspace(21.0, 24.0, len(record)),
+    )
+
+
+def some_bench() -> Bench:
+    """Of any size, for the names of the files."""
+    ones = np.arange(1.0, 41.0)
+    return Bench(ones, ones, ones, np.tile(ones[:, None], 3), ones)
+
+
+NAMES = [file.name for file in position_files(some_bench())]
+
+
+def file_of(bench: Bench, name: str) -> LabFile:
+    return next(file for file in position_files(bench) if file.name == name)
+
+
+def written(folder: Path, file: LabFile) -> Path:
+    path = folder / f"lab{file.suffix}"
+    path.write_bytes(file.content)
+    return path
+
+
+def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], str]:
+    """Keys that an import asks for, and the line in which it does."""
+    with pytest.raises(th.InputError) as refused:
+        th.import_record(path, answers=answers)
+    said = str(refused.value)
+    assert "\n" not in said
+    return set(re.findall(r"--set '?([\w.]+)=", said)), said
+
+
+def test_there_are_forty_dialects():
+    assert len(NAMES) == len(set(NAMES)) >= 45
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Bench, tmp_path: Path):
+    """Exactly what is missing is asked for, at once; with it the record is the clean one, to the last digit written."""
+    file = file_of(bench, name)
+    path = written(tmp_path, file)
+    if file.needs:
+        keys, said = asked(path)
+        assert keys == set(file.needs), said
+    found = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
+    record = th.read_record(tmp_path / "record.csv")
+    rows = np.arange(len(bench.time)) if file.rows is None else file.rows
+    assert isinstance(record, PositionRecord)
+    assert record.specific_force == pytest.approx(bench.force[rows], abs=file.grain)
+    for angles, clean in ((record.alpha, bench.alpha), (record.beta, bench.beta)):
+        assert np.abs((np.degrees(angles) - clean[rows] + 180.0) % 360.0 - 180.0).max() < 1e-6
+    if record.temperature is not None:
+        assert record.temperature == pytest.approx(bench.temperature[rows], abs=1e-4)
+    # what was written says how finely: no less, and not ten times more
+    assert np.abs(record.specific_force - bench.force[rows]).max() <= 1.001 * record.resolution + 1e-15
+    assert {key: record.about.get(key) for key in file.keeps} == file.keeps
+    if not {"time", "dates"} & set(file.needs):
+        assert np.diff(record.time_s) == pytest.approx(np.diff(bench.time[rows]), abs=1e-5)
+    assert found.to_json()["rows"] == len(record)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if file_of(some_bench(), name).wrong])
+def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(name: str, bench: Bench, tmp_path: Path):
+    """Both answers are possible: the question was one."""
+    file = file_of(bench, name)
+    path = written(tmp_path, file)
+    if set(file.wrong) & {"units.force", "decimal"}:
+        # the size of gravity says no
+        with pytest.raises(th.InputError, match="gravity"):
+            th.import_record(path, answers=file.wrong)
+        return
+    right, other = (th.import_record(path, answers=answers).record for answers in (file.needs, file.wrong))
+    assert not np.array_equal(other.time_s, right.time_s)
+
+
+@pytest.mark.parametrize("name", ["German Windows", "counts", "sexagesimal", "1 February or 2 January?"])
+def test_a_calibration_of_it_is_that_of_the_clean_record(name: str, bench: Bench, tmp_path: Path):
+    file = file_of(bench, name)
+    rows = np.arange(len(bench.time)) if file.rows is None else file.rows
+    record = th.import_record(written(tmp_path, file), answers=file.needs).record
+    clean = PositionRecord(
+        np.arange(1, len(rows) + 1),
+        bench.time[rows],
+        np.radians(bench.alpha[rows]),
+        np.radians(bench.beta[rows]),
+        bench.force[rows],
+    )
+    ours, theirs = (th.calibrate(each, noise_bound=1e-5) for each in (record, clean))
+    assert ours.verdict == theirs.verdict
+    values = [[p.estimate for p in each.parameters if p.estimate is not None] for each in (ours, theirs)]
+    assert values[0] == pytest.approx(values[1], abs=2e-8)
+
+
+def test_the_proposed_mapping_is_filled_in_and_used_again(bench: Bench, tmp_path: Path, monkeypatch, capsys):
+    """One line of the mapping answers; the next file of the same laboratory needs no question."""
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, file_of(bench, "g or m/s²?"))
+    assert cli.main(["import", "lab.csv", "--out", "record.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "--mapping record.import.toml" in err
+    assert not Path("record.csv").exists()
+    text = Path("record.import.toml").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if '"?"' in line and not line.startswith("#")]
+    assert len(lines) == 1
+    Path("record.import.toml").write_text(text.replace('force = "?"', 'force = "g"'), encoding="utf-8")
+    assert cli.main(["import", "lab.csv", "--out", "record.csv"]) == 2
+    assert "was edited; use it with --mapping record.import.toml" in capsys.readouterr().err
+    assert cli.main(["import", "lab.csv", "--out", "record.csv", "--mapping", "record.import.toml", "--quiet"]) == 0
+    edited = Path("record.import.toml").read_text(encoding="utf-8")
+    assert '"?"' not in edited.replace('with "?"', "")
+    assert cli.main(["import", "lab.csv", "--out", "next.csv", "--mapping", "record.import.toml", "--quiet"]) == 0
+    assert Path("next.csv").read_bytes() == Path("record.csv").read_bytes()
+    assert cli.main(["import", "lab.csv", "--out", "third.csv", "--mapping", "next.import.toml", "--quiet"]) == 0
+    assert Path("third.csv").read_bytes() == Path("record.csv").read_bytes()
+
+
+def test_signs_units_and_offsets_of_a_mapping_are_obeyed(bench: Bench, tmp_path: Path):
+    path = written(tmp_path, file_of(bench, "other names"))
+    answers = {"columns.f2_mps2.sign": "-1", "columns.f2_mps2.offset": "0.5", "columns.f2_mps2.from": "acc y [m/s²]"}
+    record = th.import_record(path, answers=answers).record
+    assert record.specific_force[:, 1] == pytest.approx(0.5 - bench.force[:, 1], abs=1e-9)
+    assert record.specific_force[:, 0] == pytest.approx(bench.force[:, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_several_readings_of_a_rest_are_averaged_and_their_scatter_kept(numbered: bool, bench: Bench, tmp_path: Path):
+    """The standard error that is kept is that of the noise put in, and bounds the noise where nothing else does."""
+    scatter, count = 2e-4, 16
+    file = repeated_file(bench, count, scatter, 3, numbered=numbered)
+    path = written(tmp_path, file)
+    if file.needs:
+        assert asked(path)[0] == {"readings", "kind"}
+    found = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
+    record = read_record(tmp_path / "record.csv", PositionRecord)
+    error = scatter / np.sqrt(count)
+    assert len(record) == len(bench.time)
+    assert np.abs(record.specific_force - bench.force).max() < 5.0 * error
+    assert record.scatter is not None
+    assert record.scatter[0] == pytest.approx([error] * 3, rel=0.15)
+    assert found.scatter_mps2 == pytest.approx(record.scatter[0], rel=1e-3)
+    bound = th.calibrate(record).noise_bound
+    assert 2.5 * error < bound * 9.80665 < 4.0 * error
+
+
+def test_readings_under_one_number_at_other_angles_are_no_readings_of_one_rest(bench: Bench, tmp_path: Path):
+    file = repeated_file(bench, 3, 1e-4, 3)
+    lines = file.content.decode().splitlines()
+    fields = lines[5].split(",")
+    fields[2] = "77.0"
+    lines[5] = ",".join(fields)
+    path = tmp_path / "lab.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(th.InputError, match=r"row 6: the angles differ from the row before.*--set readings=each"):
+        th.import_record(path)
+
+
+def test_angles_about_zero_are_averaged_round_the_circle(tmp_path: Path):
+    rows = ["pos,t [s],alpha [deg],beta [deg],ax [g],ay [g],az [g]"]
+    for k in range(4):
+        for j, angle in enumerate((359.99, 0.01, 359.99, 0.01)):
+            rows.append(f"{k + 1},{10 * k + j},{angle},{(90.0 * k + angle) % 360.0},0.0,0.0,1.0")
+    path = tmp_path / "lab.csv"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    record = th.import_record(path).record
+    assert np.abs((np.degrees(record.alpha) + 180.0) % 360.0 - 180.0).max() < 1e-9
+
+
+def test_midnight_passes(tmp_path: Path):
+    rows = ["pos,Time of day,alpha [deg],beta [deg],ax [g],ay [g],az [g]"]
+    rows += [f"{k},{t},{k},0.0,0.0,0.0,1.0" for k, t in enumerate(("23:59:50", "23:59:58", "00:00:06"), 1)]
+    path = tmp_path / "lab.csv"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    found = th.import_record(path)
+    assert found.record.time_s == pytest.approx([0.0, 8.0, 16.0])
+    assert "midnight passes 1 time" in found.notes
+
+
+def test_decimal_commas_between_commas_are_refused_as_such(bench: Bench, tmp_path: Path):
+    file = file_of(bench, "semicolon, decimal comma")
+    path = tmp_path / "lab.csv"
+    path.write_bytes(file.content.replace(b";", b","))
+    with pytest.raises(
+        th.InputError, match=r"decimal commas between commas cannot be told apart; save it with semicolons"
+    ):
+        th.import_record(path)
+
+
+@pytest.mark.parametrize("name", ["German Windows", "German, UTF-16", "tab, decimal point", "other names"])
+def test_check_and_diagnose_propose_the_import(name: str, bench: Bench, tmp_path: Path, monkeypatch, capsys):
+    """What is no record, but may become one, is answered with the command that makes it one."""
+    monkeypatch.chdir(tmp_path)
+    file = file_of(bench, name)
+    path = written(tmp_path, file)
+    command = f"trihedron import {path.name} --out RECORD.csv"
+    assert command in str(th.check(path.name))
+    assert cli.main(["diagnose", path.name, "--noise-bound", "1e-5"]) == 2
+    err = capsys.readouterr().err
+    assert command in err
+    assert err.count("\n") == 1
+    assert cli.main([*command.split()[1:], "--quiet"]) == 0
+    assert th.check("RECORD.csv").good
+
+
+def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path):
+    """Lines are looked for in each file: the next one has another head and more rows."""
+    file = file_of(bench, "footer")
+    lines = file.content.decode().splitlines()
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join([*lines[:20], "", "Ende der Messung"]), encoding="utf-8")
+    first = th.import_record(short, out=tmp_path / "first.csv")
+    assert (first.rows, first.left_out) == (19, ("what stands below row 20",))
+    (tmp_path / "long.csv").write_text("\n".join(["Titel", "", *lines]), encoding="utf-8")
+    long = th.import_record(tmp_path / "long.csv", mapping=tmp_path / "first.import.toml")
+    assert long.rows == len(bench.time)

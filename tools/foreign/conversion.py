@@ -1,0 +1,306 @@
+"""Rows of texts as the columns of a record: numbers in its units, times from the first row, readings averaged."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..records.columns import (
+    ANGLES,
+    FORCE,
+    MOUNTING,
+    POSITION,
+    QUATERNION,
+    TEMPERATURE,
+    Columns,
+    Layout,
+    RecordError,
+    faults,
+    quoted,
+)
+from ..records.read import significant_digits, written_resolution
+from .mapping import OPEN
+from .names import DATE, TIMES
+from .numbers import BLANKS, bare, clock, is_missing, moment, sexagesimal
+from .understanding import CLOCK, NUMBER, STANDING_DEG, Understanding, reading
+from .units import TIME, unit_of
+
+PART = 16384
+"""Rows that are taken from text to numbers at once."""
+MOST_LEFT_OUT = 0.2
+"""Part of the rows that may lack a number before it is asked what to do with them."""
+DAY = 86400.0
+EPOCH = 1e8
+"""Times above that many seconds count from long ago: the first row is taken off, whose digits doubles would lose."""
+
+
+@dataclass
+class Conversion:
+    """Columns of the record, the lines they are from, and what was done on the way.
+
+    Attributes
+    ----------
+    numbers : dict
+        column -> values (N,) in the record's units
+    names : list of str
+        mountings
+    row : ndarray of int, shape (N,)
+        lines of the file; of averaged rows the first
+    left_out : dict
+        why -> lines of the rows left out
+    resolution : dict
+        column group ("mps2", "deg", "degC") -> half a last digit as written, in the record's unit
+    readings : ndarray of int, shape (N,), or None
+        readings averaged in each row
+    scatter : ndarray, shape (3,), or None
+        standard error of a mean of them, pooled over the rests [m/s²]
+    """
+
+    numbers: dict[str, NDArray[np.float64]]
+    names: list[str]
+    row: NDArray[np.int_]
+    left_out: dict[str, list[int]] = field(default_factory=dict)
+    resolution: dict[str, float] = field(default_factory=dict)
+    readings: NDArray[np.int_] | None = None
+    scatter: NDArray[np.float64] | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def converted(found: Understanding) -> Conversion:
+    """The rows of a sheet that is understood as columns; an InputError names the row and column that cannot be."""
+    texts, lines, left_out = _texts(found)
+    if not lines:
+        raise InputError(f"{found.sheet.path}: no row has all that a {found.kind.name} needs")
+    numbers: dict[str, NDArray[np.float64]] = {}
+    for column, taken in found.taken.items():
+        if column in (MOUNTING, DATE):
+            continue
+        if column == TIMES:
+            numbers[column] = _times(found, texts, lines)
+            continue
+        values = np.array([_value(found, column, text, line) for text, line in zip(texts[column], lines, strict=True)])
+        unit = taken.unit
+        values = (values - taken.offset) * taken.sign
+        numbers[column] = values if unit is None else values * unit.factor + unit.offset
+    if TIMES not in numbers:
+        unit = unit_of(found.given.units.get(TIME, "1 s"))
+        numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * (unit.factor if unit is not None else 1.0)
+    if QUATERNION[0] in numbers and found.mapping.attitude == "reference to body":
+        numbers |= {column: -numbers[column] for column in QUATERNION[1:]}
+    made = Conversion(numbers, [text.strip() for text in texts.get(MOUNTING, [])], np.array(lines), left_out)
+    made.resolution = _resolutions(found, texts)
+    if found.kind is POSITION:
+        _average(found, made)
+    return made
+
+
+def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
+    """The texts of the columns taken, row by row, and their lines; rows without a number are left out, by reason."""
+    layout, also = found.layout, found.given.missing
+    texts: dict[str, list[str]] = {column: [] for column in found.taken}
+    fields = {column: taken.field for column, taken in found.taken.items()}
+    lines: list[int] = []
+    left_out: dict[str, list[int]] = {}
+    empty: dict[str, int] = {}
+    for line, row in found.sheet.rows(layout.first, layout.last or None):
+        cells = {column: row[place] if place < len(row) else "" for column, place in fields.items()}
+        missing = [column for column, text in cells.items() if is_missing(text, also) and column not in QUATERNION]
+        if missing:
+            left_out.setdefault("a number is missing", []).append(line)
+            for column in missing:
+                empty[column] = empty.get(column, 0) + 1
+            continue
+        numeric = [column for column, taken in found.taken.items() if taken.form == NUMBER]
+        if found.value(cells[numeric[0]]) is None and all(reading(found, c, cells[c]) is None for c in numeric):
+            left_out.setdefault("words, no numbers", []).append(line)
+            continue
+        lines.append(line)
+        for column, text in cells.items():
+            texts[column].append(text)
+    count = len(lines) + sum(map(len, left_out.values()))
+    if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and found.given.incomplete in ("", OPEN):
+        worst = max(empty, key=lambda column: empty[column])
+        why = f"{empty[worst]} of {count} rows have no number in {found.taken[worst].said!r}"
+        answers = [("incomplete", "leave out")]
+        if worst in found.kind.optional:
+            answers.append((f"columns.{worst}", "none"))
+        found.ask(*answers[-1:][0][:1], answers[-1][1:], why + "; or --set 'incomplete=leave out' leaves out such rows")
+        return texts, [], left_out
+    return texts, lines, left_out
+
+
+def _value(found: Understanding, column: str, text: str, line: int) -> float:
+    """The number of a cell; an InputError where it is none."""
+    if column in QUATERNION and is_missing(text):
+        return np.nan
+    value = found.value(text) if column not in ANGLES else reading(found, column, text)
+    if value is None:
+        said = found.taken[column].said
+        what = f"{quoted(text.strip())} is no number with decimal {found.decimal!r}"
+        raise InputError(
+            f"{found.sheet.path}: row {line}, column {said!r}: {what}; --set missing=TEXT leaves such rows out"
+        )
+    return value
+
+
+def _times(found: Understanding, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
+    """Times [s]: as written where they are numbers, else from the first row on."""
+    taken = found.taken[TIMES]
+    form, order = found.mapping.clock, found.mapping.dates or "day-first"
+    if taken.form == NUMBER:
+        assert taken.unit is not None
+        values = np.array([_value(found, TIMES, text, line) for text, line in zip(texts[TIMES], lines, strict=True)])
+        if np.abs(values * taken.unit.factor).max() > EPOCH:
+            values = values - values[0]
+            found.notes.append("times count from the first row")
+        return values * taken.unit.factor
+    read = clock if taken.form == CLOCK else moment
+    values = np.zeros(len(lines))
+    for k, (text, line) in enumerate(zip(texts[TIMES], lines, strict=True)):
+        at = clock(text, form) if read is clock else moment(text, order, form)
+        if at is not None and DATE in texts:
+            on = moment(texts[DATE][k], order)
+            at = None if on is None else at + on
+        if at is None:
+            shown = quoted(text.strip())
+            raise InputError(
+                f"{found.sheet.path}: row {line}, column {taken.said!r}: {shown} is no time like those before"
+            )
+        values[k] = at
+    found.notes.append("times count from the first row")
+    values = values - values[0]
+    if taken.form == CLOCK and DATE not in texts:
+        steps = np.diff(values, prepend=values[0])
+        nights = np.cumsum(steps < -0.5 * DAY)
+        if nights.any():
+            found.notes.append(f"midnight passes {int(nights[-1])} time{'s' if nights[-1] > 1 else ''}")
+        values = values + DAY * nights
+    return values
+
+
+def _resolutions(found: Understanding, texts: dict[str, list[str]]) -> dict[str, float]:
+    """Half a last digit of what was written, in the record's units, by the unit in their names."""
+    groups = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
+    result = {}
+    for name, columns in groups.items():
+        sizes = [_resolution(found, column, texts[column]) for column in columns if column in found.taken]
+        if sizes and max(sizes) > 0.0:
+            result[name] = max(sizes)
+    return result
+
+
+def _resolution(found: Understanding, column: str, texts: Sequence[str]) -> float:
+    unit = found.taken[column].unit
+    factor = unit.factor if unit is not None else 1.0
+    some = [bare(text).replace("−", "-") for text in islice(texts, PART)]
+    values = [found.value(text) for text in some]
+    if any(value is None for value in values):
+        # seconds of an arc, or minutes where there are none
+        decimals = [len(text.rstrip("\"″”s'′ ").replace(",", ".").partition(".")[2]) for text in some]
+        parts = [len([p for p in sexagesimal_parts(text) if p]) for text in some]
+        return 0.5 * 10.0 ** -max(decimals, default=0) / 60.0 ** (max(parts, default=1) - 1)
+    plain = ["".join(c for c in text if c not in BLANKS + found.thousands).replace(found.decimal, ".") for text in some]
+    digits = max(map(significant_digits, plain), default=0)
+    return written_resolution(max(abs(value) for value in values if value is not None), digits) * factor
+
+
+def sexagesimal_parts(text: str) -> list[str]:
+    """Degrees, minutes and seconds of an angle, as texts."""
+    if sexagesimal(text) is None:
+        return [text]
+    return "".join(c if c.isdigit() or c in ".," else " " for c in text).split()
+
+
+def _average(found: Understanding, made: Conversion) -> None:
+    """One row for each rest: rows that follow one another with the same number, or at the same angles, are averaged."""
+    numbers, count = made.numbers, len(made.row)
+    numbered = "position" in numbers
+    if numbered:
+        new = np.diff(numbers["position"], prepend=np.nan) != 0.0
+        if found.given.readings == "each":
+            new[:] = True
+    elif found.given.readings == "average":
+        new = _moved(numbers)
+    else:
+        new = np.ones(count, dtype=bool)
+    begins = np.flatnonzero(new)
+    sizes = np.diff(np.append(begins, count))
+    if numbered:
+        _refuse_moves(found, made, new)
+    means = {name: _means(name, values, begins, sizes) for name, values in numbers.items()}
+    kept = means.get("position", np.zeros(0))
+    if not numbered or np.any(np.diff(kept) <= 0) or np.any((kept < 1) | (kept != np.floor(kept))):
+        means["position"] = np.arange(1.0, len(begins) + 1)
+        made.notes.append("positions are numbered in the order of the rows")
+    if sizes.max() > 1:
+        made.readings = sizes
+        made.scatter = _scatter(numbers, means, sizes)
+    made.numbers = means
+    made.row, made.names = made.row[begins], [made.names[k] for k in begins] if made.names else []
+
+
+def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Rows (N,) whose angles are others than those of the row before."""
+    moved = np.zeros(len(numbers[ANGLES[0]]), dtype=bool)
+    moved[0] = True
+    for name in ANGLES:
+        steps = (np.diff(numbers[name]) + 180.0) % 360.0 - 180.0
+        moved[1:] |= np.abs(steps) > STANDING_DEG
+    return moved
+
+
+def _refuse_moves(found: Understanding, made: Conversion, new: NDArray[np.bool_]) -> None:
+    """Refuse readings of one number whose angles differ: they are no readings of one rest."""
+    wrong = np.flatnonzero(_moved(made.numbers) & ~new)
+    if len(wrong):
+        line = int(made.row[wrong[0]])
+        what = "the angles differ from the row before, which has the same number of a position"
+        raise InputError(f"{found.sheet.path}: row {line}: {what}; --set readings=each takes every row for a rest")
+
+
+def _means(
+    name: str, values: NDArray[np.float64], begins: NDArray[np.int_], sizes: NDArray[np.int_]
+) -> NDArray[np.float64]:
+    """Means over the rests; angles about that of the first reading, where they pass 0 or ±180."""
+    first = values[begins]
+    if sizes.max() == 1 or name == "position":
+        return first
+    apart = values - np.repeat(first, sizes)
+    if name in ANGLES:
+        apart = (apart + 180.0) % 360.0 - 180.0
+    return first + np.add.reduceat(apart, begins) / sizes
+
+
+def _scatter(
+    numbers: dict[str, NDArray[np.float64]], means: dict[str, NDArray[np.float64]], sizes: NDArray[np.int_]
+) -> NDArray[np.float64]:
+    """Standard error of a rest's mean for each accelerometer (3,) [m/s²]: scatter pooled over all rests."""
+    squares = np.array([np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2) for name in FORCE])
+    return np.sqrt(squares / np.sum(sizes - 1) * np.mean(1.0 / sizes))
+
+
+def record_columns(found: Understanding, made: Conversion) -> Columns:
+    """The columns as a record's; the first that no record of its kind could have is refused, with the file's row."""
+    kind = found.kind
+    present = tuple(name for name in kind.known if name in made.numbers or (name == MOUNTING and made.names))
+    sizes = made.resolution
+    columns = Columns(
+        found.sheet.path,
+        Layout(kind, present, ()),
+        {name: made.numbers[name] for name in present if name != MOUNTING},
+        tuple(made.names) if MOUNTING in present else None,
+        made.row,
+        sizes.get("mps2", 0.0),
+        sizes.get("deg", 0.0),
+        sizes.get("degC", 0.0),
+    )
+    for fault in _first(faults(columns)):
+        raise fault
+    return columns
+
+
+def _first(found: Iterator[RecordError]) -> Iterator[RecordError]:
+    return islice(found, 1)

@@ -1,0 +1,237 @@
+"""What a file from elsewhere means, as a file that a person can fill in and use again: `RECORD.import.toml`."""
+
+import json
+import tomllib
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from ..errors import InputError
+from ..files import bytes_of
+from ..result import Section, checked_sections, read_sections
+
+SCHEMA = "trihedron.mapping/1"
+OPEN = "?"
+"""What stands for an answer in a mapping until a person gives it."""
+LARGEST = 1_000_000
+"""Bytes of a mapping that is read."""
+_MARK = "# as proposed: "
+
+
+class Source(Section):
+    """Where a column of the record is taken from.
+
+    Attributes
+    ----------
+    source : str
+        name of the column in the file, or its number from 1 ("from" in a file)
+    unit : str
+        where it has another than the other columns of its quantity
+    sign : int
+        -1 turns it round
+    offset : float
+        taken off first, in the file's unit
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=True)
+
+    source: str = Field(alias="from")
+    unit: str = ""
+    sign: Literal[1, -1] = 1
+    offset: float = 0.0
+
+
+class Mapping(Section):
+    """How a file is written and what its columns are; what is "?" is not known yet, and "" needs no answer.
+
+    Attributes
+    ----------
+    kind : str
+        position record, raw record or strapdown record
+    sheet, encoding, separator : str
+        which table of a workbook; how a text is written
+    decimal, thousands : str
+        marks in numbers
+    names, units_row, first, last : int
+        lines, as an editor counts: of the names, of the units (0: none), of the first and last data (last 0: the end)
+    dates, clock : str
+        day-first, month-first or year-first; what a time of two parts is, h:m or m:s
+    readings : str
+        several rows at one position: "average" them, or "each" is a rest
+    incomplete : str
+        "leave out" rows with an empty cell, where they are many
+    attitude : str
+        body to reference, reference to body, or none: what a quaternion turns
+    time : str
+        "order": no time was written, rows count as 1 s apart
+    missing : tuple of str
+        texts that say that nothing was measured, beside the usual
+    units : dict
+        quantity (force, rate, angle, time, temperature) -> unit, or a sensitivity as "16384 LSB/g"
+    columns : dict
+        column of the record -> Source
+    """
+
+    schema_: Literal["trihedron.mapping/1"] = Field(alias="schema", default=SCHEMA)
+    kind: Literal["position record", "raw record", "strapdown record", "?", ""] = ""
+    sheet: str = ""
+    encoding: str = ""
+    separator: str = ""
+    decimal: Literal[".", ",", "?", ""] = ""
+    thousands: str = ""
+    names: int = -1
+    units_row: int = -1
+    first: int = -1
+    last: int = 0
+    dates: Literal["day-first", "month-first", "year-first", "?", ""] = ""
+    clock: Literal["h:m", "m:s", "?", ""] = ""
+    readings: Literal["average", "each", "?", ""] = ""
+    incomplete: Literal["leave out", "?", ""] = ""
+    attitude: Literal["body to reference", "reference to body", "none", "?", ""] = ""
+    time: Literal["order", "?", ""] = ""
+    missing: list[str] = Field(default_factory=list)
+    units: dict[str, str] = Field(default_factory=dict)
+    columns: dict[str, Source | str] = Field(default_factory=dict)
+
+    def of(self, column: str) -> Source | None:
+        """Where a column is taken from; None where that is not said."""
+        given = self.columns.get(column)
+        if given is None or given == OPEN:
+            return None
+        return Source.model_validate({"from": given}) if isinstance(given, str) else given
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a file does not say: the key of the mapping, answers that can be given, and why it is asked."""
+
+    key: str
+    answers: tuple[str, ...]
+    why: str
+
+    def __str__(self) -> str:
+        options = " or ".join(f"--set {shell_word(f'{self.key}={answer}')}" for answer in self.answers)
+        return f"{options} ({self.why})"
+
+
+def shell_word(text: str) -> str:
+    """A word as it can be typed at a shell."""
+    plain = all(c.isalnum() or c in "=.,/+-_:%@" for c in text)
+    return text if plain else "'" + text.replace("'", "'\\''") + "'"
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """What a mapping file says, checked field by field; an InputError names the field, or the line that is no TOML."""
+    content = bytes_of(path, "a mapping (.toml) is needed")
+    if len(content) > LARGEST:
+        raise InputError(f"{path}: is larger than {LARGEST} bytes; a mapping is needed")
+    read_sections(content, path, Mapping)
+    return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+
+
+def with_answers(given: AnyMapping[str, Any], answers: AnyMapping[str, str]) -> Mapping:
+    """A mapping with answers put in: dotted key -> text; an InputError names the answer that cannot be."""
+    content = json.loads(json.dumps(dict(given)))
+    for key, text in answers.items():
+        value: Any = text
+        name, *inner = key.split(".", 1)
+        try:
+            if name in ("names", "units_row", "first", "last"):
+                value = int(text)
+            elif name == "missing":
+                value = [*content.get("missing", []), *text.split(",")]
+            elif inner and inner[0].endswith(".sign"):
+                value = int(text)
+            elif inner and inner[0].endswith(".offset"):
+                value = float(text)
+        except ValueError as error:
+            raise InputError(f"--set {key}={text}: a number is needed") from error
+        _put(content, name, inner[0] if inner else "", value, f"--set {key}={text}")
+        checked_sections(content, Mapping, f"--set {key}={text}")
+    return checked_sections(content, Mapping)
+
+
+def _put(content: dict[str, Any], name: str, inner: str, value: Any, said: str) -> None:
+    """Set `name`, `name.key` or `columns.key.field` of a mapping."""
+    if name not in ("units", "columns"):
+        if inner:
+            raise InputError(f"{said}: unknown key; {name} has none inside")
+        content[name] = value
+        return
+    if not inner:
+        raise InputError(f"{said}: say which of the {name}, as {name}.{'force' if name == 'units' else 'f1_mps2'}")
+    section = content.setdefault(name, {})
+    key, _, part = inner.partition(".")
+    if not part:
+        kept = section.get(key)
+        section[key] = {**kept, "from": value} if isinstance(kept, dict) else value
+        return
+    source = section.get(key, OPEN)
+    section[key] = {**(source if isinstance(source, dict) else {"from": source}), part: value}
+
+
+def text_of(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str]) -> str:
+    """A mapping as the text of its file: what is open with its answers, `notes` as comments at the end."""
+    asked = {question.key: question for question in questions}
+    lines = ["# What a file means to Trihedron: edit what is wrong, and use it again with --mapping.", *_asked(asked)]
+    plain = mapping.as_written()
+    written: list[str] = []
+
+    def entry(key: str, value: Any, full: str) -> None:
+        answer = asked.get(full)
+        if answer is None and (value in ("", [], -1) or (key, value) == ("last", 0)):
+            return
+        said = f"  # {' or '.join(answer.answers)}: {answer.why}" if answer else ""
+        written.append(f"{_key(key)} = {_value(OPEN if answer else value)}{said}")
+
+    for key, value in plain.items():
+        if key not in ("units", "columns"):
+            entry(key, value, key)
+    for section in ("units", "columns"):
+        open_keys = [key.partition(".")[2] for key in asked if key.startswith(f"{section}.")]
+        inside = {**plain[section], **{key: OPEN for key in open_keys if key not in plain[section]}}
+        if inside:
+            written += ["", f"[{section}]"]
+        for key, value in inside.items():
+            entry(key, value, f"{section}.{key}")
+    lines += [*written, "", *(f"# {note}" for note in notes)]
+    text = "\n".join(lines).rstrip() + "\n"
+    return f"{text}{_MARK}{sha256(text.encode()).hexdigest()[:16]}\n"
+
+
+def _asked(asked: AnyMapping[str, Question]) -> list[str]:
+    return [f'# Fill in the {len(asked)} line{"s" if len(asked) > 1 else ""} with "?".'] if asked else []
+
+
+def _key(name: str) -> str:
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else json.dumps(name)
+
+
+def _value(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, AnyMapping):
+        given = {k: v for k, v in value.items() if (k, v) not in (("unit", ""), ("sign", 1), ("offset", 0.0))}
+        if list(given) == ["from"]:
+            return _value(given["from"])
+        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in given.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    # TOML and JSON write strings and numbers alike, but for one character
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def refuse_edited(path: Path) -> None:
+    """Refuse to write over a mapping that a person has edited: it is to be used, or to be removed."""
+    try:
+        if not path.exists():
+            return
+        text, mark, digest = path.read_text(encoding="utf-8").rpartition(_MARK)
+    except (OSError, UnicodeDecodeError):
+        text, mark, digest = "", "", ""
+    if not mark or sha256(text.encode()).hexdigest()[:16] != digest.strip():
+        raise InputError(f"{path}: was edited; use it with --mapping {shell_word(str(path))}, or remove it")

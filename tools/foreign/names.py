@@ -1,0 +1,174 @@
+"""What names of columns mean: the columns of a record that laboratories call otherwise.
+
+A name that could mean two columns means none: the person who knows is asked.
+"""
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from ..records.columns import ANGLES, APPROACH, INCREMENT, MOUNTING, QUATERNION
+from ..records.columns import FORCE as FORCES
+from ..records.columns import RATE as RATES
+from ..records.columns import TEMPERATURE as TEMPERATURES
+from .units import ANGLE, FORCE, RATE, TEMPERATURE, TIME, Unit, known_unit, written
+
+POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
+QUANTITY_OF = {
+    TIMES: TIME,
+    SAMPLE: TIME,
+    TEMPERATURES: TEMPERATURE,
+    **dict.fromkeys((*ANGLES, *INCREMENT), ANGLE),
+    **dict.fromkeys(FORCES, FORCE),
+    **dict.fromkeys(RATES, RATE),
+}
+"""Column of a record -> what its unit is of; a record's other columns have none."""
+OWN_UNIT = {
+    TIMES: "s",
+    TEMPERATURES: "degC",
+    **dict.fromkeys(ANGLES, "deg"),
+    **dict.fromkeys(INCREMENT, "rad"),
+    **dict.fromkeys(FORCES, "m/s2"),
+    **dict.fromkeys(RATES, "rad/s"),
+}
+"""Units that stand in the names of a record's columns."""
+
+_FILLERS, _OUTER, _INNER, _FORCE, _RATE = (
+    frozenset(words.split())
+    for words in (
+        "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert "
+        "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось",
+        "alpha α outer aussen aussenachse aussenwinkel aussere äussere äusserer внешний внешняя альфа",
+        "beta β inner innen innenachse innenwinkel innere innerer внутренний внутренняя бета",
+        "f a acc accel accelerometer acceleration akzelerometer beschl beschleunigung sf ускорение",
+        "w ω omega gyr gyro gyroscope kreisel drehrate rate omg winkelgeschwindigkeit гироскоп",
+    )
+)
+_STEMS = "accelerometer|acceleration|accel|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|f|a|w|ω"
+_POSITION = re.compile(
+    r"(pos|position|stellung|lage|messpunkt|punkt|point|rest|позиция|положение)( ?(no|nr|number|nummer|index|id|№))?"
+    r"|no|nr|lfd ?nr|number|nummer|номер"
+)
+_TIME = re.compile(
+    r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|timestamp|x value|elapsed|temps"
+    r"|uhrzeit|clock|date ?time|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время"
+)
+_DATE = re.compile(r"date|datum|дата")
+_SAMPLE = re.compile(
+    r"samples?( ?(no|nr|number|index|count|counter))?|counter|packet ?(counter|no)|index|idx|frame|scan"
+)
+_TEMPERATURE = re.compile(
+    r"(block |imu |sensor |chip )?(temp|temperature|temperatur|температура)( ?(block|imu|sensor|chip))?"
+)
+_BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({<](?P<unit>[^\[\](){}<>]*(?:\([^()]*\))?)[\])}>]\s*$", re.DOTALL)
+_BESIDE = re.compile(r"^(?P<name>.*?)(?:\s+/\s*|\s+in\s+|\s*,\s*|\s*/\s*(?=\S+$))(?P<unit>\S+)$", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A column's head as it is written, name and unit apart, and the record's column that it means ("" for none)."""
+
+    text: str
+    name: str
+    unit: str = ""
+    column: str = ""
+
+
+def heading(text: str) -> Heading:
+    """What the head of a column says."""
+    text = " ".join(text.split())
+    if text in (POSITION, *APPROACH, MOUNTING, *QUATERNION, *OWN_UNIT):
+        return Heading(text, text, OWN_UNIT.get(text, ""), text)
+    for name, unit in _splits(text):
+        column = column_of(name, known_unit(unit) if unit else None)
+        if column or unit:
+            return Heading(text, name, unit, column)
+    return Heading(text, text, "", column_of(text, None))
+
+
+def _splits(text: str) -> list[tuple[str, str]]:
+    """Name and unit of a head, in the order in which they are tried; in brackets stands a unit, known or not."""
+    found = _BRACKET.match(text)
+    if found and found["name"]:
+        return [(found["name"], found["unit"])]
+    found = _BESIDE.match(text)
+    if found and known_unit(found["unit"]):
+        return [(found["name"], found["unit"])]
+    parts = re.split(r"[_\s]+", text)
+    splits = []
+    for count in (1, 2, 3):
+        # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
+        name, unit = "_".join(parts[:-count]), "/".join(parts[len(parts) - count :])
+        known = known_unit(unit) if name else None
+        column = column_of(name, known) if known else ""
+        if known and column and QUANTITY_OF.get(column) == known.quantity:
+            splits.append((name, unit))
+    return splits
+
+
+def normal(text: str) -> str:
+    """A name in small letters with blanks between its words."""
+    text = unicodedata.normalize("NFKC", text).casefold().replace("ß", "ss")
+    return " ".join(re.sub(r"[_.\-/:\s#]+", " ", text).split())
+
+
+def column_of(name: str, unit: Unit | None) -> str:
+    """The record's column that a name means, with its unit where that is known; "" where it is not clear."""
+    quantity = "" if unit is None or unit.raw else unit.quantity
+    words = normal(name)
+    if not words and name.strip() in ("#", "№"):
+        return POSITION
+    if quantity in ("", TIME):
+        if _SAMPLE.fullmatch(words):
+            return SAMPLE
+        if _TIME.fullmatch(words) and name.strip() != "T":
+            return TIMES
+    if _TEMPERATURE.fullmatch(words) or (words == "t" and quantity == TEMPERATURE):
+        return TEMPERATURES
+    if not quantity and _POSITION.fullmatch(words):
+        return POSITION
+    if not quantity and _DATE.fullmatch(words):
+        return DATE
+    turning = re.fullmatch(r"(?:q|quat|quaternion) ?([wxyz])", words)
+    if turning and not quantity:
+        return QUATERNION["wxyz".index(turning[1])]
+    left = [word for word in words.split() if word not in _FILLERS]
+    if quantity in ("", ANGLE) and len(left) == 1:
+        for column, known in zip(ANGLES, (_OUTER, _INNER), strict=True):
+            if left[0] in known:
+                return column
+    return _triad(left, quantity)
+
+
+def _triad(words: list[str], quantity: str) -> str:
+    """The channel of three that words name: "acc x", "ax", "gyro 2", "x" with a unit of specific force."""
+    if len(words) == 1:
+        found = re.fullmatch(rf"({_STEMS})?([xyz123])|g([xyz123])", words[0])
+        if found is None:
+            return ""
+        stem, axis = found[1] or ("g" if found[3] else ""), found[2] or found[3]
+    else:
+        axes = [word for word in words if word in ("x", "y", "z", "1", "2", "3")]
+        stems = [word for word in words if word not in axes]
+        if len(axes) != 1 or len(words) > 4:
+            return ""
+        axis, stem = axes[0], " ".join(stems)
+    place = "xyz123".index(axis) % 3
+    kinds = {
+        FORCE: stem in _FORCE or stem in ("specific force", "linear acceleration"),
+        RATE: stem in _RATE or stem in ("angular rate", "angular velocity", "rate gyro"),
+        ANGLE: stem in ("dtheta", "dθ", "delta theta", "delta angle"),
+    }
+    columns = {FORCE: FORCES, RATE: RATES, ANGLE: INCREMENT}
+    if stem in ("", "g", "channel", "kanal", "ch"):
+        # the unit alone says what such a name means
+        return columns[quantity][place] if quantity in (FORCE, RATE) else ""
+    kind = next((kind for kind, meant in kinds.items() if meant), "")
+    return columns[kind][place] if kind and quantity in ("", kind) else ""
+
+
+def is_unit_row(texts: list[str]) -> bool:
+    """Whether a row holds the units of the columns."""
+    given = [text for text in texts if text.strip() and text.strip() not in ("-", "--", "#")]
+    known = [text for text in given if known_unit(text) is not None or written(text).lower() in ("1", "h:m:s", "grad")]
+    return len(known) >= 3 and 2 * len(known) > len(given)

@@ -1,0 +1,222 @@
+"""Numbers, angles, dates and times of day as laboratories write them, and what their marks prove.
+
+"1,234" may be one and a bit or a thousand and a bit, "01.02.2026" February or January: what is read here says what each
+text proves, and never what is likelier.
+"""
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime
+
+MISSING = frozenset(
+    ("", "n/a", "#n/a", "n.a.", "na", "nan", "#nv", "#na", "k.a.", "null", "none", "-", "--", "---", "–", "—", "...")
+)
+"""What stands in a cell where nothing was measured, in small letters."""
+BLANKS = "\u00a0\u2009\u202f '’"
+"""Marks between groups of three digits that can be nothing else."""
+
+_NUMERIC = re.compile(rf"[+-]?[\d.,{BLANKS}]*\d[\d.,{BLANKS}]*(?:[eE][+-]?\d+)?")
+_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_DEGREES = re.compile(
+    r"(?P<sign>[+-]?)\s*(?P<deg>\d+)\s*[°º:\sd]\s*(?P<min>\d+(?:[.,]\d+)?)"
+    r"(?:\s*['′’:\sm]\s*(?:(?P<sec>\d+(?:[.,]\d+)?)\s*(?:[\"″”s]|''|′′|’’)?)?)?"
+)
+_UNIT_BEHIND = re.compile(r"(?<=[\d.,])\s*(?![eE][+-]?\d)[^\W\d_]*°?[^\W\d_]{0,5}(?:/[^\s\d]{1,5}[²2]?|°)?$")
+_CLOCK = re.compile(r"(\d{1,3}):(\d{1,2})(?::(\d{1,2}(?:[.,]\d*)?))?\s*(am|pm)?", re.IGNORECASE)
+_DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})")
+_NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_]{3,9})[. ]+(\d{1,2}),? (\d{4})")
+MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
+ORDERS = {"day-first": (2, 1, 0), "month-first": (2, 0, 1), "year-first": (0, 1, 2)}
+"""Where year, month and day stand in a date of three numbers."""
+
+
+class Typed(str):
+    """The text of a number that was kept as one, in a cell of a workbook: nothing of it is doubtful."""
+
+
+def is_missing(text: str, also: Iterable[str] = ()) -> bool:
+    """Whether a cell says that nothing was measured; `also`: other texts that say so."""
+    return text.strip().casefold() in MISSING or text.strip() in also
+
+
+@dataclass
+class Marks:
+    """What the numbers of a file prove of its decimal mark and that between thousands, each with a cell that does."""
+
+    decimal: dict[str, str] = field(default_factory=dict)
+    thousands: dict[str, str] = field(default_factory=dict)
+    doubtful: dict[str, str] = field(default_factory=dict)
+
+    def see(self, text: str) -> None:
+        """Take the evidence of a cell."""
+        if isinstance(text, Typed):
+            return
+        text = text.strip().replace("−", "-")
+        if not ("," in text or "." in text or any(mark in text for mark in BLANKS)) or not _NUMERIC.fullmatch(text):
+            return
+        digits, exponent = re.fullmatch(r"([^eE]*)(.*)", text.lstrip("+-")).groups()  # type: ignore[union-attr]
+        points = [mark for mark in digits if mark in ".,"]
+        if len(set(points)) == 2:
+            if points.count(points[-1]) == 1:
+                self.decimal.setdefault(points[-1], text)
+                self.thousands.setdefault(points[0], text)
+        elif len(points) > 1:
+            self.thousands.setdefault(points[0], text)
+        elif points:
+            before, _, after = digits.partition(points[0])
+            grouped = 1 <= len(before) <= 3 and before[0] != "0" and len(after) == 3 and not exponent
+            (self.doubtful if grouped and before.isdigit() else self.decimal).setdefault(points[0], text)
+
+
+def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
+    """A finite number; None where the text is none.
+
+    Blanks and apostrophes between groups of three digits are passed over, and `thousands` where it is given.
+    """
+    if isinstance(text, Typed):
+        return float(text)
+    text = text.strip().replace("−", "-")
+    between = BLANKS + thousands
+    if any(mark in text for mark in between):
+        whole, mark, rest = text.partition(decimal)
+        if not re.fullmatch(rf"[+-]?(?:\d*|[1-9]\d{{0,2}}(?:([{re.escape(between)}])\d{{3}}(?:\1\d{{3}})*))", whole):
+            return None
+        text = re.sub(f"[{re.escape(between)}]", "", whole) + mark + rest
+    if decimal != ".":
+        if "." in text:
+            return None
+        text = text.replace(decimal, ".")
+    if not text.isascii() or not _PLAIN.fullmatch(text):
+        return None
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
+def sexagesimal(text: str) -> float | None:
+    """Degrees of 12°34'56", 12:34:56, 12 34.5; None for what is no such angle."""
+    found = _DEGREES.fullmatch(text.strip().replace("−", "-"))
+    if found is None:
+        return None
+    minutes, seconds = float(found["min"].replace(",", ".")), float((found["sec"] or "0").replace(",", "."))
+    if minutes >= 60.0 or seconds >= 60.0 or (found["sec"] and not minutes.is_integer()):
+        return None
+    value = float(found["deg"]) + minutes / 60.0 + seconds / 3600.0
+    return -value if found["sign"] == "-" else value
+
+
+def bare(text: str) -> str:
+    """A cell without the unit behind its number: "9,81" of "9,81 m/s²"."""
+    return text if isinstance(text, Typed) else _UNIT_BEHIND.sub("", text.strip())
+
+
+def unit_behind(text: str) -> str:
+    """The unit behind a cell's number; "" where there is none."""
+    return "" if isinstance(text, Typed) else text.strip().removeprefix(bare(text)).strip()
+
+
+def has_degree_mark(text: str) -> bool:
+    """Whether an angle is written with degrees and minutes beyond doubt."""
+    return ("°" in text or "º" in text) and sexagesimal(text) is not None
+
+
+def clock(text: str, form: str = "") -> float | None:
+    """Seconds of a time of day, "10:15:30,5 pm"; of two parts only where `form`, h:m or m:s, says what they are."""
+    found = _CLOCK.fullmatch(text.strip())
+    if found is None:
+        return None
+    first, second, third, half = found.groups()
+    if third is None:
+        if form == "m:s":
+            return int(first) * 60.0 + int(second) if int(second) < 60 else None
+        if form != "h:m" and not half:
+            return None
+    seconds = float((third or "0").replace(",", "."))
+    if int(second) >= 60 or seconds >= 60.0:
+        return None
+    hours = int(first)
+    if half:
+        if not 1 <= hours <= 12:
+            return None
+        hours = hours % 12 + (12 if half.lower() == "pm" else 0)
+    return hours * 3600.0 + int(second) * 60.0 + seconds
+
+
+def is_clock(text: str) -> bool:
+    """Whether a text has the form of a time of day."""
+    return _CLOCK.fullmatch(text.strip()) is not None
+
+
+def two_parts(text: str) -> bool:
+    """Whether a time of day has two parts, of which nothing says whether they are h:m or m:s."""
+    found = _CLOCK.fullmatch(text.strip())
+    return found is not None and found[3] is None and not found[4]
+
+
+def day(text: str, order: str) -> date | None:
+    """The day of a date; one of three numbers in the order given, where nothing in it says otherwise."""
+    text = text.strip()
+    named = _NAMED.fullmatch(text)
+    if named:
+        name = (named[2] or named[4])[:3].casefold()
+        month = next((k for k, names in enumerate(MONTHS, 1) if name in names.split()), 0)
+        return _date(_full_year(named[3] or named[6]), month, int(named[1] or named[5]))
+    found = _DATE.fullmatch(text)
+    if found is None:
+        return None
+    parts = (found[1], found[3], found[4])
+    if len(parts[0]) == 4:
+        order = "year-first"
+    elif len(parts[2]) == 4 and order == "year-first":
+        return None
+    year, month, on = (parts[k] for k in ORDERS[order])
+    return _date(_full_year(year), int(month), int(on))
+
+
+def _full_year(text: str) -> int:
+    return int(text) + (2000 if len(text) <= 2 else 0)
+
+
+def _date(year: int, month: int, on: int) -> date | None:
+    try:
+        return date(year, month, on)
+    except ValueError:
+        return None
+
+
+def orders_of(texts: Iterable[str]) -> list[str]:
+    """The orders of day, month and year in which all texts are dates."""
+    texts = list(texts)
+    return [order for order in ORDERS if all(day(text, order) is not None for text in texts)]
+
+
+def moment(text: str, order: str, form: str = "") -> float | None:
+    """Seconds since the year 2020 began of a date, or of a date and time in one cell; None where it is neither."""
+    text = text.strip()
+    at = day(text, order)
+    if at is not None:
+        return since(at)
+    parts = re.split(r"(?<=\d)[T\s,;]+(?=\d)", text.rstrip("Z"), maxsplit=1) if "T" in text or " " in text else []
+    if len(parts) == 2:
+        on, seconds = day(parts[0], order), clock(parts[1], form)
+        if on is not None and seconds is not None:
+            return since(on) + seconds
+    try:
+        read = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    if read.tzinfo is not None:
+        read = read.astimezone(UTC)
+    return since(read) + read.hour * 3600.0 + read.minute * 60.0 + read.second + read.microsecond * 1e-6
+
+
+def since(on: date) -> float:
+    """Seconds from the beginning of the year 2020 to that of a day: few enough digits for microseconds."""
+    return (on.toordinal() - date(2020, 1, 1).toordinal()) * 86400.0
+
+
+def date_of(text: str) -> str | None:
+    """The part of a cell that is a date of three numbers or with a month's name; None where there is none."""
+    first = re.split(r"(?<=\d)[T\s,;]+(?=\d)", text.strip(), maxsplit=1)[0]
+    return first if any(day(first, order) is not None for order in ORDERS) else None

@@ -1,0 +1,478 @@
+"""What a sheet means, as far as it can be known: each column's place, unit and form; and what a person has to say."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from ..errors import InputError, nearest
+from ..records.columns import (
+    ANGLES,
+    APPROACH,
+    INCREMENT,
+    KINDS,
+    MOUNTING,
+    POSITION,
+    QUATERNION,
+    RATE,
+    RAW,
+    STRAPDOWN_INCREMENTS,
+    STRAPDOWN_RATES,
+    Kind,
+    quoted,
+)
+from ..records.columns import FORCE as FORCES
+from .layout import Layout, layout_of
+from .mapping import OPEN, Mapping, Question, Source
+from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
+from .numbers import (
+    Marks,
+    bare,
+    date_of,
+    is_clock,
+    is_missing,
+    moment,
+    number,
+    orders_of,
+    sexagesimal,
+    two_parts,
+    unit_behind,
+)
+from .sheet import Sheet
+from .units import ANGLE, DOUBTFUL, EXAMPLES, QUANTITIES, TIME, Unit, known_unit, of_converter, unit_of, written
+
+STANDING_DEG = 0.5
+"""Rows whose angles differ by no more may have been taken at one rest [deg]."""
+CLOCK, MOMENT, NUMBER, NAME = "clock", "moment", "number", "name"
+"""Forms of a column: times of day, dates, numbers and angles, names."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """How a column of the record comes from a field of a row: sign × (number - offset), in a unit."""
+
+    field: int
+    form: str = NUMBER
+    unit: Unit | None = None
+    sign: int = 1
+    offset: float = 0.0
+    said: str = ""
+
+
+@dataclass
+class Understanding:
+    """A sheet, its layout, the mapping as far as it is known, and what is asked; `taken` is by column of the record."""
+
+    sheet: Sheet
+    layout: Layout
+    given: Mapping
+    taken: dict[str, Taken] = field(default_factory=dict)
+    questions: list[Question] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    kind: Kind = POSITION
+    decimal: str = "."
+    thousands: str = ""
+    settled: dict[str, object] = field(default_factory=dict)
+
+    def ask(self, key: str, answers: Sequence[str], why: str) -> None:
+        """Ask once for a key of the mapping."""
+        if all(question.key != key for question in self.questions):
+            self.questions.append(Question(key, tuple(answers), why))
+
+    def cells(self, place: int) -> list[tuple[int, str]]:
+        """Line and text of a field in the rows looked at, what is missing left out."""
+        rows = ((line, texts[place].strip()) for line, texts in self.looked_at if place < len(texts))
+        return [(line, text) for line, text in rows if not is_missing(text, self.given.missing)]
+
+    @property
+    def looked_at(self) -> list[tuple[int, list[str]]]:
+        """The first rows of data."""
+        last = self.layout.last
+        return [row for row in self.layout.looked_at if not last or row[0] <= last]
+
+    def value(self, text: str) -> float | None:
+        """A number as this file writes it."""
+        found = number(text, self.decimal, self.thousands)
+        return number(bare(text), self.decimal, self.thousands) if found is None else found
+
+    @property
+    def mapping(self) -> Mapping:
+        """The mapping with all that is settled filled in."""
+        return Mapping.model_validate({**self.given.model_dump(by_alias=True), **self.settled})
+
+    @property
+    def left_out(self) -> list[str]:
+        """Names of the columns that are not taken."""
+        used = {taken.field for taken in self.taken.values()}
+        return [h.text for place, h in enumerate(self.layout.headings) if place not in used and h.text]
+
+
+def understood(sheet: Sheet, given: Mapping) -> Understanding:
+    """All that can be known of a sheet with what is given; what is not known is asked, all at once."""
+    found = Understanding(sheet, layout_of(sheet, given), given)
+    layout = found.layout
+    # lines are looked for in each file: the next may have more of them
+    found.settled = {
+        "sheet": sheet.name,
+        "encoding": sheet.encoding,
+        "separator": sheet.separator,
+    }
+    places = _places(found)
+    _decide_kind(found, places)
+    _decide_marks(found, places)
+    _decide_time(found, places)
+    for column, place in places.items():
+        if column in found.kind.known and column not in (TIMES, SAMPLE, DATE):
+            found.taken[column] = _taken(found, column, place)
+    _decide_units(found)
+    _decide_attitude(found)
+    _ask_of_words(found)
+    _decide_readings(found)
+    columns = {}
+    for column, taken in sorted(found.taken.items(), key=lambda item: item[1].field):
+        source = given.of(column) or Source.model_validate({"from": ""})
+        name = layout.headings[taken.field].text or str(taken.field + 1)
+        columns[column] = source.model_copy(update={"source": source.source or name}).model_dump(by_alias=True)
+    found.settled["columns"] = {**found.given.model_dump(by_alias=True)["columns"], **columns}
+    return found
+
+
+def _places(found: Understanding) -> dict[str, int]:
+    """Column of the record -> field of the row, by what is given, else by names."""
+    headings, places = found.layout.headings, dict[str, int]()
+    known = {*QUANTITY_OF, "position", DATE, *QUATERNION, *APPROACH, MOUNTING}
+    for column in found.given.columns:
+        if column not in known:
+            raise InputError(f"columns.{column}: is no column of a record; {nearest(column, sorted(known))}")
+        source = found.given.of(column)
+        if source is not None and source.source != "none":
+            places[column] = _field(found, column, source.source)
+    given = {column for column in found.given.columns if found.given.columns[column] != OPEN}
+    meant: dict[str, list[int]] = {}
+    for place, head in enumerate(headings):
+        if head.column and head.column not in given and place not in places.values():
+            meant.setdefault(head.column, []).append(place)
+    for column, fields in meant.items():
+        if len(fields) == 1:
+            places[column] = fields[0]
+        else:
+            named = [headings[place].text for place in fields]
+            why = f"which is {column}" if len(set(named)) == len(named) else f"two columns are called {named[0]!r}"
+            answers = named if len(set(named)) == len(named) else [str(place + 1) for place in fields]
+            found.ask(f"columns.{column}", answers[:4], why)
+    return places
+
+
+def _field(found: Understanding, column: str, name: str) -> int:
+    """The field with a name, or with a number from 1."""
+    headings = found.layout.headings
+    for spelled in (lambda h: h.text, lambda h: h.name):
+        fields = [place for place, head in enumerate(headings) if spelled(head) == " ".join(name.split()) and name]
+        if len(fields) == 1:
+            return fields[0]
+    if name.isascii() and name.isdigit() and 1 <= int(name) <= len(headings):
+        return int(name) - 1
+    meant = nearest(name, [head.text for head in headings if head.text])
+    raise InputError(f"{found.sheet.path}: columns.{column}: there is no column {quoted(name)}; {meant}")
+
+
+def _decide_kind(found: Understanding, places: dict[str, int]) -> None:
+    """Which kind of record it is, and which columns of that are missing."""
+    of_table = [column for column in ANGLES if column in places]
+    of_block = [column for column in (*RATE, *INCREMENT) if column in places]
+    named = found.given.kind if found.given.kind != OPEN else ""
+    if not named and "position" in places and not of_block:
+        named = POSITION.name
+    if not named:
+        if bool(of_table) == bool(of_block):
+            why = (
+                "angles of a table and gyros are both there"
+                if of_table
+                else "neither angles of a table nor gyros are known"
+            )
+            found.ask("kind", ("position record", "strapdown record"), why)
+        named = STRAPDOWN_RATES.name if of_block and not of_table else POSITION.name
+    kinds = [kind for kind in KINDS if kind.name == named]
+    if len(kinds) > 1 and any(column in places for column in INCREMENT):
+        kinds = [STRAPDOWN_INCREMENTS]
+    found.kind = kinds[0]
+    found.settled["kind"] = named
+    asked = {question.key for question in found.questions}
+    free = [
+        head.text or str(place + 1)
+        for place, head in enumerate(found.layout.headings)
+        if place not in places.values() and found.cells(place)
+    ]
+    for column in found.kind.required:
+        open_ = column not in places and f"columns.{column}" not in asked
+        if open_ and column not in ("position", TIMES):
+            found.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
+
+
+def _decide_marks(found: Understanding, places: dict[str, int]) -> None:
+    """The decimal mark and that between thousands, from what the numbers prove."""
+    marks = Marks()
+    for column, place in places.items():
+        if column not in (MOUNTING, DATE):
+            for _, text in found.cells(place):
+                marks.see(bare(text))
+    stated = found.sheet.stated.decimal or ("." if found.sheet.cells is not None else "")
+    decided = found.given.decimal if found.given.decimal != OPEN else ""
+    found.thousands = found.given.thousands
+    proven = sorted(marks.decimal)
+    if decided or stated:
+        found.decimal = decided or stated
+    elif len(proven) == 2:
+        found.ask("decimal", (".", ","), f"{marks.decimal['.']!r} and {marks.decimal[',']!r} are both there")
+    elif proven:
+        found.decimal = proven[0]
+    elif marks.thousands and len(marks.thousands) == 1:
+        found.decimal = "," if "." in marks.thousands else "."
+    elif marks.doubtful:
+        text = next(iter(marks.doubtful.values()))
+        shown = text.replace(",", "").replace(".", "")
+        found.ask("decimal", (",", "."), f"{text!r} may be {text.replace(',', '.')} or {shown}")
+        found.decimal = next(iter(marks.doubtful))
+    other = "," if found.decimal == "." else "."
+    if not found.thousands and other in {*marks.thousands, *marks.doubtful}:
+        text = (marks.thousands | marks.doubtful)[other]
+        # who says what the decimal mark is was told what the other would be
+        if other in marks.thousands or decided:
+            found.thousands = other
+        elif not any(question.key == "decimal" for question in found.questions):
+            found.ask(
+                "thousands",
+                (other,),
+                f"{text!r} beside {next(iter(marks.decimal.values()), 'others')!r}: are those thousands?",
+            )
+            found.thousands = other
+    found.settled |= {"decimal": found.decimal, "thousands": found.thousands}
+
+
+def _decide_time(found: Understanding, places: dict[str, int]) -> None:
+    """What the time of a row is taken from: numbers, times of day, dates, sample numbers, or the order of the rows."""
+    place, date_place = places.get(TIMES), places.get(DATE)
+    if place is None and SAMPLE in places and found.kind is not POSITION:
+        found.taken[TIMES] = _taken(found, SAMPLE, places[SAMPLE])
+        return
+    if place is None and date_place is not None:
+        place, date_place = date_place, None
+    if place is None:
+        if found.given.time != "order":
+            rate = ("1 s",) if found.kind is POSITION else ("100 Hz",)
+            if found.kind is POSITION or TIME not in found.given.units:
+                key = "time" if found.kind is POSITION else "units.time"
+                answers = ("order",) if found.kind is POSITION else rate
+                found.ask(
+                    key,
+                    answers,
+                    "no column is a time: rows in their order"
+                    if key == "time"
+                    else "no column is a time: rows at which rate",
+                )
+        return
+    cells = [text for _, text in found.cells(place)]
+    if cells and all(is_clock(text) for text in cells):
+        found.taken[TIMES] = replace(_taken(found, TIMES, place), form=CLOCK)
+        if any(two_parts(text) for text in cells) and found.given.clock in ("", OPEN):
+            found.ask("clock", ("h:m", "m:s"), f"what {next(filter(two_parts, cells))!r} is")
+        if date_place is not None:
+            found.taken[DATE] = Taken(date_place, MOMENT, said="")
+            _decide_dates(found, [(date_place, place)])
+    elif any(found.value(text) is None for text in cells) and any(date_of(text) for text in cells):
+        found.taken[TIMES] = replace(_taken(found, TIMES, place), form=MOMENT)
+        _decide_dates(found, [(place, None)])
+    else:
+        found.taken[TIMES] = _taken(found, TIMES, place)
+
+
+def _decide_dates(found: Understanding, fields: list[tuple[int, int | None]]) -> None:
+    """In which order day, month and year stand: asked where it matters for the times."""
+    (place, _), layout = fields[0], found.layout
+    texts: dict[str, None] = {}
+    for _, row in found.sheet.rows(layout.first, layout.last or None):
+        if place < len(row) and not is_missing(row[place], found.given.missing):
+            part = date_of(row[place])
+            if part:
+                texts.setdefault(part)
+    orders = orders_of(texts)
+    times = {
+        order: tuple((moment(text, order) or 0.0) - (moment(next(iter(texts)), order) or 0.0) for text in texts)
+        for order in orders
+    }
+    chosen = found.given.dates if found.given.dates != OPEN else ""
+    if not chosen and len(set(times.values())) > 1:
+        different = next(text for k, text in enumerate(texts) if len({times[order][k] for order in orders}) > 1)
+        found.ask("dates", orders, f"what {different!r} is")
+    found.settled["dates"] = chosen or (orders[0] if orders else "")
+    if not chosen and len(times) > 1 and len(set(times.values())) == 1:
+        # all the same day: which it is does not matter
+        found.notes.append("the order of day and month does not matter: all rows are of one day")
+
+
+def _taken(found: Understanding, column: str, place: int) -> Taken:
+    """A column as far as its own head and what is given say it."""
+    source = found.given.of(column)
+    said = found.layout.headings[place].text or f"field {place + 1}"
+    form = NAME if column == MOUNTING else NUMBER
+    if source is None:
+        return Taken(place, form, said=said)
+    return Taken(place, form, sign=source.sign, offset=source.offset, said=said)
+
+
+def _decide_units(found: Understanding) -> None:
+    """The unit of each column: as given for it, as given for its quantity, as its head says, or asked."""
+    agreed: dict[str, set[str]] = {}
+    for key in found.given.units:
+        if key not in QUANTITIES:
+            raise InputError(f"units.{key}: is no quantity; {', '.join(QUANTITIES)}")
+    for column, taken in found.taken.items():
+        key = SAMPLE if column == TIMES and found.layout.headings[taken.field].column == SAMPLE else column
+        quantity = QUANTITY_OF.get(column)
+        if quantity is None or taken.form in (CLOCK, MOMENT):
+            continue
+        unit, text = _unit(found, key, quantity, taken)
+        if unit is not None:
+            found.taken[column] = replace(taken, unit=unit)
+            agreed.setdefault(quantity, set()).add(text)
+    stated = {unit.quantity for head in found.layout.headings if (unit := known_unit(head.unit))}
+    for question in list(found.questions):
+        quantity = QUANTITY_OF.get(question.key.removeprefix("columns."), "")
+        if quantity and quantity not in stated and not {quantity} & {*agreed, *found.given.units}:
+            found.ask(f"units.{quantity}", EXAMPLES[quantity][:3], f"no unit of {quantity} is written")
+    settled = {quantity: next(iter(texts)) for quantity, texts in agreed.items() if len(texts) == 1}
+    found.settled["units"] = {**settled, **{k: v for k, v in found.given.units.items() if v != OPEN}}
+
+
+def _unit(found: Understanding, column: str, quantity: str, taken: Taken) -> tuple[Unit | None, str]:
+    """The unit of a column and its text; None where it has to be asked for."""
+    source, head = found.given.of(column), found.layout.headings[taken.field]
+    cells = found.cells(taken.field)
+    stated_text = head.unit or next((unit_behind(text) for _, text in cells if unit_behind(text)), "")
+    stated = known_unit(stated_text) if stated_text and written(stated_text).lower() not in DOUBTFUL else None
+    given = (source.unit if source else "") or found.given.units.get(quantity, "")
+    key = f"columns.{column}.unit" if source and source.unit else f"units.{quantity}"
+    if given and given != OPEN:
+        unit = unit_of(given)
+        if unit is not None and unit.per is not None:
+            unit = of_converter(unit, stated if stated is not None and stated.raw else None)
+        if unit is None or unit.raw or unit.quantity != quantity:
+            raise InputError(
+                f"{key} = {given!r}: is no unit of {quantity}; as {', '.join(EXAMPLES[quantity])} or '16384 LSB/g'"
+            )
+        return unit, given
+    if stated is not None and stated.quantity == quantity:
+        return stated, stated_text
+    if quantity == ANGLE and column in ANGLES and cells and all(_is_sexagesimal(found, text) for _, text in cells):
+        return unit_of("deg"), "deg"
+    if stated is not None and stated.raw:
+        example = f"0.5 g/{written(stated_text)}" if quantity == "force" else f"20 {written(stated_text)}/(deg/s)"
+        found.ask(key, (example,), f"{head.text!r} is in {stated_text}: what one {stated_text} is, as here")
+    elif stated_text and written(stated_text).lower() in DOUBTFUL:
+        found.ask(
+            key, DOUBTFUL[written(stated_text).lower()].split(" or "), f"what {stated_text!r} of {head.text!r} is"
+        )
+    elif stated_text and stated_text != head.text:
+        found.ask(
+            key, EXAMPLES[quantity][:3], f"{stated_text!r} of {head.text!r} is no unit of {quantity} that is known"
+        )
+    elif column == SAMPLE:
+        found.ask(key, ("100 Hz",), f"{head.text!r} counts samples: at which rate")
+    else:
+        found.ask(
+            key, EXAMPLES[quantity][:3], f"no unit of {head.text or taken.said!r}{_size(found, quantity)} is written"
+        )
+    return None, ""
+
+
+def _is_sexagesimal(found: Understanding, text: str) -> bool:
+    return found.value(text) is None and sexagesimal(text) is not None
+
+
+def _size(found: Understanding, quantity: str) -> str:
+    """What the numbers of specific forces are: a person knows by them what they are in."""
+    if quantity != "force":
+        return ""
+    places = [found.taken[column].field for column in FORCES if column in found.taken]
+    squares = []
+    for _, texts in found.looked_at:
+        values = [found.value(texts[place]) for place in places if place < len(texts)]
+        if len(values) == 3 and None not in values:
+            squares.append(sum(value * value for value in values if value is not None))
+    return f", |f| about {sorted(squares)[len(squares) // 2] ** 0.5:.4g}," if squares else ""
+
+
+def _decide_attitude(found: Understanding) -> None:
+    """What a quaternion turns: asked for, but of a record's own columns."""
+    present = [column for column in QUATERNION if column in found.taken]
+    chosen = found.given.attitude
+    if present and (len(present) < 4 or chosen == "none"):
+        for column in present:
+            del found.taken[column]
+        return
+    own = all(found.layout.headings[found.taken[column].field].text == column for column in present)
+    if present and chosen in ("", OPEN) and not own:
+        found.ask("attitude", ("body to reference", "reference to body", "none"), "what the quaternion turns")
+    if present:
+        found.settled["attitude"] = chosen if chosen not in ("", OPEN) else "body to reference"
+
+
+def _ask_of_words(found: Understanding) -> None:
+    """Ask of the first word in a column of numbers that is no usual word for a missing number."""
+    for column, taken in found.taken.items():
+        if taken.form != NUMBER:
+            continue
+        others = [other.field for other in found.taken.values() if other.form == NUMBER and other is not taken]
+        for line, text in found.cells(taken.field):
+            if reading(found, column, text) is not None:
+                continue
+            texts = next(texts for row, texts in found.looked_at if row == line)
+            if any(place < len(texts) and found.value(texts[place]) is not None for place in others):
+                why = (
+                    f"row {line}, {taken.said!r}: {quoted(text)} is no number{_beside(found, text)}; this leaves it out"
+                )
+                found.ask("missing", (text[:40],), why)
+                return
+
+
+def _beside(found: Understanding, text: str) -> str:
+    other = "," if found.decimal == "." else "."
+    return f" with decimal {found.decimal!r}" if number(bare(text), other) is not None else ""
+
+
+def reading(found: Understanding, column: str, text: str) -> float | None:
+    """The number of a cell in the file's unit, of an angle also from degrees and minutes; None where it is none."""
+    value = found.value(text)
+    if value is None and column in ANGLES:
+        degrees = sexagesimal(text)
+        unit = found.taken[column].unit
+        return degrees if degrees is None or unit is None else (degrees - unit.offset) / unit.factor
+    return value
+
+
+def _decide_readings(found: Understanding) -> None:
+    """Whether rows at one position are readings of one rest: as positions are numbered, else asked where rows stand."""
+    found.settled["readings"] = found.given.readings if found.given.readings != OPEN else ""
+    if found.kind not in (POSITION, RAW) or found.given.kind == RAW.name or not all(a in found.taken for a in ANGLES):
+        return
+    if found.given.readings in ("average", "each") or "position" in found.taken:
+        return
+    before: list[float] | None = None
+    still = 0
+    for _, texts in found.looked_at:
+        angles = [
+            reading(found, column, texts[found.taken[column].field])
+            for column in ANGLES
+            if found.taken[column].field < len(texts)
+        ]
+        values = [value for value in angles if value is not None]
+        if len(values) < 2:
+            continue
+        factor = [unit.factor if (unit := found.taken[column].unit) else 1.0 for column in ANGLES]
+        values = [value * size for value, size in zip(values, factor, strict=True)]
+        if before is not None and all(
+            abs((a - b + 180.0) % 360.0 - 180.0) <= STANDING_DEG for a, b in zip(values, before, strict=True)
+        ):
+            still += 1
+        before = values
+    if still:
+        why = f"{still} rows stand where the row before stands and positions have no numbers"
+        found.ask("readings", ("average", "each"), f"{why}; a time series with its moves is --set 'kind=raw record'")

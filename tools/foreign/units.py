@@ -1,0 +1,164 @@
+"""Units as laboratories write them, and what they are in the columns of a record.
+
+A unit is a quantity and a line: what a record has is factor × number + offset. What a converter gave (volts, counts)
+needs a sensitivity beside it, as "16384 LSB/g" or "0.5 g/V".
+"""
+
+import math
+import re
+import unicodedata
+from dataclasses import dataclass, replace
+
+from ...fmus.units import STANDARD_GRAVITY
+
+FORCE, RATE, ANGLE, TIME, TEMPERATURE = "force", "rate", "angle", "time", "temperature"
+VOLTAGE, COUNTS = "voltage", "counts"
+QUANTITIES = (FORCE, RATE, ANGLE, TIME, TEMPERATURE)
+"""What a mapping has units of."""
+DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a number in a file is in a record: force m/s², rate rad/s, angle degrees, time s, temperature °C.
+
+    `per` is what a sensitivity counts in, volts or counts, with the size of its unit.
+    """
+
+    quantity: str
+    factor: float
+    offset: float = 0.0
+    per: "Unit | None" = None
+
+    @property
+    def raw(self) -> bool:
+        """Whether a converter's output is meant, which says nothing by itself."""
+        return self.quantity in (VOLTAGE, COUNTS)
+
+
+def _table(quantity: str, **factors: tuple[float, str]) -> dict[str, Unit]:
+    return {name: Unit(quantity, factor) for factor, names in factors.values() for name in names.split()}
+
+
+KNOWN: dict[str, Unit] = {
+    **_table(
+        FORCE,
+        si=(1.0, "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss"),
+        g=(STANDARD_GRAVITY, "g G g0 gn"),
+        mg=(1e-3 * STANDARD_GRAVITY, "mg mG milli-g"),
+        ug=(1e-6 * STANDARD_GRAVITY, "ug uG"),
+        cm=(1e-2, "cm/s2 Gal"),
+        mm=(1e-3, "mm/s2"),
+        mgal=(1e-5, "mGal"),
+    ),
+    **_table(
+        RATE,
+        rad=(1.0, "rad/s radps rad/sec rads-1 1/s"),
+        mrad=(1e-3, "mrad/s"),
+        deg=(DEGREE, "deg/s degps dps degs-1 deg/sec"),
+        mdps=(1e-3 * DEGREE, "mdps mdeg/s"),
+        hour=(DEGREE / 3600.0, "deg/h deg/hr degh-1 dph"),
+        turns=(2.0 * math.pi / 60.0, "rpm"),
+    ),
+    **_table(
+        ANGLE,
+        deg=(1.0, "deg degree degrees"),
+        rad=(1.0 / DEGREE, "rad radian radians"),
+        mrad=(1e-3 / DEGREE, "mrad"),
+        urad=(1e-6 / DEGREE, "urad"),
+        minutes=(1.0 / 60.0, "arcmin ' ′"),
+        seconds=(1.0 / 3600.0, "arcsec \" ″ ''"),
+        gon=(0.9, "gon"),
+        turn=(360.0, "turn turns rev"),
+    ),
+    **_table(
+        TIME,
+        s=(1.0, "s sec second seconds sek sekunden"),
+        ms=(1e-3, "ms msec"),
+        us=(1e-6, "us usec"),
+        ns=(1e-9, "ns"),
+        minute=(60.0, "min minutes minuten"),
+        hour=(3600.0, "h hr hours"),
+    ),
+    **_table(VOLTAGE, v=(1.0, "V volt volts"), mv=(1e-3, "mV"), uv=(1e-6, "uV")),
+    **_table(COUNTS, one=(1.0, "LSB lsb counts count cnt cts digit digits raw inc adc")),
+    **dict.fromkeys(("degC", "C", "celsius", "degcelsius"), Unit(TEMPERATURE, 1.0)),
+    **dict.fromkeys(("K", "kelvin"), Unit(TEMPERATURE, 1.0, -273.15)),
+    **dict.fromkeys(("degF", "F", "fahrenheit"), Unit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0)),
+}
+DOUBTFUL = {"grad": "deg or gon", "grad/s": "deg/s"}
+"""Words that mean one thing in one language and another in another, with what they may mean."""
+EXAMPLES = {
+    FORCE: ("g", "m/s2", "mg", "ug"),
+    RATE: ("deg/s", "rad/s", "deg/h"),
+    ANGLE: ("deg", "rad", "arcmin"),
+    TIME: ("s", "ms", "us", "min", "h"),
+    TEMPERATURE: ("degC", "degF", "K"),
+}
+_FOLDED = {name.lower(): name for name in reversed(KNOWN)}
+_SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]?(?P<unit>.*)$", re.IGNORECASE)
+
+
+def written(text: str) -> str:
+    """A unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
+    text = unicodedata.normalize("NFKC", text.strip())
+    for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("**", "")):
+        text = text.replace(old, new)
+    text = re.sub(r"\s+", "", text)
+    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "{}", "<>"):
+        text = text[1:-1]
+    return text
+
+
+def known_unit(text: str) -> Unit | None:
+    """The unit that a text names, None where it names none."""
+    name = written(text)
+    return KNOWN.get(name) or KNOWN.get(_FOLDED.get(name.lower(), ""))
+
+
+def unit_of(text: str) -> Unit | None:
+    """The unit of a text that may have a number: "g", "2 mg", "1/16384 g", "0.5 g/V", "131 LSB/(deg/s)", "100 Hz"."""
+    simple = known_unit(text)
+    if simple is not None:
+        return simple
+    found = _SPLIT.match(written(text))
+    number = _fraction(found["number"]) if found else None
+    if found is None or number is None:
+        return None
+    name = found["unit"]
+    if name.lower() == "hz":
+        return Unit(TIME, 1.0 / number)
+    whole = known_unit(name)
+    if whole is not None:
+        return None if whole.offset else replace(whole, factor=number * whole.factor)
+    for at in (place for place, mark in enumerate(name) if mark == "/"):
+        above, below = known_unit(name[:at]), known_unit(name[at + 1 :])
+        if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
+            continue
+        if below.raw:
+            return Unit(above.quantity, number * above.factor / below.factor, per=below)
+        return Unit(below.quantity, below.factor / (number * above.factor), per=above)
+    return None
+
+
+def _fraction(text: str | None) -> float | None:
+    """A positive number or quotient of two; 1 where there is none."""
+    if not text:
+        return 1.0
+    above, _, below = text.partition("/")
+    try:
+        value = float(above) / float(below or "1")
+    except (ValueError, ZeroDivisionError):
+        return None
+    return value if 0.0 < value < math.inf else None
+
+
+def of_converter(scale: Unit, stated: Unit | None) -> Unit | None:
+    """A sensitivity for numbers in a stated unit of a converter (mV, LSB); None where it counts in something else."""
+    if scale.per is None:
+        return None
+    if stated is None:
+        return replace(scale, factor=scale.factor * scale.per.factor)
+    if stated.quantity != scale.per.quantity:
+        return None
+    return replace(scale, factor=scale.factor * stated.factor)
