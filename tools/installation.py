@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
-    *("matplotlib", "numba", "llvmlite", "joblib", "lazy-loader"),
+    *("matplotlib", "numba", "llvmlite", "joblib", "lazy-loader", "python-calamine"),
 )
 EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed")}
 """What each extra of the package installs."""

@@ -11,14 +11,16 @@ from ..errors import InputError
 from ..files import bytes_of, ordinary_file, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.comments import RESOLUTION, SCATTER
-from ..records.read import read_written, record_of
+from ..records.read import is_workbook, read_written, record_of
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
-from .mapping import Mapping, read_mapping, refuse_edited, shell_word, text_of, with_answers
+from .layout import has_table
+from .mapping import OPEN, Mapping, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
 from .sheet import LARGEST, Sheet, text_sheet
 from .understanding import Understanding, understood
+from .workbook import sheet_of_workbook, workbook_sheets
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -105,7 +107,10 @@ def import_record(
     if beside is not None and (mapping is None or mapping.resolve() != beside.resolve()):
         refuse_edited(beside)
     given = with_answers({} if mapping is None else read_mapping(mapping), answers or {})
-    found = understood(sheet_of(file, given), given)
+    sheets = sheets_of(file, given)
+    found = understood(sheets[0], given)
+    if len(sheets) > 1:
+        found.ask("sheet", [sheet.name for sheet in sheets], "tables stand in several sheets")
     if not found.questions:
         made = converted(found)
     if found.questions:
@@ -130,12 +135,20 @@ def mapping_beside(out: Path) -> Path:
     return out.with_name(f"{out.stem}.import.toml")
 
 
-def sheet_of(file: Path, given: Mapping) -> Sheet:
-    """The sheet of a file, as it is written or as the mapping says."""
+def sheets_of(file: Path, given: Mapping) -> list[Sheet]:
+    """The sheets of a file that may be meant: a text is one, of a workbook that which is given or all with a table."""
     data = bytes_of(file, "a measured file is needed", most=LARGEST)
     if not data:
         raise InputError(f"{file}: is empty; a table of measured data is needed")
-    return text_sheet(file, data, given.encoding, given.separator)
+    if not is_workbook(data):
+        return [text_sheet(file, data, given.encoding, given.separator)]
+    sheets = workbook_sheets(file, data)
+    if given.sheet not in ("", OPEN):
+        return [sheet_of_workbook(sheets, file, given.sheet)]
+    tables = [sheet for sheet in sheets if has_table(sheet, given)]
+    if not tables:
+        raise InputError(f"{file}: no sheet has rows of at least three numbers; a table of measured data is needed")
+    return tables
 
 
 def _asked(found: Understanding, file: Path, mapping: Path | None, beside: Path | None) -> InputError:

@@ -69,6 +69,15 @@ def layout_of(sheet: Sheet, given: Mapping) -> Layout:
     return Layout(names, units, first, last, headings, data, remarks_of(around))
 
 
+def has_table(sheet: Sheet, given: Mapping) -> bool:
+    """Whether a sheet has rows of data."""
+    try:
+        _first_data(sheet, [row for _, row in zip(range(LOOKED_AT), sheet.rows(), strict=False)], given)
+    except InputError:
+        return False
+    return True
+
+
 def _width(texts: Sequence[str]) -> int:
     """Fields up to the last that is not empty."""
     return max((k for k, text in enumerate(texts, 1) if text.strip()), default=0)

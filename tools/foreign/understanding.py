@@ -111,7 +111,6 @@ def understood(sheet: Sheet, given: Mapping) -> Understanding:
     layout = found.layout
     # lines are looked for in each file: the next may have more of them
     found.settled = {
-        "sheet": sheet.name,
         "encoding": sheet.encoding,
         "separator": sheet.separator,
     }
@@ -214,7 +213,7 @@ def _decide_marks(found: Understanding, places: dict[str, int]) -> None:
         if column not in (MOUNTING, DATE):
             for _, text in found.cells(place):
                 marks.see(bare(text))
-    stated = found.sheet.stated.decimal or ("." if found.sheet.cells is not None else "")
+    stated = found.sheet.stated.decimal
     decided = found.given.decimal if found.given.decimal != OPEN else ""
     found.thousands = found.given.thousands
     proven = sorted(marks.decimal)

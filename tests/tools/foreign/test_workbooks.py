@@ -1,0 +1,120 @@
+"""Excel workbooks as laboratories write them, and such as nobody should open."""
+
+import io
+import re
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from laboratory_files import Bench
+from trihedron.tools import cli
+from trihedron.tools.foreign import workbook
+
+pytest.importorskip("python_calamine", reason="python-calamine is not installed")
+pytest.importorskip("xlsxwriter", reason="xlsxwriter is not installed")
+pytest.importorskip("xlwt", reason="xlwt is not installed")
+
+from laboratory_workbooks import rows_of, workbook_files, xls, xlsx
+
+
+def bench_of(count: int) -> Bench:
+    """Readings of an ideal bench, each rest with its own angles."""
+    k = np.arange(float(count))
+    alpha, beta = (37.0 * k) % 360.0, (101.0 * k) % 360.0
+    a, b = np.radians(alpha), np.radians(beta)
+    force = 9.80665 * np.stack([np.sin(a) * np.sin(b), np.sin(a) * np.cos(b), np.cos(a)], axis=1)
+    return Bench(10.0 * k, alpha, beta, np.round(force, 9), 20.0 + 0.1 * k)
+
+
+BENCH = bench_of(16)
+FILES = {file.name: file for file in workbook_files(BENCH)}
+NAMES = ["No", "t [s]", "alpha [deg]", "beta [deg]", "ax [m/s2]", "ay [m/s2]", "az [m/s2]"]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_workbook_is_imported_or_asks_for_what_is_missing(name: str, tmp_path: Path):
+    file = FILES[name]
+    path = tmp_path / f"lab{file.suffix}"
+    path.write_bytes(file.content)
+    if file.needs:
+        with pytest.raises(th.InputError) as refused:
+            th.import_record(path)
+        assert set(re.findall(r"--set '?([\w.]+)=", str(refused.value))) == set(file.needs)
+    record = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs).record
+    rows = np.arange(len(BENCH.time)) if file.rows is None else file.rows
+    assert record.specific_force == pytest.approx(BENCH.force[rows], abs=file.grain)
+    assert np.degrees(record.alpha) == pytest.approx(BENCH.alpha[rows], abs=1e-9)
+    assert np.diff(record.time_s) == pytest.approx(np.diff(BENCH.time[rows]), abs=1e-5)
+    assert {key: record.about.get(key) for key in file.keeps} == file.keeps
+
+
+def test_check_and_diagnose_propose_the_import_of_a_workbook(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for suffix, make in ((".xlsx", xlsx), (".xls", xls)):
+        path = Path(f"lab{suffix}")
+        path.write_bytes(make({"Data": [NAMES, *rows_of(BENCH)]}))
+        said = f"is an Excel workbook; a laboratory's own file becomes a record by: trihedron import {path} --out"
+        assert said in str(th.check(path))
+        assert cli.main(["diagnose", str(path)]) == 2
+        assert said in capsys.readouterr().err
+
+
+def changed(data: bytes, **parts: bytes | None) -> bytes:
+    """A workbook with parts replaced, added or (None) left out: "xl__worksheets__sheet1.xml"."""
+    named = {name.replace("__", "/"): content for name, content in parts.items()}
+    packed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as made:
+        for name in archive.namelist():
+            if name not in named:
+                made.writestr(name, archive.read(name))
+        for name, content in named.items():
+            if content is not None:
+                made.writestr(name, content)
+    return packed.getvalue()
+
+
+GOOD = xlsx({"Data": [NAMES, *rows_of(BENCH)]})
+SHEET = "xl__worksheets__sheet1.xml"
+XML = zipfile.ZipFile(io.BytesIO(GOOD)).read(SHEET.replace("__", "/"))
+FAR = XML.replace(b"</sheetData>", b'<row r="1048576"><c r="XFD1048576"><v>1</v></c></row></sheetData>')
+LAUGHS = b'<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>' + XML.partition(b"?>")[2]
+OLD = xls({"Data": [NAMES, *rows_of(BENCH)]})
+HOSTILE = {
+    "a bomb": (changed(GOOD, **{SHEET: XML + b" " * 3_000_000}), "unpacks to more than"),
+    "a cell far away": (changed(GOOD, **{SHEET: FAR}), "cells up to row 1048576 and column 16384"),
+    "entities": (changed(GOOD, **{SHEET: LAUGHS}), "declares a DOCTYPE"),
+    "a name that leaves": (changed(GOOD, **{"xl__worksheets__..__..__x.xml": b"x"}), "would leave the archive"),
+    "no sheet": (changed(GOOD, **{SHEET: None}), "no sheet has rows"),
+    "no list of sheets": (changed(GOOD, **{"xl__workbook.xml": b"<workbook"}), "no "),
+    "cut": (GOOD[: len(GOOD) // 2] + b"xl/workbook", "no readable workbook"),
+    "an old one that is none": (OLD[:8] + bytes(2000), "no readable workbook"),
+    "an old one that is cut": (OLD[:3000], "no "),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_workbook_that_nobody_should_open_is_refused_in_one_line(name: str, tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setattr(workbook, "MOST_BYTES", 2_000_000)
+    content, said = HOSTILE[name]
+    path = tmp_path / "lab.xlsx"
+    path.write_bytes(content)
+    assert cli.main(["import", str(path), "--out", str(tmp_path / "record.csv")]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert said in err
+    assert [file.name for file in tmp_path.iterdir()] == ["lab.xlsx"]
+
+
+def test_a_part_that_unpacks_to_more_than_it_says_is_refused(tmp_path: Path):
+    """Sizes of an archive are what it says; what it gives is looked at."""
+    size = len(XML).to_bytes(4, "little")
+    short = (len(XML) // 2).to_bytes(4, "little")
+    stored = changed(GOOD, **{SHEET: XML})
+    assert stored.count(size) >= 2
+    path = tmp_path / "lab.xlsx"
+    path.write_bytes(stored.replace(size, short))
+    with pytest.raises(th.InputError, match="is no readable workbook"):
+        th.import_record(path)
