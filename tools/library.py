@@ -261,6 +261,7 @@ def calibrate(
     baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
     bounds: tuple[float, float] = (3e-3, 1e-2),
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
     targets: Sequence[str] = (),
     priors: Sequence[str] = (),
 ) -> "calibrations.Calibration":
@@ -282,6 +283,9 @@ def calibrate(
         u^max and v0^max of (1.7): when the sign of an input is certain.
     mounting : str or mapping
         Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
     targets : sequence of str
         Another combination, as X4-X5; may be repeated.
     priors : sequence of str
@@ -300,7 +304,7 @@ def calibrate(
     'consistent'
     """
     return calibrations.calibrate(
-        records.read_record(record, records.PositionRecord),
+        records.read_record(record, records.PositionRecord, channels=channels),
         noise_bound=noise_bound,
         gravity=gravity,
         convention=convention,
@@ -320,6 +324,7 @@ def diagnose(
     baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
     bounds: tuple[float, float] = (3e-3, 1e-2),
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     reference_bound: float | None = None,
     hypotheses: Sequence[str] = (),
@@ -345,6 +350,9 @@ def diagnose(
         u^max and v0^max of (1.7): when the sign of an input is certain.
     mounting : str or mapping
         Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
     rates : str
         What a rate in a strapdown record means.
     reference_bound : float, optional
@@ -372,7 +380,7 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord)
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
     if isinstance(run, records.StrapdownRecord):
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
@@ -400,7 +408,7 @@ def diagnose(
         )
 
 
-def inspect(record: "records.Source", *, gravity: float = 9.80665) -> "motion.Inspection":
+def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Sequence[str] = ()) -> "motion.Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
     Parameters
@@ -409,13 +417,17 @@ def inspect(record: "records.Source", *, gravity: float = 9.80665) -> "motion.In
         Strapdown record, CSV or Parquet.
     gravity : float
         Model value of gravity [m/s²].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
 
     Raises
     ------
     InputError
         for a record of a table, or gravity that is none
     """
-    return motion.inspect_record(records.read_record(record, records.StrapdownRecord), gravity=gravity)
+    run = records.read_record(record, records.StrapdownRecord, channels=channels)
+    return motion.inspect_record(run, gravity=gravity)
 
 
 def attitude_of_record(
@@ -426,6 +438,7 @@ def attitude_of_record(
     rate_divisor: int = 1,
     bridge_gaps: int = 0,
     gyro_bias: Sequence[float] | None = None,
+    channels: Sequence[str] = (),
     out: Path | None = None,
     progress: bool = False,
 ) -> "motion.AttitudeRun":
@@ -447,6 +460,9 @@ def attitude_of_record(
         Bridge gaps of up to so many lost rows, 10 at most; a bound of the attitude error that may cause is stated.
     gyro_bias : sequence of 3 float, optional
         Rate that is taken out of every sample [rad/s].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
     out : path, optional
         Folder for the computed attitude, or for the comparison.
     progress : bool
@@ -458,7 +474,7 @@ def attitude_of_record(
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
     return motion.attitude_of_record(
-        records.read_record(record, records.StrapdownRecord),
+        records.read_record(record, records.StrapdownRecord, channels=channels),
         algorithm=algorithm,
         rates=rates,
         rate_divisor=rate_divisor,
@@ -470,7 +486,11 @@ def attitude_of_record(
 
 
 def apply(
-    calibration: "str | Path | calibrations.Calibration", record: str | Path, *, noise_bound: float = 0.0
+    calibration: "str | Path | calibrations.Calibration",
+    record: str | Path,
+    *,
+    noise_bound: float = 0.0,
+    channels: Sequence[str] = (),
 ) -> "calibrations.Application":
     """Correct the readings of a record by a calibration; print the equation and what it is worth for levelling.
 
@@ -482,13 +502,16 @@ def apply(
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
         Bound of the readings' own errors, a fraction of g, for the bound.
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
 
     Raises
     ------
     InputError
         for a calibration that is not consistent, or a record that cannot be used
     """
-    return calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound)
+    return calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound, channels=channels)
 
 
 def hide(
@@ -630,20 +653,23 @@ def import_record(
     )
 
 
-def check(file: str | Path) -> "checks.Check":
+def check(file: str | Path, *, channels: Sequence[str] = ()) -> "checks.Check":
     """Say everything that is wrong with a file, with lines; nothing is run.
 
     Parameters
     ----------
     file : path
         Scenario, campaign, record, programme, calibration, diagnosis, plan, mounting, FMU, SSP.
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
 
     Raises
     ------
     InputError
         no file that can be read
     """
-    return checks.check(file)
+    return checks.check(file, channels)
 
 
 def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> list[Path]:

@@ -24,6 +24,7 @@ from .estimates import (
     least_squares_values,
     possible_values,
 )
+from .exchanged import channels_advice
 from .model import (
     Linearisation,
     Positions,
@@ -230,6 +231,8 @@ def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked(
     index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
     p = parametrise(matrices, symmetric=asked.baseline == "symmetric")
+    if said := channels_advice(record, np.asarray(record.specific_force) / gravity, p, positions):
+        raise InputError(said)
     extent = parameter_limits(p.symbols, bounds, asked_priors(asked.priors, p, bounds))
     with said_of(str(record.path)):
         return fit(p, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds, extent)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -255,7 +255,9 @@ class Application(Result):
         return pl.DataFrame({"time_s": self.record.time_s, **force})
 
 
-def apply_calibration(calibration: str | Path | Calibration, record: Path, *, noise_bound: float = 0.0) -> Application:
+def apply_calibration(
+    calibration: str | Path | Calibration, record: Path, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
+) -> Application:
     """Correct the readings of a record by a calibration or its file; arguments and errors as of `library.apply`.
 
     The noise bound is that of the averaged readings' own errors [g], for what remains after the correction.
@@ -266,7 +268,7 @@ def apply_calibration(calibration: str | Path | Calibration, record: Path, *, no
         correction = read_correction(Path(calibration))
     else:
         correction = correction_of(calibration.to_json(), "calibration")
-    measured = read_record(record)
+    measured = read_record(record, channels=channels)
     at, still = "positions" if isinstance(measured, PositionRecord) else "rows", measured
     if isinstance(measured, RawRecord):
         rests = find_rests(measured)

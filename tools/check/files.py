@@ -10,13 +10,16 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from fmpy.validation import validate_fmu
 from pydantic import BaseModel, ValidationError
 
 from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, target_estimates
+from ...fmus.units import STANDARD_GRAVITY
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
-from ..calibration.model import checked_mounting
+from ..calibration.exchanged import channels_advice
+from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
@@ -45,8 +48,8 @@ from ..parquet import MAGIC
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.plan import Plan, Plans
-from ..records.columns import ANGLES, FORCE, POSITION, Columns, extra_warning, warnings
-from ..records.kinds import RawRecord, StrapdownRecord
+from ..records.columns import ANGLES, FORCE, Columns, extra_warning, warnings
+from ..records.kinds import PositionRecord, RawRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, is_workbook, read_record
 from ..records.rests import position_record_of
@@ -67,11 +70,12 @@ MOST = 200
 """So many problems of a record are listed."""
 
 
-def check(path: Path | str) -> Check:
+def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
     """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
 
     A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
-    calibration, diagnosis or plan (JSON); an .fmu or .ssp. An InputError where no file can be read.
+    calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are as of `read_record`. An InputError
+    where no file can be read.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -83,7 +87,7 @@ def check(path: Path | str) -> Check:
         found.kind = "FMU" if ending == ".fmu" else "SSP archive"
         found.add(f"is not a ZIP archive, which an {ending} is")
     elif ending not in (".toml", ".json"):
-        _check_table(found, data)
+        _check_table(found, data, channels)
         return found.check(MOST)
     else:
         try:
@@ -168,7 +172,7 @@ def _check_ssp(found: Findings) -> None:
         )
 
 
-def _check_table(found: Findings, data: bytes) -> None:
+def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:
     """A table of measured or commanded numbers, CSV or Parquet.
 
     Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
@@ -195,15 +199,26 @@ def _check_table(found: Findings, data: bytes) -> None:
         return
     found.warnings += warnings(columns)
     found.summary = (f"{len(columns.row)} rows, columns {', '.join(columns.layout.present)}",)
-    if columns.layout.kind is POSITION:
+    record = read_record(found.path, channels=channels)
+    found.warnings += tuple(line for line in record.warnings if line not in found.warnings)
+    if isinstance(record, PositionRecord):
+        found.warnings += channels_warning(record)
         return
-    record = read_record(found.path)
-    assert isinstance(record, RawRecord | StrapdownRecord)
     found.warnings += tuple(limits_of(record).lines)
     if isinstance(record, RawRecord):
         with found.of():
             averaged = position_record_of(record)
+            found.warnings += channels_warning(averaged)
             found.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
+
+
+def channels_warning(record: PositionRecord) -> tuple[str, ...]:
+    """What `calibrate` would say of channels in a record without mountings, the block as it is mounted by default."""
+    if record.mounting is not None:
+        return ()
+    at = Positions(record.alpha, record.beta, np.zeros(len(record), dtype=int))
+    said = channels_advice(record, record.specific_force / STANDARD_GRAVITY, parametrise({"": np.eye(3)}), at)
+    return (said,) if said else ()
 
 
 def _header(data: bytes) -> list[str]:

@@ -191,6 +191,7 @@ Whole = Annotated[int, Parameter(allow_leading_hyphen=True)]
 
 TYPES: dict[str, Any] = {
     "bounds": Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)],
+    "channels": Annotated[tuple[str, ...], Parameter(name="--channels", allow_leading_hyphen=True)],
     "cuts": Whole,
     "detect": tuple[str, ...],
     "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],

@@ -103,7 +103,7 @@ def calibrate(
     """
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
 
-    run = records.read_record(record, records.PositionRecord)
+    run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     result = library.calibrate(run, **options)
     said = answer(result, json)
     if report is not None:
@@ -123,6 +123,7 @@ def apply(
     noise_bound: Number = 0.0,
     latitude_deg: Number = 55.75,
     json: JsonFile = None,
+    **options: Any,
 ) -> Answer:
     """Example: trihedron apply calibration.json positions.csv --out corrected.csv
 
@@ -134,7 +135,7 @@ def apply(
         For the error of the azimuth.
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
-    result = library.apply(calibration, record, noise_bound=noise_bound)
+    result = library.apply(calibration, record, noise_bound=noise_bound, **options)
     text = "\n".join(reports.application_lines(result, latitude_deg))
     if out is not None:
         records.write_record(result.record, out)
@@ -166,7 +167,8 @@ def diagnose(
     """
     distinct_files({"the record": record, "--json": json, "--report": report})
 
-    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord)
+    kinds = records.PositionRecord, records.StrapdownRecord
+    run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
     result = library.diagnose(run, **options, progress=True)
     if report is not None:
         reports.write_report(report, result, run)
@@ -202,7 +204,7 @@ def attitude(
         Run every algorithm and show them side by side.
     """
     distinct_files({"the record": record, "--json": json})
-    measured = records.read_record(record, records.StrapdownRecord)
+    measured = records.read_record(record, records.StrapdownRecord, channels=options.pop("channels", ()))
     if compare:
         options.pop("algorithm", None)
         compared = motion.compare_algorithms(measured, **options, progress=True)
@@ -249,13 +251,13 @@ def fmpy_input(
 
 
 @takes(library.check)
-def check(file: Path, /, *, json: JsonFile = None) -> Answer:
+def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Exit status 2 when something is.
 
     Example: trihedron check bench.toml
     """
     distinct_files({"the file": file, "--json": json})
-    found = library.check(file)
+    found = library.check(file, **options)
     return answer(found, json, complaint="" if found.good else found.verdict)
 
 

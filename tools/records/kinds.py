@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -11,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import whole_file
+from .channels import Channels
 from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE, knocks_of
 from .comments import comment_lines
 
@@ -69,6 +71,42 @@ def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
     return result
 
 
+def _has(record: "_Record", what: str) -> bool:
+    return hasattr(record, "alpha" if what == "angles" else "rate")
+
+
+def _concern(channels: Channels, what: str) -> bool:
+    """Whether channels say anything of gyros, or of angles."""
+    if what == "gyros":
+        return channels.degrees or channels.gyros != Channels().gyros
+    return channels.radians or channels.alpha < 0 or channels.beta < 0
+
+
+def _turned(name: str) -> Callable[[np.ndarray, Channels], np.ndarray]:
+    return lambda angle, read: getattr(read, name) * angle * (180.0 / math.pi if read.radians else 1.0)
+
+
+def _sense(name: str) -> Callable[[np.ndarray, Channels], np.ndarray]:
+    return lambda sense, read: getattr(read, name) * sense
+
+
+CHANGED: dict[str, Callable[[Any, Channels], Any]] = {
+    "specific_force": lambda force, read: force @ read.of_accelerometers.T,
+    "scatter": lambda scatter, read: scatter @ np.abs(read.of_accelerometers).T,
+    "dwell_noise": lambda noise, read: replace(
+        noise, deviation=tuple((np.abs(read.of_accelerometers) @ noise.deviation).tolist())
+    ),
+    "rate": lambda rate, read: rate @ read.of_gyros.T,
+    "increment": lambda increment, read: increment @ read.of_gyros.T,
+    "alpha": _turned("alpha"),
+    "beta": _turned("beta"),
+    "approach_alpha": _sense("alpha"),
+    "approach_beta": _sense("beta"),
+    "angle_resolution": lambda resolution, read: resolution * (180.0 / math.pi if read.radians else 1.0),
+}
+"""How channels change what a record holds."""
+
+
 class _Record:
     """What the kinds have in common: arrays of one length, columns of a file, a line for a person."""
 
@@ -80,6 +118,7 @@ class _Record:
     row: np.ndarray
     path: Path
     warnings: tuple[str, ...]
+    channels: Channels | None
 
     def __post_init__(self) -> None:
         count = len(self.time_s)
@@ -102,6 +141,30 @@ class _Record:
     def knocks(self) -> np.ndarray:
         """Rows (N,) whose readings are beyond 10 times gravity: no rest or move with them is used."""
         return knocks_of(self.specific_force)
+
+    def read_with(self, channels: Channels) -> Self:
+        """The record as its file is read with these channels; an InputError for channels that it does not have."""
+        lacks = [
+            f"--channels {said}: {self.path} has no {what}"
+            for said, what, name in (
+                ("w=...", "gyros", "gyros"),
+                ("alpha=-1, beta=-1 or angles=rad", "angles of a table", "angles"),
+            )
+            if not _has(self, name) and _concern(channels, name)
+        ]
+        if lacks:
+            raise InputError(lacks[0])
+        changed: dict[str, Any] = {}
+        for name, value in ((name, getattr(self, name, None)) for name in CHANGED):
+            if value is not None:
+                changed[name] = CHANGED[name](value, channels)
+        said = f"{self.path}: read with {channels}" if channels.options else f"{self.path}: read as it stands, as said"
+        if isinstance(raw := getattr(self, "raw", None), RawRecord):
+            changed["raw"] = raw.read_with(channels)
+        warnings = tuple(line for line in self.warnings if not (channels.radians and "are they radians?" in line))
+        return replace(
+            self, **changed, warnings=(*warnings, said), channels=channels.after(self.channels or Channels())
+        )
 
     def __str__(self) -> str:
         span = f", {self.time_s[-1] - self.time_s[0]:.6g} s" if len(self) else ""
@@ -153,6 +216,7 @@ class RawRecord(_Record):
     temperature : ndarray, shape (N,), or None
         [°C]
     path, row, warnings, resolution, sha256, about
+    path, row, warnings, resolution, sha256, channels
         as in PositionRecord
     """
 
@@ -176,6 +240,7 @@ class RawRecord(_Record):
     resolution: float = 0.0
     sha256: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
+    channels: Channels | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -218,6 +283,8 @@ class PositionRecord(_Record):
         of the file's bytes, in hexadecimal; empty when the record has no file
     about : dict
         key -> value of the comment lines of its file: serial number, operator, date
+    channels : Channels or None
+        how the channels of the file were read, where somebody said it
     raw : RawRecord or None
         what it was made from, with all the `rests` of the table, refused ones too
     """
@@ -254,6 +321,7 @@ class PositionRecord(_Record):
     dwell_noise: DwellNoise | None = None
     sha256: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
+    channels: Channels | None = None
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
 
@@ -295,6 +363,7 @@ class StrapdownRecord(_Record):
     temperature : ndarray, shape (N,), or None
         [°C]
     path, row, warnings, sha256, about
+    path, row, warnings, sha256, channels
         as in PositionRecord
     """
 
@@ -319,6 +388,7 @@ class StrapdownRecord(_Record):
     warnings: tuple[str, ...] = ()
     sha256: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
+    channels: Channels | None = None
 
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):

@@ -23,6 +23,7 @@ from ..errors import InputError
 from ..files import bytes_of
 from ..parquet import MAGIC, fault_of_parquet
 from ..progress import tracked
+from .channels import Channels
 from .columns import (
     ANGLES,
     FORCE,
@@ -81,12 +82,14 @@ Source: TypeAlias = str | Path | pl.DataFrame | Record | Recorded
 
 
 @overload
-def read_record(source: Source) -> Record: ...
+def read_record(source: Source, *, channels: Sequence[str] = ()) -> Record: ...
 @overload
-def read_record(source: Source, wanted: type[Wanted], /) -> Wanted: ...
+def read_record(source: Source, wanted: type[Wanted], /, *, channels: Sequence[str] = ()) -> Wanted: ...
 @overload
-def read_record(source: Source, wanted: type[Wanted], other: type[Other], /) -> Wanted | Other: ...
-def read_record(source: Source, *wanted: Any) -> Any:
+def read_record(
+    source: Source, wanted: type[Wanted], other: type[Other], /, *, channels: Sequence[str] = ()
+) -> Wanted | Other: ...
+def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> Any:
     """Read a record from a CSV or a Parquet file, a table in memory, or whatever else holds one.
 
     Parameters
@@ -96,6 +99,8 @@ def read_record(source: Source, *wanted: Any) -> Any:
     wanted : PositionRecord, StrapdownRecord
         which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
         is a record of the table, gyros or not, and a raw record is averaged over its rests
+    channels : sequence of str
+        order, signs, senses and units of its channels, as of `Channels.given`; as it stands where nothing is said
 
     Raises
     ------
@@ -110,6 +115,8 @@ def read_record(source: Source, *wanted: Any) -> Any:
         found = source.position_record()
     else:
         found = _parsed(source, TABLE_KINDS if table else KINDS)
+    if channels:
+        found = found.read_with(Channels.given(channels))
     if table and isinstance(found, RawRecord):
         found = position_record_of(found)
     if not wanted or isinstance(found, wanted):

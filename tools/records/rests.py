@@ -120,6 +120,7 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         row=np.array([raw.row[rows.start] for rows in kept]),
         path=raw.path,
         sha256=raw.sha256,
+        channels=raw.channels,
         warnings=raw.warnings + _said(raw, rests),
         scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in kept]),
         dwell_noise=dwell_noise(raw, kept),

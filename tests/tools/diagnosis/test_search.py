@@ -20,6 +20,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
 from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.records import PositionRecord
+from trihedron.tools.records.channels import Channels
 from trihedron.tools.reports.diagnosis import lines as told_lines
 from trihedron.tools.reports.diagnosis import verdict_sentence
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
@@ -37,16 +38,20 @@ TWICE = EffectPlace("axis-wobble", "inner-axis", 2)
 
 @pytest.mark.parametrize("swapped", [(0, 1), (1, 2)])
 def test_swapped_accelerometers_are_named_nothing(swapped):
-    """Reversed mountings come near them, and then any effect seems to mend the rest."""
+    """They are said to be swapped; of a person who says that they are not, nothing is named."""
     rng = np.random.default_rng(5)
     bench = random_bench(rng)
     reading = simulated(bench, noise=rng.uniform(-NOISE_BOUND, NOISE_BOUND, (24, 3))).specific_force / GRAVITY
     reading[:, swapped] = reading[:, swapped[::-1]]
+    record = position_record(reading)
+    with pytest.raises(InputError, match="--channels 2,1,3" if swapped == (0, 1) else "--channels 1,3,2"):
+        diagnose(record, noise_bound=NOISE_BOUND)
+    record = record.read_with(Channels.given(["1,2,3"]))
     if swapped == (1, 2):
         with pytest.raises(InputError, match="is its sign, or that of an angle, reversed"):
-            diagnose(position_record(reading), noise_bound=NOISE_BOUND)
+            diagnose(record, noise_bound=NOISE_BOUND)
         return
-    result = diagnose(position_record(reading), noise_bound=NOISE_BOUND)
+    result = diagnose(record, noise_bound=NOISE_BOUND)
     assert result.verdict == "unexplained"
     assert result.findings == ()
     assert any("far from an aligned bench" in warning for warning in result.warnings)

@@ -1,0 +1,105 @@
+"""Position records whose channels are exchanged or reversed, and right ones of every kind that might look so.
+
+The readings are those of `independent_bench`, which shares nothing with the product.
+"""
+
+from dataclasses import replace
+from itertools import permutations, product
+from pathlib import Path
+
+import numpy as np
+
+from independent_bench import SIGMA, G, Stand
+from trihedron.tools.records import PositionRecord
+
+WRONG = [(order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)][1:]
+"""The 47 ways of exchanging and reversing three channels that change something."""
+PLANS = ("uniform", "uniform", "steps", "level", "one-plane", "two-planes", "six-faces", "cone")
+EFFECTS = (
+    *("none", "quadratic", "asymmetry", "cross", "drift", "step", "harmonic", "outlier", "outliers", "saturation"),
+    *("quantisation", "hysteresis", "temperature"),
+)
+
+
+def plan(rng: np.random.Generator, kind: str, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (N,) of the table [rad]: well spread, in steps of 45°, near level, in one plane or two, on faces."""
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    if kind == "steps":
+        alpha, beta = np.radians(45.0) * rng.integers(0, 8, (2, count))
+    elif kind == "level":
+        alpha = np.radians(rng.uniform(-10.0, 10.0, count))
+    elif kind == "one-plane":
+        beta = np.full(count, beta[0])
+    elif kind == "two-planes":
+        beta = np.radians(rng.choice([20.0, 110.0], count))
+    elif kind == "six-faces":
+        faces = np.radians([(0, 0), (180, 0), (90, 0), (270, 0), (90, 90), (270, 90)])
+        alpha, beta = faces[np.arange(count) % 6].T
+    elif kind == "cone":
+        alpha = np.full(count, alpha[0])
+    return alpha, beta
+
+
+def with_effect(rng: np.random.Generator, kind: str, size: float, n: np.ndarray, reading: np.ndarray) -> np.ndarray:
+    """Readings (N, 3) [g] at inputs (N, 3) with an effect of a size [g] on one accelerometer."""
+    z, p, part = reading.copy(), int(rng.integers(3)), np.linspace(0.0, 1.0, len(reading))
+    size *= rng.choice([-1.0, 1.0])
+    added = {
+        "quadratic": n[:, p] ** 2,
+        "asymmetry": np.abs(n[:, p]),
+        "cross": n[:, p] * n[:, (p + 1) % 3],
+        "drift": part,
+        "step": part > rng.uniform(),
+        "harmonic": np.sin(np.arctan2(n[:, 0], n[:, 1]) * rng.integers(1, 4)) * n[:, (p + 1) % 3],
+        "hysteresis": np.sign(np.diff(n[:, p], prepend=0.0)),
+        "temperature": np.sin(6.0 * part) * n[:, p],
+    }
+    if kind in added:
+        z[:, p] += size * added[kind]
+    elif kind.startswith("outlier"):
+        for _ in range(1 + kind.endswith("s")):
+            z[rng.integers(len(z)), rng.integers(3)] += 10.0 * size
+    elif kind == "saturation":
+        z[:, p] = np.clip(z[:, p], -0.8, 0.8)
+    elif kind == "quantisation":
+        z[:, p] = size * np.round(z[:, p] / size)
+    return z
+
+
+def record_of(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> PositionRecord:
+    """The record of readings (N, 3) [g] at angles [rad]."""
+    number = np.arange(1, len(reading) + 1)
+    return PositionRecord(number, 60.0 * number, alpha, beta, G * reading, path=Path("measured.csv"))
+
+
+def right_record(seed: int) -> PositionRecord:
+    """A record that is read as it should be: few positions or many, bad plans, blocks and effects good and bad."""
+    rng = np.random.default_rng([1, seed])
+    count = int(rng.choice([8, 8, 10, 12, 14, 16, 24, 40, 100]))
+    alpha, beta = plan(rng, str(rng.choice(PLANS)), count)
+    stand, worse = Stand.drawn(rng), float(rng.choice([1.0, 1.0, 3.0, 8.0]))
+    names = ("gamma", "plus", "minus", "bias", "theta")
+    stand = replace(stand, **{name: worse * getattr(stand, name) for name in names})
+    n = stand.inputs(alpha, beta)
+    effect, size = str(rng.choice(EFFECTS)), 10.0 ** rng.uniform(-4.5, -1.3)
+    noise = 10.0 ** rng.uniform(-5.0, -2.3)
+    z = with_effect(rng, effect, size, n, stand.readings(n)) + rng.uniform(-noise, noise, (count, 3))
+    return record_of(z, alpha, beta)
+
+
+def wrong_record(way: int, seed: int, *, hidden: bool) -> tuple[PositionRecord, np.ndarray]:
+    """A record whose channels are exchanged in one of 47 ways, and the matrix (3, 3) that reads them right.
+
+    `hidden`: beside an effect of five times σ.
+    """
+    rng = np.random.default_rng([2, seed, way])
+    alpha, beta = plan(rng, str(rng.choice(PLANS[:3])), int(rng.choice([16, 24, 40, 60])))
+    stand = Stand.drawn(rng)
+    n = stand.inputs(alpha, beta)
+    z = stand.readings(n)
+    if hidden:
+        z = with_effect(rng, str(rng.choice(EFFECTS[1:])), 5.0 * SIGMA, n, z)
+    z += rng.uniform(-SIGMA, SIGMA, z.shape)
+    order, signs = WRONG[way]
+    matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
+    return record_of(z @ matrix.T, alpha, beta), matrix.T

@@ -1,0 +1,193 @@
+"""Exchanged and reversed channels, senses and units of angles: said with the options that mend it, never applied."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from exchanged_records import WRONG, right_record, wrong_record
+from simulated_bench import GRAVITY, random_bench, simulated
+from table_runs import PROGRAMME, Bench
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.exchanged import channels_advice
+from trihedron.tools.calibration.model import PRESETS, Positions, mountings_for, parametrise
+from trihedron.tools.check import check
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import PositionRecord, read_record, write_record
+from trihedron.tools.records.channels import Channels
+
+SIGMA = 1e-5
+
+
+def advised(record: PositionRecord, mounting: str = "identity") -> str:
+    matrices = mountings_for(record, mounting)
+    at = Positions(record.alpha, record.beta, np.zeros(len(record), dtype=int))
+    return channels_advice(record, record.specific_force / GRAVITY, parametrise(matrices), at)
+
+
+def options_in(said: str) -> list[str]:
+    """The values of --channels that a line names, the first one first, those beside a mounting left out."""
+    said = re.sub(r"--mounting[^;]*", "", said)
+    return [quoted or plain for quoted, plain in re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', said)]
+
+
+@pytest.fixture(scope="module")
+def clean() -> PositionRecord:
+    rng = np.random.default_rng(1)
+    return simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_every_signed_permutation_is_said_with_the_order_that_mends_it(hidden):
+    for way in range(len(WRONG)):
+        record, matrix = wrong_record(way, 0, hidden=hidden)
+        listed = [Channels.given([text]) for text in options_in(advised(record))]
+        plain = [one for one in listed if one.alpha == one.beta == 1 and not one.radians]
+        assert len(plain) == 1, WRONG[way]
+        np.testing.assert_array_equal(plain[0].of_accelerometers, matrix)
+
+
+def test_right_records_are_advised_nothing():
+    assert [seed for seed in range(60) if advised(right_record(seed))] == []
+
+
+WAYS = {
+    "alpha": (lambda r: replace(r, alpha=-r.alpha), "alpha=-1"),
+    "beta": (lambda r: replace(r, beta=2.0 * np.pi - r.beta), "beta=-1"),
+    "both": (lambda r: replace(r, alpha=-r.alpha, beta=-r.beta), "1,-2,3"),
+    "radians": (lambda r: replace(r, alpha=np.radians(r.alpha), beta=np.radians(r.beta)), "angles=rad"),
+    "exchanged": (lambda r: replace(r, specific_force=r.specific_force[:, [1, 0, 2]]), "2,1,3"),
+    "cyclic": (lambda r: replace(r, specific_force=r.specific_force[:, [1, 2, 0]]), "3,1,2"),
+    "reversed": (lambda r: replace(r, specific_force=r.specific_force * [1.0, 1.0, -1.0]), "1,2,-3"),
+}
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_all_that_is_listed_mends_the_record_and_nothing_is_applied_silently(clean, name):
+    spoil, first = WAYS[name]
+    spoilt = spoil(clean)
+    with pytest.raises(InputError) as refused:
+        calibrate(spoilt, noise_bound=SIGMA)
+    said = str(refused.value)
+    assert "\n" not in said
+    listed = options_in(said)
+    assert listed[0] == first
+    assert len(listed) == 4
+    right = calibrate(clean, noise_bound=SIGMA)
+    for option in listed:
+        mended = spoilt.read_with(Channels.given([option]))
+        assert any(f"--channels {option}" in line.replace('"', "") for line in mended.warnings)
+        found = calibrate(mended, noise_bound=SIGMA)
+        assert found.verdict == "consistent"
+        # To rounding the record is the same, so all of it fits as well.
+        assert found.radius == pytest.approx(right.radius, rel=1e-6)
+
+
+def test_a_mounting_that_is_the_same_is_said_and_mends_it(clean):
+    spoilt = replace(clean, alpha=-clean.alpha)
+    matrix = re.search(r"matrix = (\[\[.*?\]\])(?!\s*with)", advised(spoilt))
+    assert matrix is not None
+    rows = [[float(x) for x in row.split(",")] for row in re.findall(r"\[([^\[\]]+)\]", matrix[1])]
+    assert calibrate(spoilt, noise_bound=SIGMA, mounting={"own": rows}).verdict == "consistent"
+    # In that mounting nothing is left to say.
+    at = Positions(spoilt.alpha, spoilt.beta, np.zeros(24, dtype=int))
+    assert not channels_advice(spoilt, spoilt.specific_force / GRAVITY, parametrise({"own": rows}), at)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_mounting_that_is_given_counts(preset):
+    rng = np.random.default_rng(5)
+    record = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)), mounting=PRESETS[preset])
+    assert not advised(record, preset)
+    exchanged = replace(record, specific_force=record.specific_force[:, [2, 1, 0]])
+    assert "3,2,1" in options_in(advised(exchanged, preset))
+
+
+@pytest.mark.parametrize("effect", ["none", "quadratic accelerometer-2"])
+def test_a_diagnosis_says_it_before_any_verdict(clean, effect, tmp_path, capsys):
+    force = clean.specific_force.copy()
+    if effect != "none":
+        force[:, 1] += 20.0 * SIGMA * GRAVITY * (force[:, 1] / GRAVITY) ** 2
+    path = tmp_path / "measured.csv"
+    write_record(replace(clean, specific_force=force, alpha=-clean.alpha), path)
+    assert main(["diagnose", str(path), "--noise-bound", "1e-5"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.count("\n") == 0
+    assert "--channels alpha=-1" in said
+    assert "alpha=-1" in check(path).warnings[-1]
+    read = read_record(path, PositionRecord, channels=["alpha=-1"])
+    found = diagnose(read, noise_bound=SIGMA, rerun=False)
+    assert found.verdict == ("consistent" if effect == "none" else "explained")
+    assert any("--channels alpha=-1" in line for line in found.warnings)
+    assert not any("--channels" in line for line in check(path, ["alpha=-1"]).warnings if "g rms" in line)
+
+
+def test_a_person_who_says_that_the_file_stands_as_it_is_has_the_verdict(clean):
+    exchanged = replace(clean, specific_force=clean.specific_force[:, [1, 0, 2]])
+    said = exchanged.read_with(Channels.given(["1,2,3"]))
+    assert calibrate(said, noise_bound=SIGMA).verdict == "falsified"
+
+
+def test_channels_that_were_said_wrongly_are_said_anew_for_the_file(clean):
+    wrongly = clean.read_with(Channels.given(["2,1,3"]))
+    said = advised(wrongly)
+    # What mends it is the file as it stands, not another exchange of what was said.
+    assert "the file as it stands" in said
+
+
+def test_a_raw_record_is_read_so_before_its_rests_are_averaged(tmp_path):
+    raw, _ = Bench(white=5e-6).run(PROGRAMME)
+    mirrored = replace(raw, alpha=-raw.alpha, specific_force=raw.specific_force[:, [0, 2, 1]])
+    write_record(mirrored, tmp_path / "raw.csv", decimals=9)
+    plain = read_record(write_and(raw, tmp_path / "plain.csv"), PositionRecord)
+    again = read_record(tmp_path / "raw.csv", PositionRecord, channels=["alpha=-1 1,3,2"])
+    assert isinstance(again, PositionRecord)
+    np.testing.assert_allclose(again.specific_force, plain.specific_force, atol=1e-9)
+    np.testing.assert_allclose(again.alpha, plain.alpha, atol=1e-12)
+    for one in ("approach_alpha", "approach_beta"):
+        np.testing.assert_array_equal(getattr(again, one), getattr(plain, one))
+    # A record of positions that comes from rests is read so with its rests.
+    averaged = read_record(mirrored, PositionRecord).read_with(Channels.given(["alpha=-1", "1,3,2"]))
+    np.testing.assert_allclose(averaged.specific_force, read_record(raw, PositionRecord).specific_force, atol=1e-12)
+    np.testing.assert_array_equal(averaged.approach_alpha, plain.approach_alpha)
+    np.testing.assert_allclose(averaged.raw.alpha, raw.alpha)
+
+
+def write_and(record, path):
+    write_record(record, path, decimals=9)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("2,2,3", "is not known"),
+        ("2,1", "is not known"),
+        ("f=4,1,2", "is not known"),
+        ("alpha=2", "is not known"),
+        ("w=1,3,2", "has no gyros"),
+        ("w=deg", "has no gyros"),
+        ("2,1,3 3,1,2", "said twice"),
+    ],
+)
+def test_channels_that_are_none_are_refused_in_one_line(clean, tmp_path, capsys, option, said):
+    path = write_and(clean, tmp_path / "measured.csv")
+    assert main(["calibrate", str(path), "--noise-bound", "1e-5", "--channels", option]) == 2
+    line = capsys.readouterr().err
+    assert said in line
+    assert line.count("\n") == 1
+
+
+def test_channels_after_channels_are_those_of_the_file():
+    first, second = Channels.given(["2,-1,3", "alpha=-1"]), Channels.given(["3,1,-2", "w=2,1,3"])
+    both = second.after(first)
+    np.testing.assert_array_equal(both.of_accelerometers, second.of_accelerometers @ first.of_accelerometers)
+    assert both.alpha == -1
+    assert Channels.given(both.options) == both
+    for before, after in pairwise(["1,2,3", "-3,2,1", "2,3,-1"]):
+        pair = Channels.given([after]).after(Channels.given([before]))
+        assert Channels.given([",".join(map(str, pair.accelerometers))]) == pair

@@ -1,0 +1,174 @@
+"""Which channel of a file is which axis, with its sign, sense and unit; and which way of reading one fits far better.
+
+Accelerometers and gyros may be exchanged and reversed in 48 ways, each angle of the table may turn the other way, and
+angles and rates may be in the other unit. A record is tried against all of them; what fits far better is said, with the
+option `--channels` that reads it so, and is never applied by itself.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations, product
+from typing import TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+Axes: TypeAlias = tuple[int, int, int]
+
+FAR_BETTER = 200.0
+"""A way of reading fits far better than another where its misfit is less by so much: the squares of what is left over
+what is usual, and of parameters over `USUAL`. Right records came to 17 at most, and once to 160 (docs/decisions.md)."""
+USUAL = 0.1
+"""Scale factors, misalignments [1] and biases [g] of this size are usual; a channel that is reversed has one of 2."""
+LEAST_MISFIT, LARGEST_MISFIT = 0.01, 0.1
+"""What effects and offsets of the table may leave [g] is not taken for less; where the best way of reading leaves more,
+none of them is right."""
+MOST_LISTED = 8
+"""So many ways of reading that a record cannot tell apart are said."""
+RADIANS = np.pi / 180.0
+SIGNED = re.compile(r"[+-]?[123]")
+OPTIONS = "as 2,1,-3 (accelerometers), w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad or w=deg"
+
+
+def _matrix(order: Axes) -> NDArray[np.float64]:
+    matrix = np.zeros((3, 3))
+    for axis, channel in enumerate(order):
+        matrix[axis, abs(channel) - 1] = np.sign(channel)
+    return matrix
+
+
+PERMUTATIONS = tuple(
+    _matrix(cast(Axes, tuple(sign * (channel + 1) for sign, channel in zip(signs, order, strict=True))))
+    for order in permutations(range(3))
+    for signs in product((1, -1), repeat=3)
+)
+"""The 48 signed permutations (3, 3); the first changes nothing."""
+SENSES = ((1, 1), (-1, 1), (1, -1), (-1, -1))
+"""Of the angles of the outer and the inner axis; the first changes nothing."""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """How channels of a file are read.
+
+    `accelerometers`, `gyros`: of each axis the channel of the file, 1 to 3, with its sign; `alpha`, `beta`: -1 where an
+    encoder turns the other way; `radians`: the angles of the table are in radians; `degrees`: the gyros give degrees.
+    """
+
+    accelerometers: Axes = (1, 2, 3)
+    gyros: Axes = (1, 2, 3)
+    alpha: int = 1
+    beta: int = 1
+    radians: bool = False
+    degrees: bool = False
+
+    @staticmethod
+    def given(texts: Sequence[str]) -> "Channels":
+        """As options `--channels` say, several in one with blanks between; an InputError for what is none."""
+        said: dict[str, object] = {}
+        for text in " ".join(texts).split():
+            name, _, value = (part.strip() for part in (text if "=" in text else f"f={text}").partition("="))
+            field, known = _field(name, value)
+            if known is None:
+                raise InputError(f"--channels {text}: is not known; {OPTIONS}")
+            if field in said:
+                raise InputError(f"--channels {text}: {name} is said twice")
+            said[field] = known
+        return Channels(**said)  # type: ignore[arg-type]
+
+    @property
+    def of_accelerometers(self) -> NDArray[np.float64]:
+        """The matrix (3, 3) by which their readings are multiplied."""
+        return _matrix(self.accelerometers)
+
+    @property
+    def of_gyros(self) -> NDArray[np.float64]:
+        """The matrix (3, 3) by which their readings are multiplied."""
+        return _matrix(self.gyros) * (RADIANS if self.degrees else 1.0)
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The values of `--channels` that say it."""
+        found = ["angles=rad"] if self.radians else []
+        found += [f"{name}=-1" for name in ("alpha", "beta") if getattr(self, name) < 0]
+        found += [",".join(map(str, self.accelerometers))] if self.accelerometers != (1, 2, 3) else []
+        found += ["w=" + ",".join(map(str, self.gyros))] if self.gyros != (1, 2, 3) else []
+        return (*found, "w=deg") if self.degrees else tuple(found)
+
+    def __str__(self) -> str:
+        """As it is typed; nothing where nothing changes."""
+        said = " ".join(self.options)
+        quote = '"' if " " in said else ""
+        return said and f"--channels {quote}{said}{quote}"
+
+    def after(self, before: "Channels") -> "Channels":
+        """How a file is read whose channels, read as `before` says, are read so."""
+        return Channels(
+            tuple(_times(self.accelerometers, before.accelerometers)),  # type: ignore[arg-type]
+            tuple(_times(self.gyros, before.gyros)),  # type: ignore[arg-type]
+            self.alpha * before.alpha,
+            self.beta * before.beta,
+            self.radians or before.radians,
+            self.degrees or before.degrees,
+        )
+
+
+def reading_of(matrix: NDArray) -> Axes:
+    """Of each axis the channel that shows it, where the channels show a signed permutation (3, 3) of the axes."""
+    channels = np.argmax(np.abs(matrix), axis=0)
+    return cast(Axes, tuple(int(np.sign(matrix[k, axis])) * (int(k) + 1) for axis, k in enumerate(channels)))
+
+
+def _times(after: Axes, before: Axes) -> list[int]:
+    return [int(np.sign(channel)) * before[abs(channel) - 1] for channel in after]
+
+
+def _field(name: str, value: str) -> tuple[str, object]:
+    """The field of `Channels` that an option means, and its value; None where it means nothing."""
+    if name in ("f", "w") and (order := _order(value)) is not None:
+        return ("accelerometers" if name == "f" else "gyros"), order
+    known: dict[tuple[str, str], tuple[str, object]] = {
+        ("alpha", "-1"): ("alpha", -1),
+        ("beta", "-1"): ("beta", -1),
+        ("angles", "rad"): ("radians", True),
+        ("w", "deg"): ("degrees", True),
+    }
+    return known.get((name, value), ("", None))
+
+
+def _order(value: str) -> Axes | None:
+    texts = [text.strip() for text in value.split(",")]
+    if not all(SIGNED.fullmatch(text) for text in texts) or len(texts) != 3:
+        return None
+    order = cast(Axes, tuple(map(int, texts)))
+    return order if sorted(map(abs, order)) == [1, 2, 3] else None
+
+
+def far_better(costs: NDArray[np.float64]) -> NDArray[np.int_]:
+    """Ways of reading (n,) that fit far better than the first, which changes nothing, and that cannot be told apart.
+
+    They are numbers of costs (W,), the best first (see `FAR_BETTER`); none where the best is not far better.
+    """
+    best = costs.min()
+    same = np.flatnonzero(costs - best <= FAR_BETTER) if costs[0] - best > FAR_BETTER else np.zeros(0, dtype=int)
+    return same[np.argsort(costs[same], kind="stable")]
+
+
+def advice(ways: Sequence[tuple[Channels, str]], before: Channels | None) -> str:
+    """The options that read a file in one of these ways, the one that changes least, and all others.
+
+    Each is how it is read, and what else says the same, a mounting; `before` is how the file was read, None where as it
+    stands.
+    """
+    # Of ways that change as little a sense comes before an order.
+    ways = sorted(ways, key=lambda way: (len(way[0].options), way[0].accelerometers != Channels().accelerometers))
+    said = []
+    for channels, instead in ways[:MOST_LISTED]:
+        said += [str(channels.after(before or Channels())) or "the file as it stands"]
+        said += [instead] if instead else []
+    more = [f"{len(ways) - MOST_LISTED} more"] if len(ways) > MOST_LISTED else []
+    others = "; or ".join([*said[1:], *more])
+    return said[0] + (f" (the record cannot tell that from: {others})" if others else "")
