@@ -118,9 +118,9 @@ TURNTABLE_MOTION = Component(
         work("work", "a quaternion", 4),
         state("context", "the circumstances that effects read", CONTEXT_SIZE),
         work("added", "what effects add", 2),
-        work("shifted", "angles", 2),
-        work("turns", "small turns that effects add", 4),
-        work("turn_rates", "their rates", 4),
+        work("shifted", "angles, or a rate", 3),
+        work("turns", "small turns that effects add", 7),
+        work("turn_rates", "rates of those of the table", 4),
     ),
     model=(turntable.initialise, turntable.step),
     messages=(

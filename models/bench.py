@@ -237,7 +237,9 @@ def rotation_vector(matrix: ArrayLike) -> NDArray:
     return 0.5 * twice_sine * (angle / sine if sine > 1e-8 else 1.0)
 
 
-def input_direction(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
+def input_direction(
+    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None = None
+) -> NDArray:
     """Unit vector of the specific force in the block's axes: the accelerometers' inputs n over (1 − Δg/g).
 
     Parameters
@@ -248,6 +250,8 @@ def input_direction(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mount
         encoder readings [rad]
     mounting : (3, 3) or (N, 3, 3) array
         Q
+    further : (N, 3) array, optional
+        rotation vectors [rad], in block axes, by which the block is turned on the table beside θ
 
     Returns
     -------
@@ -255,19 +259,30 @@ def input_direction(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mount
     """
     x = np.asarray(targets)
     vertical = up(np.asarray(alpha) - x[..., 1], np.asarray(beta), x[..., 0], x[..., 2])
-    turned = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
+    turned = _mounted(x, mounting, further)
     return np.squeeze(turned @ vertical[..., None], -1)
 
 
+def _mounted(x: NDArray, mounting: ArrayLike, further: NDArray | None) -> NDArray:
+    """Block axes from those of the inner frame, (3, 3) or (N, 3, 3)."""
+    turned = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
+    return turned if further is None else small_turn(further) @ turned
+
+
 def target_reading(
-    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, sign: ArrayLike | None = None
+    targets: ArrayLike,
+    alpha: ArrayLike,
+    beta: ArrayLike,
+    mounting: ArrayLike,
+    sign: ArrayLike | None = None,
+    further: NDArray | None = None,
 ) -> NDArray:
     """The exact reading over the model's g (N, 3) as a function of the 18 targets; arguments as `input_direction`.
 
     `sign` (N, 3) chooses between the targets of positive and negative input; by default the exact inputs' own signs.
     """
     x = np.asarray(targets)
-    m = input_direction(x, alpha, beta, mounting)
+    m = input_direction(x, alpha, beta, mounting, further)
     positive = np.real(m) >= 0.0 if sign is None else np.asarray(sign) >= 0
     reading = m + np.where(positive, x[..., _PLUS], x[..., _MINUS]) * m + x[..., 15:18]
     reading[..., 1] += x[..., 9] * m[..., 0]
@@ -276,14 +291,20 @@ def target_reading(
 
 
 def target_jacobian(
-    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, sign: ArrayLike | None = None
+    targets: ArrayLike,
+    alpha: ArrayLike,
+    beta: ArrayLike,
+    mounting: ArrayLike,
+    sign: ArrayLike | None = None,
+    further: NDArray | None = None,
 ) -> NDArray:
     """Derivatives (N, 3, 18) of `target_reading` by the targets, exact to rounding.
 
     The reading is linear in scale factors, shears and biases; the rest comes through the direction.
     """
     x = np.asarray(targets)
-    m, direction = input_direction(x, alpha, beta, mounting), input_jacobian(x, alpha, beta, mounting)
+    m = input_direction(x, alpha, beta, mounting, further)
+    direction = input_jacobian(x, alpha, beta, mounting, further)
     positive = m >= 0.0 if sign is None else np.asarray(sign) >= 0
     jacobian = direction * (1.0 + np.where(positive, x[..., _PLUS], x[..., _MINUS]))[..., None]
     jacobian[..., 1, :] += x[..., 9, None] * direction[..., 0, :]
@@ -297,15 +318,17 @@ def target_jacobian(
     return jacobian
 
 
-def input_jacobian(targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
+def input_jacobian(
+    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None = None
+) -> NDArray:
     """Derivatives (N, 3, 18) of `input_direction` by the targets, exact to rounding (complex step)."""
     x, step = np.asarray(targets), 1e-30
     # What moves the vertical and what turns the block, three targets at once.
     moved = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION, None]
     tilted, turned = moved[:3], moved[3:]
     vertical = np.imag(up(np.asarray(alpha) - tilted[..., 1], np.asarray(beta), tilted[..., 0], tilted[..., 2])) / step
-    turns = np.imag(small_turn(turned[..., 14:11:-1])) / step @ np.asarray(mounting)
-    straight = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
+    turns = np.imag(_mounted(turned, mounting, further)) / step
+    straight = _mounted(x, mounting, further)
     here = up(np.asarray(alpha) - x[..., 1], np.asarray(beta), x[..., 0], x[..., 2])
     jacobian = np.zeros((*here.shape, len(TARGETS)))
     for k, one, other in zip(range(3), vertical, turns, strict=True):

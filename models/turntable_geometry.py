@@ -1,8 +1,8 @@
 """Geometry of the two-axis table: what the block undergoes at given angles of the axes, and over a step between them.
 
 From the base the frame is turned by κ about axis 2 (the outer axis dips below the horizon), by α about the outer axis,
-by ε about axis 2 (the inner axis leans towards +outer), by β about the inner axis, then by the mounting Q and the
-mounting error ϑ; each an exact rotation.
+by ε about axis 2 (the inner axis leans towards +outer), by β about the inner axis, then by the mounting Q, the mounting
+error ϑ, and what effects turn the block on the table by; each an exact rotation.
 
 Increments, the integral of the block's angular rate against inertial space, are exact to rounding.
 
@@ -43,11 +43,12 @@ DIFFERENCE_HOURS = 1e-2
 
 
 def geometry_effects(context: Vector, angles: Vector, effect: Vector, turns: Vector) -> float:
-    """Stage "geometry": small turns (4,) [rad] that effects add: to κ, about the outer axis, to ε, about the inner one.
+    """Stage "geometry": small turns (7,) [rad] that effects add: to κ, about the outer axis, to ε, about the inner one.
 
+    The last three are the rotation vector, in block axes, by which the block turns further on the table; it may jump.
     Returns whether there are any (1.0 or 0.0); the nominal table adds nothing.
     """
-    for i in range(4):
+    for i in range(7):
         turns[i] = 0.0
     return 0.0
 
@@ -112,12 +113,15 @@ def observe(
     beta = angle[1]
     kappa = stand[KAPPA]
     epsilon = stand[EPSILON]
-    if geometry_effects(context, angle, effect, turns) > 0.0:
+    turned = geometry_effects(context, angle, effect, turns)
+    if turned > 0.0:
         alpha = alpha + turns[1]
         beta = beta + turns[3]
         kappa = kappa + turns[0]
         epsilon = epsilon + turns[2]
     attitude_in_base(alpha, beta, kappa, epsilon, mounting_attitude, attitude, work)
+    if turned > 0.0:
+        turn_by_vector(attitude, turns[4], turns[5], turns[6], work)
     to_body(attitude, 0.0, 0.0, stand[TRUE_GRAVITY], specific_force)
 
 
@@ -134,9 +138,9 @@ def turn_with_earth(elapsed: float, stand: Vector, attitude: Vector, work: Vecto
 def find_turn_rates(
     motion: Vector, context: Vector, effect: Vector, shifted: Vector, turns: Vector, turn_rates: Vector
 ) -> None:
-    """Rates (4,) [rad/s] of the small turns that effects add, by central differences of sixth order.
+    """Rates (4,) [rad/s] of the small turns of the table that effects add, by central differences of sixth order.
 
-    `context` is that of the moment; `shifted` (2,) and `turns` (4,) are working space.
+    `context` is that of the moment; `shifted` (2,) and `turns` (7,) are working space.
     """
     hours = context[HOURS]
     for i in range(4):
@@ -192,7 +196,8 @@ def add_increment(
 ) -> None:
     """Add `weight` [s] times the block's angular rate against inertial space, in block axes, to `increment` (3,).
 
-    `turned` is 1.0 where effects add small turns; `turns` and `turn_rates` (4,) are zeros where not.
+    `turned` is 1.0 where effects add small turns; `turns` (7,) and `turn_rates` (4,) are zeros where not. Its own
+    turn on the table is not in it, but the axes are those after it.
     """
     if turned > 0.0:
         shifted[0] = motion[0]
@@ -220,13 +225,19 @@ def add_increment(
     third = along * sin_lean + down * cos_lean
     x = first * cos_beta + second * sin_beta
     y = second * cos_beta - first * sin_beta
-    to_body(mounting_attitude, x, y, third + motion[3] + turn_rates[3], work)
-    for i in range(3):
-        increment[i] = increment[i] + weight * work[i]
+    to_body(mounting_attitude, x, y, third + motion[3] + turn_rates[3], shifted)
     attitude_in_base(alpha, beta, stand[KAPPA] + turns[0], lean, mounting_attitude, attitude, work)
     to_body(attitude, stand[EARTH_IN_BASE], stand[EARTH_IN_BASE + 1], stand[EARTH_IN_BASE + 2], work)
     for i in range(3):
-        increment[i] = increment[i] + weight * work[i]
+        shifted[i] = shifted[i] + work[i]
+    if turned > 0.0:
+        set_quaternion(1.0, 0.0, 0.0, 0.0, attitude)
+        turn_by_vector(attitude, turns[4], turns[5], turns[6], work)
+        to_body(attitude, shifted[0], shifted[1], shifted[2], work)
+        for i in range(3):
+            shifted[i] = work[i]
+    for i in range(3):
+        increment[i] = increment[i] + weight * shifted[i]
 
 
 def integrate_increment(
@@ -249,7 +260,8 @@ def integrate_increment(
     """Integrate the block's angular rate over (begin, end] into `increment` (3,) [rad].
 
     Gauss rules with five points between the ends of the phases of the moves, none over more than a quarter of a
-    radian: the increments are exact to rounding at any step size.
+    radian: the increments are exact to rounding at any step size, but for a step within which the block slips on the
+    table: that is one turn about one axis, which the rates beside it see from the middle of a piece on.
     """
     for i in range(3):
         increment[i] = 0.0
@@ -257,8 +269,14 @@ def integrate_increment(
         turn_rates[i] = 0.0
     shifted[0] = 0.0
     shifted[1] = 0.0
-    set_table_context(0.0, shifted, context)
+    set_table_context(begin - stand[START], shifted, context)
     turned = geometry_effects(context, shifted, effect, turns)
+    for i in range(3):
+        increment[i] = -turns[4 + i]
+    set_table_context(end - stand[START], shifted, context)
+    turned = geometry_effects(context, shifted, effect, turns)
+    for i in range(3):
+        increment[i] = increment[i] + turns[4 + i]
     count = phase_ends(plan, begin, end, times)
     for k in range(count - 1):
         duration = times[k + 1] - times[k]

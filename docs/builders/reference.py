@@ -52,6 +52,7 @@ SHOWN_LEVELS = {
     "exchanged-readings": (0.5,),
     "bias-step": (1.0, 0.5),
     "scale-step": (1.0, 0.5),
+    "mounting-slip": (0.3, -0.5, 0.4, 0.5),
     "warm-up": (1.0, 0.25),
     "thermal-lag": (0.1, 0.1),
 }
@@ -195,7 +196,11 @@ def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
     # At α = 90° the first input is sin β; a tilted table shows turns of every kind.
     alpha, beta, label = 0.5 * math.pi * ones, math.asin(1.0) * (2.0 * steps - 1.0), "input [g]"
     along = np.sin(beta)
-    if effect.name.endswith(("drift", "step")) or effect.name in ("exchanged-readings", "warm-up", "thermal-lag"):
+    if effect.name.endswith(("drift", "step", "slip")) or effect.name in (
+        "exchanged-readings",
+        "warm-up",
+        "thermal-lag",
+    ):
         # A temperature that jumps shows a lag.
         temperature = np.where(steps < 0.2, 20.0, 30.0)
         hours, label, along = steps, "time [h]", steps
@@ -225,6 +230,9 @@ def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
     rows = Visits(here.parametrisation, sweep.at, sweep.circumstances).rows(here.point)
     if effect.variants is not None:
         clean = rows.prediction
+        if effect.component == "TurntableMotion":
+            *turns, start = SHOWN_LEVELS[effect.name]
+            return rows.by_slip @ np.array(turns) * (rows.hours > start)[:, None]
         return acted_on([(place, SHOWN_LEVELS[effect.name])], rows, clean) - clean
     if effect.name == "hysteresis":
         # One axis moves, and the way there and back of the input is known.

@@ -27,6 +27,9 @@ class Rows:
         derivatives of the readings by the turns about the outer and the inner axis [g/rad]
     by_kappa, by_epsilon : (N, 3)
         derivatives of the readings by κ and ε [g/rad]; zeros where not given
+    by_slip : (N, 3, 3)
+        derivatives of the readings by further turns of the block on the table, about its axes [g/rad]; zeros where not
+        given
     temperature : (N,) or None
         [degC]; None where the record has none
     sense_alpha, sense_beta : (N,)
@@ -55,6 +58,7 @@ class Rows:
     by_beta: NDArray[np.float64]
     by_kappa: NDArray[np.float64] = field(default_factory=_not_given)
     by_epsilon: NDArray[np.float64] = field(default_factory=_not_given)
+    by_slip: NDArray[np.float64] = field(default_factory=_not_given)
     temperature: NDArray[np.float64] | None = None
     sense_alpha: NDArray[np.float64] = field(default_factory=_not_given)
     sense_beta: NDArray[np.float64] = field(default_factory=_not_given)
@@ -69,6 +73,7 @@ class Rows:
     def __post_init__(self) -> None:
         instead = {
             **dict.fromkeys(("by_kappa", "by_epsilon", "input_sense"), np.zeros_like(self.n)),
+            "by_slip": np.zeros((*self.n.shape, 3)),
             **dict.fromkeys(("sense_alpha", "sense_beta"), np.zeros_like(self.hours)),
             **dict.fromkeys(("own", "prediction"), self.n),
             "sense_told": np.ones(self.n.shape, dtype=bool),
@@ -147,6 +152,11 @@ class Variant:
         bounds grow by it; None where the columns are exact
     sizes : (S, K) or None
         sums of coefficients that are the first of the parameters; None where these are the coefficients
+    slipped : (N,) of bool or None
+        rows at which the coefficients, three, are the vector by which the block is turned on the table: the columns are
+        what that does to first order; None where they say it all
+    elsewhere : callable or None
+        other rows, later than these -> (n, 3, K): the columns there; None where only the kernel says what it does
     mixed : (N, 3, 3) or None
         what becomes of the three readings where channels are exchanged: matrix times readings; None where they are not
     undecided : callable
@@ -165,7 +175,9 @@ class Variant:
     fixed: NDArray[np.bool_]
     paid: NDArray[np.float64] | None = None
     sizes: NDArray[np.float64] | None = None
+    slipped: NDArray[np.bool_] | None = None
     mixed: NDArray[np.float64] | None = None
+    elsewhere: Callable[[Rows], NDArray[np.float64]] | None = None
     stands: Callable[[Rows, NDArray[np.float64]], bool] = lambda rows, coefficients: True
     undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
 

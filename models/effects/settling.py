@@ -11,7 +11,7 @@ derivative by the constant's logarithm; the bounds of the readings grow by it, s
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -130,15 +130,35 @@ def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: 
     """The cells of rows at some hours (N,), with a temperature (N,) above the nominal one or without."""
     when = np.frombuffer(hours)
     ends = time_constants(when, SHORTER if temperature else 1.0)
-    if temperature:
-        values, error = lagged(when, np.frombuffer(temperature), ends)
-        return _cells(place, ends, values, error + resolution, LARGEST_PER_KELVIN)
-    return _cells(place, ends, *settled(when, ends), LARGEST_OF_BIAS)
+    if not temperature:
+        return _cells(place, ends, settled(when, ends), lambda rows, two: settled(rows.hours, two)[0])
+    warmth = np.frombuffer(temperature)
+    values, error = lagged(when, warmth, ends)
+
+    def later(rows: Rows, two: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Each row as if it were the next after the record."""
+        found, seen = np.zeros((len(rows.hours), 2)), above_nominal(rows)
+        for time, kelvin in np.unique(np.stack((rows.hours, seen), axis=1), axis=0).tolist():
+            now = (rows.hours == time) & (seen == kelvin)
+            found[now] = lagged(np.append(when, time), np.append(warmth, kelvin), two)[0][-1]
+        return found
+
+    return _cells(place, ends, (values, error + resolution), later)
 
 
-def _cells(place: EffectPlace, ends: NDArray, values: NDArray, error: NDArray, largest: float) -> Sequence[Variant]:
-    """Cells of time constants with these ends (C + 1,), responses (N, C + 1) there, and errors (N, C) within them."""
-    found = []
+def _cells(
+    place: EffectPlace,
+    ends: NDArray[np.float64],
+    known: tuple[NDArray[np.float64], NDArray[np.float64]],
+    later: Callable[[Rows, NDArray[np.float64]], NDArray[np.float64]],
+) -> Sequence[Variant]:
+    """Cells of time constants with these ends (C + 1,).
+
+    What is known of them: responses (N, C + 1) at the ends, and errors (N, C) within them; `later`: other rows, two
+    ends -> responses (n, 2) there.
+    """
+    found, largest = [], place.definition.parameters[0].largest
+    values, error = known
     # What the record shows at an end of all that is sought it does not tell from what is beyond.
     limits = np.append(0.0, np.append(ends[1:-1], LAST_HOUR)).tolist()
     for k in range(len(ends) - 1):
@@ -158,6 +178,7 @@ def _cells(place: EffectPlace, ends: NDArray, values: NDArray, error: NDArray, l
                 values=parameters,
                 paid=accelerometer_column(place, np.repeat(error[:, k : k + 1], 2, axis=1)),
                 sizes=np.ones((1, 2)),
+                elsewhere=lambda rows, two=ends[k : k + 2]: accelerometer_column(place, later(rows, two)),
             )
         )
     return found

@@ -34,6 +34,7 @@ CONTRACT = {
     "bias-drift": ["rate"],
     "bias-step": ["size", "start"],
     "scale-step": ["size", "start"],
+    "mounting-slip": ["theta_1", "theta_2", "theta_3", "start"],
     "warm-up": ["size", "time_constant"],
     "thermal-lag": ["coefficient", "time_constant"],
     "scale-drift": ["rate"],
@@ -57,7 +58,7 @@ def test_the_catalogue_is_the_contracts():
     accelerometers = {f"accelerometer-{p}" for p in (1, 2, 3)}
     for name, effect in POSITION_EFFECTS.items():
         expected = {"outer-axis", "inner-axis"} if name in ON_AXES else accelerometers
-        expected = {"base": {"base"}, "outl": set()}.get(name[:4], expected)
+        expected = {"base": {"base"}, "moun": {"mounting"}, "outl": set()}.get(name[:4], expected)
         assert {p.where for p in effect.places} == expected
     assert sorted(p.order or 0 for p in CATALOGUE["encoder-harmonic"].places) == sorted([1, 2, 3, 4, 5, 6] * 2)
     assert sorted(p.order or 0 for p in CATALOGUE["axis-wobble"].places) == [1, 1, 2, 2, 3, 3]

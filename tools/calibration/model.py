@@ -7,7 +7,7 @@ weights are unit vectors and any other linear combination is a short sum.
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan, cos, radians, sin, sqrt
 from pathlib import Path
@@ -155,13 +155,15 @@ class Positions:
     """N table positions at which the block was, or might be, read.
 
     `alpha`, `beta` (N,) are encoder readings [rad], `mounting` (N,) indices into the mountings of the parametrisation,
-    `tilts` (N, 2) small turns [rad] by which κ and ε differ from the parameters' at each position; none by default.
+    `tilts` (N, 2) small turns [rad] by which κ and ε differ from the parameters' at each position, `slips` (N, 3)
+    rotation vectors [rad], in block axes, by which the block is turned on the table beside θ; none by default.
     """
 
     alpha: NDArray
     beta: NDArray
     mounting: NDArray
     tilts: NDArray | None = None
+    slips: NDArray | None = None
 
 
 def every_position(p: Parametrisation, angles: NDArray) -> Positions:
@@ -214,22 +216,29 @@ def _selection(p: Parametrisation, at: Positions) -> NDArray:
 
 def predicted_reading(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """The exact reading over g (N, 3) at a point (P,) of the parameters; `sign` as in `models.bench.target_reading`."""
-    return target_reading(*_arguments(p, point, at), sign)
+    return target_reading(*_arguments(p, point, at), sign, at.slips)
 
 
 def predicted_input(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
     """The inputs of the accelerometers (N, 3) [g], up to the factor (1 − Δg/g) that readings cannot tell."""
-    return input_direction(*_arguments(p, point, at))
+    return input_direction(*_arguments(p, point, at), at.slips)
 
 
 def reading_jacobian(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """Derivatives (N, 3, P) of `predicted_reading`."""
-    return target_jacobian(*_arguments(p, point, at), sign) @ _selection(p, at)
+    return target_jacobian(*_arguments(p, point, at), sign, at.slips) @ _selection(p, at)
 
 
 def direction_jacobian(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
     """Derivatives (N, 3, P) of `predicted_input`."""
-    return input_jacobian(*_arguments(p, point, at)) @ _selection(p, at)
+    return input_jacobian(*_arguments(p, point, at), at.slips) @ _selection(p, at)
+
+
+def slip_jacobian(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
+    """Derivatives (N, 3, 3) of `predicted_reading` by the slips, exact to rounding (complex step)."""
+    slips, step = np.zeros((len(at.alpha), 3)) if at.slips is None else at.slips, 1e-30
+    moved = [predicted_reading(p, point, replace(at, slips=slips + 1j * step * axis), sign) for axis in np.eye(3)]
+    return np.imag(np.stack(moved, axis=-1)) / step
 
 
 @dataclass(frozen=True)

@@ -206,11 +206,16 @@ class Extended(Result):
 
 
 class NextPosition(TypedDict):
-    """A table position to measure, what it separates, and by how much the predictions differ there at least [g]."""
+    """A table position to measure, what it separates, and by how much the predictions differ there at least [g].
+
+    Where time matters also when, in hours since the first row, and which position of the record it repeats.
+    """
 
     alpha_deg: Number
     beta_deg: Number
     mounting: NotRequired[str]
+    hours: NotRequired[Number]
+    repeats: NotRequired[int]
     approach_alpha: NotRequired[int]
     approach_beta: NotRequired[int]
     separates: NotRequired[tuple[str, ...]]

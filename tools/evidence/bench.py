@@ -501,6 +501,9 @@ class Bench(Evidence):
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """Positions, and where these do not do a mounting, that tell sets apart."""
         positions = separating_positions(self.readings, self.here.point, fits, self.bounds, self.rounding)
+        for position in positions:
+            if "repeats" in position:
+                position["repeats"] = int(self.numbers[position["repeats"] - 1])
         mounting = helpful_mounting(self.here.parametrisation, fits, positions, 2.0 * float(self.bound.min()))
         return {"next_positions": positions} | ({} if mounting is None else {"second_mounting": mounting})
 

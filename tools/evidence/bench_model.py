@@ -20,6 +20,7 @@ from ..calibration.model import (
     predicted_input,
     predicted_reading,
     reading_jacobian,
+    slip_jacobian,
 )
 from .bench_visits import (
     Circumstances,
@@ -209,6 +210,7 @@ class Cast:
         p, own = readings.parametrisation, dict(zip(self.places, blocks or blocks_of(self.places), strict=True))
         linear = [(place, coefficients[block]) for place, block in own.items() if place not in self.ways]
         at = readings.disturbed(point, linear)
+        at, slipped = self._slipped(readings, point, at, {place: coefficients[block] for place, block in own.items()})
         rows = readings.rows(point, at)
         columns = {place: signature_columns([place], rows) for place, _ in linear}
         reading = predicted_reading(p, point, at, readings.sign).ravel()
@@ -236,15 +238,15 @@ class Cast:
                 slopes = _without_lost(readings, point, at, variant, slopes)
                 reading = reading + variant.offset.ravel()
                 bound = bound + variant.widening.ravel()
-                columns[place] = variant.columns.reshape(len(reading), -1)
+                columns[place] = slipped.get(place, variant.columns).reshape(len(reading), -1)
                 fixed |= variant.fixed
         slopes[fixed] = 0.0
         rate[fixed.ravel()] = 0.0
         for place, block in own.items():
-            if place in self.ways:
-                reading = reading + columns[place] @ coefficients[block]
-            else:
+            if place not in self.ways:
                 columns[place][fixed.ravel()] = 0.0
+            elif place not in slipped:
+                reading = reading + columns[place] @ coefficients[block]
         jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in self.places)])
         for variant in variants:
             if variant is not None and variant.mixed is not None:
@@ -252,6 +254,22 @@ class Cast:
                 reading, jacobian = _mixed(variant.mixed, reading), _mixed(variant.mixed, jacobian)
                 bound, rate = (_mixed(np.abs(variant.mixed), values) for values in (bound, rate))
         return Model(reading, jacobian, bound, rate, variants, rows)
+
+    def _slipped(
+        self, readings: Readings, point: NDArray, at: Positions, sizes: Mapping[EffectPlace, NDArray]
+    ) -> tuple[Positions, dict[EffectPlace, NDArray]]:
+        """Positions with the block turned on the table, and derivatives (N, 3, 3) by the vector of each such effect."""
+        places = [place for place in self.ways if place.definition.stage == "geometry_effects"]
+        if not places:
+            return at, {}
+        rows, after = readings.rows(point, at), {}
+        for place in places:
+            slipped = readings.variants(place, rows)[self.ways[place]].slipped
+            assert slipped is not None
+            after[place] = slipped[:, None]
+        at = replace(at, slips=sum(after[place] * sizes[place] for place in places))
+        slopes = slip_jacobian(readings.parametrisation, point, at, readings.sign)
+        return at, {place: slopes * after[place][:, :, None] for place in places}
 
 
 def _mixed(matrix: NDArray, values: NDArray) -> NDArray:

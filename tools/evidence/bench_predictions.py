@@ -4,7 +4,7 @@ The extended FMUs are run at positions that were held out, without and with the 
 a second mounting, those are named that tell candidate causes apart.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -32,13 +32,17 @@ from ..orchestrator import simulate
 from .bench_model import LARGEST_OF_BENCH, MAX_LEVERAGE, Cast, Readings, fitted, leverages
 from .bench_scenario import COMPONENTS, READINGS, Visited, can_be_run
 from .bench_visits import Circumstances, Visits, acted_on, is_linear, readings_at, signature_columns, untold_readings
-from .fit import Fit, Gain, gain_of, with_effects
+from .fit import Fit, Gain, contains, gain_of, with_effects
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
 MOST_CANDIDATES = 10
 """So many candidates, the best ones first, are separated from each other."""
 MOST_FOR_A_PAIR = 4
 """So many new positions are proposed to decide between two candidates."""
+LATER = (0.25, 0.5, 0.75, 1.0)
+"""Parts of a record's length after its end at which positions may be measured again."""
+HOUR_DIGITS = 5
+"""Decimals of a time [h]: 0.04 s."""
 WORTH_IT = 0.6
 """A mounting is proposed when it makes the correlation of two causes at most so many times what it was."""
 HELD_OUT_EVERY = 4
@@ -53,6 +57,15 @@ def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
     return tuple(place for place, _ in kept), np.array(own, dtype=int)
 
 
+def later_part(fit: Fit) -> list[tuple[EffectPlace, slice, Callable[[Rows], NDArray]]]:
+    """The effects of a fit that add columns in their way, their coefficients, and their columns (n, 3, K) later."""
+    return [
+        (place, block, variant.elsewhere)
+        for place, block, variant in fit.ways
+        if variant is not None and variant.elsewhere is not None
+    ]
+
+
 # Positions
 
 
@@ -61,7 +74,8 @@ class Rival:
     """What a candidate predicts at positions that might be measured, over the parameters that the record leaves it.
 
     `centre` (N, 3): readings over g at the centre of what is possible; `slopes` (N, 3, rank): derivatives in the
-    coordinates of the set of possible parameters; `known` (N, 3): which readings have a bounded prediction.
+    coordinates of the set of possible parameters; `known` (N, 3): which readings have a bounded prediction; `bent`:
+    whether there are effects that have their sizes there, not a set of them.
     """
 
     fit: Fit
@@ -69,6 +83,7 @@ class Rival:
     centre: NDArray
     slopes: NDArray
     known: NDArray
+    bent: bool
 
 
 def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
@@ -83,21 +98,29 @@ def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
     assert model is not None
     slopes = np.zeros((count, 3, len(central)))
     slopes[..., np.append(np.arange(bench), bench + own)] = model.jacobian.reshape(count, 3, -1)
+    seen, rows = model.reading.reshape(count, 3), visits.rows(fit.point)
+    for _, block, elsewhere in later_part(fit):
+        columns = bench + np.arange(block.start, block.stop)
+        slopes[..., columns] = elsewhere(rows)
+        seen = seen + slopes[..., columns] @ central[columns]
     possible = fit.possible(room)
     scaled = slopes / possible.scale
     inside = scaled @ possible.span
     outside = np.linalg.norm(scaled - inside @ possible.span.T, axis=2) > 1e-6 * np.linalg.norm(scaled, axis=2)
     # A dead zone, saturation or rounding acts last.
-    bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p)]
-    seen = model.reading.reshape(count, 3)
-    seen = acted_on(bent, visits.rows(fit.point), seen) if bent else seen
-    return Rival(fit, possible, seen, inside, ~outside)
+    told = {place for place, _, _ in later_part(fit)}
+    bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p) and p not in told]
+    seen = acted_on(bent, rows, seen) if bent else seen
+    return Rival(fit, possible, seen, inside, ~outside, bool(bent))
 
 
 def separating_positions(
     readings: Readings, point: NDArray, fits: Sequence[Fit], bounds: tuple[float, float], room: float
 ) -> list[dict[str, Any]]:
     """Positions to measure after a record whose readings, together, decide between candidates, the best one first.
+
+    Where candidates depend on time, positions of the record are among them, to be measured again: at once, or at times
+    up to twice the record's length; then the order is that of time.
 
     For two candidates the parameters that the record leaves them are sought with which their predictions at the
     positions chosen so far are nearest; the position where they are then farthest apart is added, until they differ
@@ -106,13 +129,15 @@ def separating_positions(
     `point` (P,) is the nominal fit; of the `bounds`, u^max and v^0max, only readings whose sign is certain count;
     `room` is what the readings' rounding adds to their bounds, as a fraction of g.
 
-    Of each: alpha_deg, beta_deg, mounting where there are several, the senses of the approach where they matter, what
-    is separated, and ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at
-    one of the positions at least, over all parameters; more than 2 σ decides.
+    Of each: alpha_deg, beta_deg, mounting where there are several, where time matters hours since the first row and,
+    ``repeats``, which row it is again, the senses of the approach where they matter, what is separated, and
+    ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at one of the positions
+    at least, over all parameters; more than 2 σ decides. What contains another candidate is never told from it.
     """
     chosen = list(fits[:MOST_CANDIDATES])
     lasting = sorted({p for fit in chosen for p in lasting_part(fit)[0]}, key=lambda place: place.title)
-    visits, sided = _possible_visits(readings, point, chosen, lasting)
+    programme = Programme.of(readings, point, chosen, lasting)
+    visits, sided = programme.visits, programme.sided
     at, p = visits.at, visits.parametrisation
     told = ~untold_readings(lasting, visits.rows(point)).reshape(-1, 3)
     usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & told
@@ -121,6 +146,9 @@ def separating_positions(
     apart: dict[int, float] = {}
     names: dict[int, list[str]] = {}
     for first, second in combinations(rivals, 2):
+        both = first.fit.places, second.fit.places
+        if contains(*both) or contains(*reversed(both)):
+            continue
         distance, own = decide(first, second, usable, list(apart), sure)
         for row in own:
             apart[row] = min(apart.get(row, np.inf), distance)
@@ -128,11 +156,15 @@ def separating_positions(
     positions = []
     for row, distance in apart.items():
         position = table_position(p, at, row, digits=6)
+        if programme.timed:
+            position["hours"] = float(visits.circumstances.hours[row])
+            if programme.again[row] >= 0:
+                position["repeats"] = int(programme.again[row]) + 1
         if sided:
             position["approach_alpha"] = int(visits.circumstances.sense_alpha[row])
             position["approach_beta"] = int(visits.circumstances.sense_beta[row])
-        positions.append({**position, "separates": names[row], "apart_g": float(distance)})
-    return positions
+        positions.append({**position, "separates": names[row], "apart_g": max(0.0, float(distance))})
+    return sorted(positions, key=lambda position: position["hours"]) if programme.timed else positions
 
 
 def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], sure: float) -> tuple[float, list[int]]:
@@ -143,7 +175,7 @@ def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], su
     usable = usable & first.known & second.known
     difference = np.where(usable, first.centre - second.centre, 0.0)
     own = [row for row in rows if np.abs(difference[row]).max() > sure]
-    if not (first.fit.linear and second.fit.linear):
+    if first.bent or second.bent:
         # What is not linear has its sizes, not a set of them: the fitted predictions speak.
         best = int(np.argmax(np.round(np.abs(difference).max(axis=1), 12)))
         own = own or [best]
@@ -178,37 +210,87 @@ def nearest(
     return distance, np.where(usable, difference + first.slopes @ mine - second.slopes @ other, 0.0)
 
 
-def _possible_visits(
-    measured: Visits, point: NDArray, fits: Sequence[Fit], lasting: Sequence[EffectPlace]
-) -> tuple[Visits, bool]:
-    """A grid of positions with every mounting and those where outliers would be; and whether senses are in it."""
-    p, circumstances = measured.parametrisation, measured.circumstances
-    grid = every_position(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
-    outliers = {place for fit in fits for place in fit.places if place.effect == "outlier"}
-    rows = sorted({int(place.where.removeprefix("position-")) - 1 for place in outliers})
-    own = measured.at
-    alpha, beta = np.append(grid.alpha, own.alpha[rows]), np.append(grid.beta, own.beta[rows])
-    mounting = np.append(grid.mounting, own.mounting[rows]).astype(int)
-    hours = float(circumstances.hours[-1] * (1.0 + 1.0 / max(len(circumstances.hours) - 1, 1)))
-    last = 20.0 if circumstances.temperature is None else float(circumstances.temperature[-1])
+@dataclass(frozen=True)
+class Programme:
+    """What might be measured after a record, N visits.
 
-    def visited(sides: Sequence[tuple[float, float]]) -> Visits:
-        times, constant = len(sides), np.ones(len(alpha) * len(sides))
-        senses = np.repeat(np.array(sides), len(alpha), axis=0)
-        at = Positions(np.tile(alpha, times), np.tile(beta, times), np.tile(mounting, times))
-        when = Circumstances(hours * constant, last * constant, senses[:, 0], senses[:, 1], True)
-        return Visits(p, at, when)
+    `sided`: whether senses of the approach matter, `timed`: whether the time does; `again` (N,): the row of the record
+    whose position it is, -1 for another one.
+    """
 
-    plain = visited([(0.0, 0.0)])
-    few = plain.selected(np.arange(0, len(plain), 97))
-    columns = []
-    for sense in (-1.0, 1.0):
-        senses = np.full(len(few), sense)
-        moved = replace(few.circumstances, sense_alpha=senses, sense_beta=senses)
-        columns.append(signature_columns(lasting, replace(few, circumstances=moved).rows(point)))
-    if np.any(columns[0] != columns[1]):
-        return visited([(a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]), True
-    return plain, False
+    visits: Visits
+    sided: bool
+    timed: bool
+    again: NDArray[np.int_]
+
+    @staticmethod
+    def of(measured: Visits, point: NDArray, fits: Sequence[Fit], lasting: Sequence[EffectPlace]) -> "Programme":
+        """A grid of positions with every mounting, those where outliers would be, and repeats where time matters."""
+        p, circumstances, own = measured.parametrisation, measured.circumstances, measured.at
+        grid = every_position(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
+        outliers = {place for fit in fits for place in fit.places if place.effect == "outlier"}
+        again = sorted({int(place.where.removeprefix("position-")) - 1 for place in outliers})
+        count, span = len(circumstances.hours), float(circumstances.hours[-1])
+        now = round(span * (1.0 + 1.0 / max(count - 1, 1)), HOUR_DIGITS)
+
+        def seen_by(visits: Visits) -> NDArray:
+            """What a unit of each coefficient of the candidates does there (3 n, K)."""
+            rows = visits.rows(point)
+            later = [
+                elsewhere(rows).reshape(3 * len(visits), -1) for fit in fits for _, _, elsewhere in later_part(fit)
+            ]
+            return np.hstack([signature_columns(lasting, rows), *later])
+
+        def at_hours(when: float, rows: NDArray) -> Visits:
+            """The record's own positions at a time, with the temperature that was last."""
+            last = 20.0 if circumstances.temperature is None else float(circumstances.temperature[-1])
+            alike = np.ones(len(rows))
+            known = Circumstances(when * alike, last * alike, 0.0 * alike, 0.0 * alike, True)
+            return Visits(p, Positions(own.alpha[rows], own.beta[rows], own.mounting[rows]), known)
+
+        every = np.arange(count)
+        first, end, twice = (seen_by(at_hours(when, every)) for when in (0.0, now, now + span))
+        times = [now]
+        timed = bool(np.any(first != end) or any(later_part(fit) for fit in fits))
+        if timed:
+            again = every.tolist()
+        if np.any(end != twice):
+            times += [round(now + part * span, HOUR_DIGITS) for part in LATER]
+        repeats = [at_hours(when, np.array(again, dtype=int)) for when in times]
+        new = Visits(p, grid, at_hours(now, np.zeros(len(grid.alpha), dtype=int)).circumstances)
+        plain = _together([new, *repeats])
+        numbers = np.concatenate((np.full(len(new), -1), *[again] * len(times))).astype(int)
+        few = plain.selected(np.arange(0, len(plain), 97))
+        columns = []
+        for sense in (-1.0, 1.0):
+            senses = np.full(len(few), sense)
+            moved = replace(few.circumstances, sense_alpha=senses, sense_beta=senses)
+            columns.append(signature_columns(lasting, replace(few, circumstances=moved).rows(point)))
+        if not np.any(columns[0] != columns[1]):
+            return Programme(plain, False, timed, numbers)
+        sided = [_approached(plain, a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+        return Programme(_together(sided), True, timed, np.tile(numbers, len(sided)))
+
+
+def _approached(visits: Visits, alpha: float, beta: float) -> Visits:
+    """The visits with a sense of the approach of each axis."""
+    alike = np.ones(len(visits))
+    return replace(
+        visits, circumstances=replace(visits.circumstances, sense_alpha=alpha * alike, sense_beta=beta * alike)
+    )
+
+
+def _together(parts: Sequence[Visits]) -> Visits:
+    """Visits of one bench, one after the other."""
+    first = parts[0]
+
+    def joined(name: str, of: Callable[[Visits], object]) -> NDArray:
+        return np.concatenate([getattr(of(part), name) for part in parts])
+
+    at = Positions(*(joined(name, lambda part: part.at) for name in ("alpha", "beta", "mounting")))
+    names = ("hours", "temperature", "sense_alpha", "sense_beta")
+    known = {name: joined(name, lambda part: part.circumstances) for name in names}
+    return replace(first, at=at, circumstances=replace(first.circumstances, **known))
 
 
 # Mountings

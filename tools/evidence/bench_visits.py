@@ -135,6 +135,7 @@ class Visits:
             by_beta=np.imag(predicted_reading(p, point, turned)) / COMPLEX_STEP,
             by_kappa=kappa,
             by_epsilon=epsilon,
+            by_slip=slip_slopes(targets, n, np.where(n >= 0.0, plus, minus)),
             temperature=circumstances.temperature,
             sense_alpha=circumstances.sense_alpha,
             sense_beta=circumstances.sense_beta,
@@ -218,6 +219,19 @@ class Visits:
             return at
         turns = self._turns(at, point, behind)
         return replace(at, alpha=at.alpha + turns[:, 1], beta=at.beta + turns[:, 3], tilts=turns[:, [0, 2]])
+
+
+def slip_slopes(targets: NDArray, n: NDArray, scale: NDArray) -> NDArray:
+    """Derivatives (N, 3, 3) of the readings by further turns of the block, from targets (N, 18), inputs and scales."""
+    slopes = np.zeros((*n.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        slopes[:, i, k], slopes[:, j, k] = n[:, j], -n[:, i]
+    first, second = slopes[:, 0], slopes[:, 1]
+    shear = [targets[:, TARGETS.index(name), None] for name in ("X6+X8", "X7+X12", "X11+X13")]
+    read = (1.0 + scale)[:, :, None] * slopes
+    read[:, 1] += shear[0] * first
+    read[:, 2] += shear[1] * first + shear[2] * second
+    return read
 
 
 def readings_at(rows: NDArray) -> NDArray:

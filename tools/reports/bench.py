@@ -144,22 +144,28 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     )
 
 
-OPTIONAL = ("mounting", "approach_alpha", "approach_beta")
+OPTIONAL = ("mounting", "hours", "repeats", "approach_alpha", "approach_beta")
 MOST_LABELS = 24
 """Up to so many positions are numbered in the picture."""
 SENSES = {1: "forwards", -1: "backwards"}
 
 
-def position_text(position: Mapping[str, Any]) -> str:
-    """A proposed table position."""
+def position_text(position: Mapping[str, Any], bound: float | None = None) -> str:
+    """A proposed table position; with σ, a fraction of g, by how many of them candidates differ there at least."""
     text = f"alpha {exactly(position['alpha_deg'])}°, beta {exactly(position['beta_deg'])}°"
+    if "repeats" in position:
+        text += f", position {position['repeats']} again"
+    if "hours" in position:
+        text += f", {exactly(position['hours'])} h after the first"
     if "mounting" in position:
         text += f", mounting {position['mounting']}"
     if "approach_alpha" in position:
         text += f", approached {SENSES[position['approach_alpha']]} in alpha, "
         text += f"{SENSES[position['approach_beta']]} in beta"
     if position.get("separates"):
-        text += f" (separates {', '.join(position['separates'])})"
+        apart = position.get("apart_g")
+        far = "" if apart is None or bound is None else f" by {downwards(max(apart, 0.0) / bound)} σ at least"
+        text += f" (separates {', '.join(position['separates'])}{far})"
     return text
 
 
@@ -182,7 +188,7 @@ def next_section(here: Linearisation, positions: Sequence[Mapping[str, Any]]) ->
     rows: list[list[Cell]] = []
     for k, p in enumerate(positions, start=1):
         angles = (exactly(float(p[name])) for name in ("alpha_deg", "beta_deg"))
-        how = (SENSES.get(p[name], str(p[name])) if name in p else None for name in OPTIONAL)
+        how = (_told(name, p[name]) if name in p else None for name in OPTIONAL)
         apart = p.get("apart_g")
         told = None if apart is None else downwards(max(apart, 0.0) / here.bound.min())
         rows.append([k, *angles, *how, ", ".join(p.get("separates", ())) if separates else None, told])
@@ -195,16 +201,34 @@ def next_section(here: Linearisation, positions: Sequence[Mapping[str, Any]]) ->
             f"in any noise: {sure or 'none'} of {len(positions)} positions do."
         ]
     labels = [str(k) for k in range(1, len(positions) + 1)] if len(positions) <= MOST_LABELS else [""]
-    header = ["no.", "α [deg]", "β [deg]", "mounting", "α turned", "β turned", "tells apart", "by [σ]"]
+    header = [
+        "no.",
+        "α [deg]",
+        "β [deg]",
+        "mounting",
+        "t [h]",
+        "again",
+        "α turned",
+        "β turned",
+        "tells apart",
+        "by [σ]",
+    ]
     file = "next-positions.csv"
     return Section(
-        "Where to measure next",
+        "Where and when to measure next" if any("hours" in p for p in positions) else "Where to measure next",
         said,
         next_directions(here.positions.alpha, here.positions.beta, alpha, beta, labels),
         "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
         Table(header, rows).told(),
         download=Download(file, next_positions_csv(positions), f"{file}, to take to the table"),
     )
+
+
+def _told(name: str, value: Any) -> str:
+    """What an optional column says of a proposed position."""
+    if name.startswith("approach"):
+        return SENSES[value]
+    return exactly(float(value)) if name == "hours" else str(value)
 
 
 def deciding(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -85,8 +85,9 @@ def lines(result: Diagnosis) -> list[str]:
     said += [f"caution: {text}" for text in result.caution or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
     said += band.lines(result)
+    bound = float(result.evidence.calibration.linearised.bound.min()) if result.next_positions else None
     for position in result.next_positions or ():
-        said.append(f"measure next: {bench.position_text(position)}")
+        said.append(f"measure next: {bench.position_text(position, bound)}")
     said += [f"measure next: {text}" for text in result.next or ()]
     warnings = result.evidence.calibration.warnings if of_bench(result) else result.warnings
     warnings = (*warnings, *([] if result.cut_off_at is None else [cut_off(result.cut_off_at)]))

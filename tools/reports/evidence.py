@@ -360,7 +360,7 @@ _OF_A_GYRO = re.compile(r"(?P<name>[a-z]+)_(?P<gyro>[123])_?(?P<axes>[123]{0,2})
 COLUMNS = {
     "gyros": ("gyro 1", "gyro 2", "gyro 3", "block"),
     "accelerometers": tuple(name.replace("-", " ") for name in ACCELEROMETERS),
-    "table": tuple(name.replace("-", " ") for name in (*AXES, "base")),
+    "table": tuple(name.replace("-", " ") for name in (*AXES, "base", "mounting")),
 }
 """The parts of which effects are, and the places of each."""
 

@@ -53,6 +53,8 @@ NOISES = ("uniform", "edge", "correlated")
 NOT_DRAWN = ("exchanged-readings", "thermal-lag")
 """What no suite of a table's positions hides. Exchanged channels have no size that could be near that of detection;
 what a lag remembers of the time before a record no record says."""
+ADDING = ("reading_effects", "geometry_effects")
+"""Stages of effects that are not linear but for a time that is found."""
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
 MOST_ABOVE = 30.0
@@ -270,11 +272,9 @@ class _Drawing:
 
     @cached_property
     def ways(self) -> list[Way]:
-        """Every effect that is not linear and adds to a reading, in each of its ways."""
+        """Every effect that is not linear and adds to a reading, or turns the block, in each of its ways."""
         rows = Visits.of(self.here, self.circumstances).rows(self.here.point)
-        known = [
-            effect for effect in POSITION_EFFECTS.values() if effect.variants and effect.stage == "reading_effects"
-        ]
+        known = [effect for effect in POSITION_EFFECTS.values() if effect.variants and effect.stage in ADDING]
         return [
             (place, way)
             for effect in known
@@ -291,6 +291,9 @@ class _Drawing:
         own, options = [way for other, way in self.ways if other == place], self.options
         way = own[self.rng.integers(len(own))]
         unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
+        if way.slipped is not None:
+            unit = self.rng.normal(size=len(unit))
+            unit /= np.linalg.norm(unit)
         sizes = sizes_of_way(
             self.here, self.circumstances, way.columns @ unit, self.classes.places, self.other_ways(place)
         )

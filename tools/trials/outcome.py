@@ -289,6 +289,6 @@ def _vector(names: Sequence[str], values: Sequence[float]) -> list[float]:
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         if name.endswith("amplitude"):
             vector += [value * math.cos(values[k + 1]), value * math.sin(values[k + 1])]
-        elif not name.endswith(("phase", "start")):
+        elif not name.endswith(("phase", "start", "time_constant")):
             vector.append(value)
     return vector

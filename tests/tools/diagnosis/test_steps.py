@@ -5,6 +5,7 @@ import pytest
 
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
+from trihedron.models.bench import ELEMENTARY
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.cause import Cause
@@ -79,6 +80,28 @@ def test_what_a_single_row_at_an_end_shows_is_no_step(row):
     _, sets = candidates(reading, alpha, beta)
     assert sets[0]
     assert all(cause.place.effect != "bias-step" for causes in sets for cause in causes)
+
+
+@pytest.mark.parametrize(("seed", "sigmas"), [(500, 15.0), (501, 300.0)])
+def test_a_slip_of_the_mounting_is_named_with_its_angles_and_its_time(seed, sigmas):
+    """The mounting error jumps in the exact formulas; of 300 σ its second order is as large as σ."""
+    rng = np.random.default_rng([seed, 17])
+    bench, count = random_bench(rng), 28
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    row, turn = int(rng.integers(8, 20)), rng.normal(size=3)
+    turn *= sigmas * NOISE_BOUND / np.linalg.norm(turn)
+    slipped = bench.copy()
+    slipped[[ELEMENTARY.index(f"mounting_error_{k}") for k in (1, 2, 3)]] += turn
+    noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (count, 3))
+    before, after = (simulated(one, alpha, beta, noise).specific_force / GRAVITY for one in (bench, slipped))
+    verdict, sets = candidates(np.where((np.arange(count) < row)[:, None], before, after), alpha, beta)
+    assert verdict == "explained"
+    assert [cause.place for cause in sets[0]] == [EffectPlace("mounting-slip", "mounting")]
+    *ends, (first, last) = sets[0][0].intervals
+    # A turn after another one is their sum but for the second order.
+    room = 1e-2 * sigmas * NOISE_BOUND
+    assert all(low - room <= angle <= high + room for angle, (low, high) in zip(turn, ends, strict=True))
+    assert first <= time_of(row - 1) < time_of(row) <= last
 
 
 def test_a_step_beside_another_effect_is_found_with_it():

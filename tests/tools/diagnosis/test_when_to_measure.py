@@ -1,0 +1,74 @@
+"""Candidates that differ in time: positions are to be measured again, at stated hours, and these decide."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulated_bench import random_bench, simulated
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis.result import Diagnosis
+from trihedron.tools.records import PositionRecord
+from trihedron.tools.reports.diagnosis import lines
+from trihedron.tools.trials.bench import NOISE_BOUND
+
+SPAN = 1.0
+"""Length of a record [h]."""
+
+
+def measured(bench: np.ndarray, angles: np.ndarray, hours: np.ndarray, added: np.ndarray, seed: int) -> PositionRecord:
+    """A record of a bench at angles (2, N) [rad] and times (N,), whose second accelerometer reads so much [g] more."""
+    noise = np.random.default_rng(seed).uniform(-NOISE_BOUND, NOISE_BOUND, (len(hours), 3))
+    noise[:, 1] += added
+    warmth = 20.0 + 3.0 * np.sin(9.0 * np.minimum(hours, SPAN)) + 2.0 * np.minimum(hours, SPAN)
+    return replace(simulated(bench, *angles, noise), time_s=3600.0 * hours, temperature=warmth)
+
+
+def joined(first: PositionRecord, then: PositionRecord) -> PositionRecord:
+    """One record after another."""
+    arrays = ("time_s", "alpha", "beta", "specific_force", "temperature")
+    columns = {name: np.concatenate((getattr(first, name), getattr(then, name))) for name in arrays}
+    return replace(
+        first,
+        position=np.arange(1, len(columns["time_s"]) + 1),
+        row=np.arange(1, len(columns["time_s"]) + 1),
+        **columns,
+    )
+
+
+def diagnosed(record: PositionRecord) -> Diagnosis:
+    return diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+
+
+def in_time(effect: str, hours: np.ndarray) -> np.ndarray:
+    """What an effect adds at times (N,) [g]."""
+    size = 4.5 * NOISE_BOUND
+    return size * (hours / SPAN if effect == "bias-drift" else (hours > 0.5 * SPAN).astype(float))
+
+
+@pytest.mark.parametrize(("effect", "seed"), [("bias-drift", 1), ("bias-step", 5)])
+def test_what_is_ambiguous_in_time_is_decided_by_repeats_at_the_hours_that_are_proposed(effect, seed):
+    rng = np.random.default_rng([seed, 29])
+    bench, angles = random_bench(rng), rng.uniform(0.0, 2.0 * np.pi, (2, 20))
+    hours = np.linspace(0.0, SPAN, 20)
+    record = measured(bench, angles, hours, in_time(effect, hours), seed)
+    first = diagnosed(record)
+    assert first.verdict == "ambiguous"
+    assert first.next_positions
+    again = [position for position in first.next_positions if "repeats" in position]
+    assert again
+    for position in again:
+        assert SPAN < position["hours"] <= 2.1 * SPAN
+        at = angles[:, position["repeats"] - 1]
+        assert np.radians([position["alpha_deg"], position["beta_deg"]]) == pytest.approx(at, abs=1e-8)
+    times = np.array([float(position["hours"]) for position in first.next_positions])
+    assert np.all(np.diff(times) >= 0.0)
+    said = [line for line in lines(first) if line.startswith("measure next") and "again" in line]
+    assert len(said) == len(again)
+    assert all(" h after the first" in line and " σ at least" in line for line in said)
+    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in first.next_positions]).T
+    times = times + 1e-3 * np.arange(len(times))
+    then = diagnosed(joined(record, measured(bench, proposed, times, in_time(effect, times), seed + 1)))
+    assert then.verdict == "explained"
+    assert [cause.place for cause in then.causes] == [EffectPlace(effect, "accelerometer-2")]
