@@ -129,6 +129,9 @@ def diagnosed(
     # What contains a set that stands can always stand, too: it is no rival, and comes behind.
     containing = [one for one in tried if any(one.contains(other) for other in findings)]
     findings = sorted(findings, key=lambda one: one in containing)
+    if found.is_sample and unlisted.rivals:
+        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
+        return _unexplained(evidence, told, (*(_as_simple(finding, unlisted) for finding in findings), *idle))
     best, judgement = findings[0], judgement_of(evidence, findings[0].fit)
     told |= {"findings": findings, "judgement": judgement}
     objections = tuple(text for witness in _heard(judgement) for text in witness.objections)
@@ -218,6 +221,12 @@ def _heard(judgement: Witness | list[EffectWitness]) -> Sequence[Witness | Effec
 def _not_named(evidence: Evidence) -> tuple[str, ...]:
     """Why effects that readings show by themselves are not named."""
     return tuple(effect.objection for effect in evidence.read_off if effect.objection)
+
+
+def _as_simple(finding: Finding, unlisted: Unlisted) -> str:
+    """Why a set that was found before the search was cut off is not named."""
+    rival = unlisted.rivals[0].pair.in_words
+    return f"{finding.title} would do; others may that were not tried, and, as simple, {rival} would"
 
 
 def _named(finding: Finding) -> dict[str, Any]:

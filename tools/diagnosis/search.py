@@ -35,6 +35,14 @@ class Found:
     size: int = 0
 
     @property
+    def is_sample(self) -> bool:
+        """Whether work ended the search among sets of several effects: what was found are some of many.
+
+        Beside a function of one quantity at one place that is as simple they are no answer.
+        """
+        return not self.complete and self.size > 1 and len(self.fits) < MOST_FOUND
+
+    @property
     def told(self) -> Mapping[str, Any]:
         """Keys of the result where the search was cut off."""
         return {} if self.complete else {"complete": False, "cut_off_at": self.size}

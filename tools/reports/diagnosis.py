@@ -73,7 +73,7 @@ def lines(result: Diagnosis) -> list[str]:
         said[0] += f", {OTHERS_MAY}"
     if proviso := evidence.as_stated(result):
         said[0] += f"; {proviso}"
-    if result.verdict == "unexplained" and result.cut_off_at is not None:
+    if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
         said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
     why = result.not_named or ()
     said += [f"not named: {text}" for text in why[:MOST_SETS]]
@@ -351,7 +351,7 @@ def _verdict(result: Diagnosis) -> str:
         return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
     if of_bench(result):
         nominal = result.evidence.calibration
-        if result.verdict == "unexplained" and result.cut_off_at is not None:
+        if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
             said = sentence(cut_off(result.cut_off_at))
             return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
         if result.verdict == "unexplained" and (said := proven_text(result)):

@@ -285,3 +285,14 @@ def test_channels_that_are_exchanged_from_a_time_on_are_named_with_the_gap_betwe
     assert [cause.place for cause in result.causes] == [place]
     hours = record.time_s / 3600.0
     assert result.causes[0].intervals[0] == pytest.approx((hours[row - 1], hours[row]))
+
+
+def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
+    """A walk at one accelerometer: pairs of unrelated effects fit it, too, and the search finds some of them."""
+    result = diagnosed_evidence(bench_evidence(walking(8, 24, 1.1e-5), noise_bound=NOISE_BOUND), most_work=2e6)
+    assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 2)
+    assert not result.causes
+    assert all("would do; others may that were not tried, and, as simple, a function" in s for s in result.not_named)
+    said = told_lines(result)
+    assert said[0] == "unexplained: the model is falsified and nothing that can be named mends it"
+    assert said[1].startswith("not named: ")
