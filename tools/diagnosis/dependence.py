@@ -7,8 +7,9 @@ catalogue. What suffices where nothing else does at `RIVAL` times its complexity
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from heapq import heapify, heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ MOST_SECOND_ORDER = 1.0
 """The linear model may be wrong by at most so many bounds, or nothing is said of functions."""
 LARGEST_PART = 0.5
 """A function has at most this part of as many coefficients as its quantity has values."""
+DEPENDENT = 1e-12
+"""Of so small a part (squared) columns depend on the others."""
 SHARPENED = 6
 """Rounds that sharpen the weights of the model without functions."""
 ALIKE = 0.1
@@ -135,16 +138,20 @@ def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | Non
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One form of a pair, what it adds to the model (M, K), orthonormal, and its complexity."""
+    """One form of a pair, and what it adds to the model (M, K), orthonormal; None where that waits.
+
+    Then its coefficients but those that the model may imitate are `least` of what it adds.
+    """
 
     pair: Pair
     form: Form
-    space: NDArray[np.float64]
+    space: NDArray[np.float64] | None
+    least: int = 0
 
     @property
     def complexity(self) -> int:
-        """The coefficients that it adds beside the model, and the numbers that are searched for."""
-        return self.space.shape[1] + self.form.searched
+        """The coefficients that it adds beside the model, and the numbers that are searched for; or the least of it."""
+        return (self.least if self.space is None else self.space.shape[1]) + self.form.searched
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +194,7 @@ class Search:
         found = []
         for freedom in dict.fromkeys(pair.freedom for pair in self.pairs):
             pair = first[freedom]
-            if self.stands(self.space_of(pair.spread(np.eye(len(pair.values))))):
+            if pair.anything or self.stands(self.space_of(pair.spread(np.eye(len(pair.values))))):
                 found.append(freedom)
         return found
 
@@ -216,14 +223,24 @@ class Search:
 
     def standing(self, freedoms: Sequence[str]) -> Iterator[Standing]:
         """The least complex functions of each pair, up to `RIVAL` times the least complexity of all."""
-        trials = [trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair)]
-        found: set[int] = set()
+        every = (trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair))
+        # What waits comes before what is as complex, then what came first.
+        queue = [(trial.complexity, trial.space is not None, k, trial) for k, trial in enumerate(every)]
+        heapify(queue)
+        found: list[Pair] = []
         most = np.inf
-        for trial in sorted(trials, key=lambda trial: trial.complexity):
-            if trial.complexity > most:
+        while queue:
+            complexity, _, number, trial = heappop(queue)
+            if complexity > most:
                 return
-            if id(trial.pair) not in found and self.stands(trial.space):
-                found.add(id(trial.pair))
+            if trial.space is None:
+                trial = replace(trial, space=self.space_of(trial.pair.columns(trial.form)))
+                heappush(queue, (trial.complexity, True, number, trial))
+                continue
+            # Several places with functions of their own contain each of them: no rivals of one that stands.
+            known = any(pair in found for pair in (trial.pair, *trial.pair.members))
+            if not known and self.stands(trial.space):
+                found.append(trial.pair)
                 most = min(most, RIVAL * trial.complexity)
                 radius = self.radius(np.hstack((self.problem.nominal, trial.space)))
                 yield Standing(trial.pair, trial.form, trial.complexity, radius)
@@ -232,20 +249,26 @@ class Search:
         """All forms of a pair that might stand."""
         for ladder in pair.ladders():
             own = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
-            ladder = [Trial(pair, form, self.space_of(pair.columns(form))) for form in own]
             # Functions of many pieces hold those of a half or a third as many.
-            if any(self.stands(trial.space) for trial in ladder[-2:]):
-                yield from (trial for trial in ladder if trial.space.shape[1])
+            columns = [pair.columns(form) for form in own[-2:]]
+            spaces = [self.space_of(mine) for mine in columns]
+            if not any(self.stands(space) for space in spaces):
+                continue
+            yield from (Trial(pair, *one) for one in zip(own[-2:], spaces, strict=True))
+            imitated = max(c.shape[1] - s.shape[1] for c, s in zip(columns, spaces, strict=True))
+            yield from (Trial(pair, form, None, max(0, pair.size(form) - imitated)) for form in own[:-2])
         forms = list(pair.single())
         if forms:
             yield from self.open_trials(pair, forms)
 
     def open_trials(self, pair: Pair, forms: Sequence[Form]) -> Iterator[Trial]:
         """Those of many forms that the weights do not refuse."""
-        for form in forms:
-            trial = Trial(pair, form, self.space_of(pair.columns(form)))
-            if trial.space.shape[1] and self.bound(trial.space) <= self.limit:
-                yield trial
+        for form, columns in zip(forms, pair.columns_of(forms), strict=True):
+            if self.bound(columns) > self.limit:
+                continue
+            space = self.space_of(columns)
+            if space.shape[1]:
+                yield Trial(pair, form, space)
 
     @cached_property
     def weighted(self) -> tuple[NDArray, NDArray, NDArray]:
@@ -255,9 +278,12 @@ class Search:
         residual = root * self.problem.residual
         return root, basis, residual - basis @ (basis.T @ residual)
 
-    def bound(self, space: NDArray) -> float:
-        """A lower bound of the radius that columns (M, K) leave."""
+    def bound(self, columns: NDArray) -> float:
+        """A lower bound of the radius that a few columns (M, K) leave."""
         root, basis, residual = self.weighted
-        columns = root[:, None] * space
-        columns = column_space(columns - basis @ (basis.T @ columns))
-        return float(np.linalg.norm(residual - columns @ (columns.T @ residual)))
+        self.work.add(2.0 + 1e-4 * columns.size * basis.shape[1])
+        columns = (root / self.evidence.bound)[:, None] * columns
+        columns = columns - basis @ (basis.T @ columns)
+        products = columns.T @ residual
+        explained = products @ np.linalg.pinv(columns.T @ columns, rcond=DEPENDENT, hermitian=True) @ products
+        return float(np.sqrt(max(0.0, residual @ residual - explained)))

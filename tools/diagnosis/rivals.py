@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import Table
 from ..bounded.programmes import column_space
 from ..bounded.sets import Work
-from ..evidence.evidence import Evidence
+from ..evidence.evidence import Evidence, estimated, least_radius
 from ..evidence.fit import Fit
-from ..evidence.pairs import LEAST_AROUND, PIECES, Form, Pair
+from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair
 from ..rounding import digits
 from .dependence import LARGEST_PART, RIVAL, Dependence, Standing
 
@@ -56,7 +57,23 @@ class Listed:
     _spaces: dict[int, tuple[Pair, list[NDArray[np.float64]]]] = field(default_factory=dict)
 
     def is_of(self, fit: Fit, pair: Pair) -> bool:
-        """Whether all effects of a fit are functions of a pair, so that they say the same and less."""
+        """Whether effects of a fit, as far as they are needed, are functions of a pair: they say the same and less."""
+        return self.is_wholly_of(fit, pair) or self.is_partly_of(fit, pair)
+
+    def is_partly_of(self, fit: Fit, pair: Pair) -> bool:
+        """Whether of effects of all gyros only what is a function of a pair, of one of them, is needed."""
+        if pair.where not in GYROS or any(place.where != GYRO_BLOCK for place in fit.places):
+            return False
+        columns = fit.jacobian[:, len(fit.point) :]
+        own = columns[:, [self._are_within(columns[:, [k]], pair) for k in range(columns.shape[1])]]
+        count = len(self.evidence.names)
+        free = np.full(count + own.shape[1], np.inf)
+        matrix = np.hstack((self.evidence.nominal, own))
+        squares = estimated(matrix, self.evidence.residual)
+        return least_radius(matrix, self.evidence.residual, (-free, free), squares)[0] <= self.evidence.limit
+
+    def is_wholly_of(self, fit: Fit, pair: Pair) -> bool:
+        """Whether all effects of a fit are functions of a pair."""
         return all(
             _is_table_of(place, pair) or self._holds(fit, block, pair)
             if variant is None or variant.adds
@@ -93,7 +110,11 @@ class Listed:
 
     def _holds(self, fit: Fit, block: slice, pair: Pair) -> bool:
         """Whether functions of a pair hold the columns of an effect, beside the model."""
-        own = self._left(fit.jacobian[:, len(fit.point) :][:, block])
+        return self._are_within(fit.jacobian[:, len(fit.point) :][:, block], pair)
+
+    def _are_within(self, columns: NDArray, pair: Pair) -> bool:
+        """Whether functions of a pair hold columns (M, K), beside the model."""
+        own = self._left(columns)
         size = np.linalg.norm(own)
         return any(np.linalg.norm(own - space @ (space.T @ own)) <= LIKE * size for space in self._spaces_of(pair))
 
@@ -133,8 +154,11 @@ class Unlisted:
         if found is None:
             # A record without pairs is not compared by its kind, which is no caution of its own.
             return Unlisted((), None, None, compared=not listed.evidence.pairs())
-        most, several = complexity_of(fit.places), len(fit.places) > 1
+        several = len(fit.places) > 1
         own = [one for one in found.standing if listed.is_of(fit, one.pair)]
+        # What of a set is needed, if that is less, counts.
+        needed = [one.complexity for one in own if not listed.is_wholly_of(fit, one.pair)]
+        most = min([complexity_of(fit.places), *needed])
         rivals = tuple(one for one in found.standing if compared and one not in own and one.complexity <= most)
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
         alike = {one.pair.depends_on: one.pair for one in reversed(own)}

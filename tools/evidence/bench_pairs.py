@@ -1,6 +1,6 @@
 """Places and quantities of a table with a block: what may depend on what, whatever the law."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from ...models.effects import Rows
 from ...models.effects.definition import ACCELEROMETERS
-from .pairs import Pair
+from .pairs import Pair, Spread
 
 ROOM_TEMPERATURE = 20.0
 """[degC]"""
-Spread = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def pairs_of_bench(rows: Rows) -> Iterator[Pair]:

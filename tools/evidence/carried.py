@@ -24,7 +24,7 @@ from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
 from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
 from ..rounding import digits, downwards, exactly, residual, upwards
-from .carried_run import BIAS, CarriedRun
+from .carried_run import BIAS, LONG, CarriedRun
 from .evidence import Channel, Evidence, ReadOff, Trial, estimated, rms_size
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Fit, Gain, extended_fmus, gain_of
@@ -36,8 +36,6 @@ COMPONENTS = ("GyroBlock", "AttitudeComputer", "AccelerometerBlock")
 SHUFFLES = 40
 FOLDS, FOLDS_OF_LONG = 4, 2
 """Blocks in time of which each is simulated with parameters from the others; of long records each is run by itself."""
-LONG = 1_000_000
-"""A record of more rows is long."""
 SHOWN_BY = {
     "gyro-bias": "a rest of a minute and more before and after the motion",
     "gyro-bias-drift": "rests at the beginning and at the end of a longer record",

@@ -23,8 +23,8 @@ from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..motion.rests import rates_of, rest_warnings
 from ..records import StrapdownRecord
 from ..rounding import exactly
-from .carried import LATENCY, LONG, SCALE, Carried, is_of_gyros, with_parameters
-from .carried_run import BIAS, CarriedRecord
+from .carried import LATENCY, SCALE, Carried, is_of_gyros, with_parameters
+from .carried_run import BIAS, LONG, CarriedRecord
 from .evidence import estimated
 from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains
 from .limited import with_limits

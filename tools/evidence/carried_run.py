@@ -15,12 +15,16 @@ from ...models.effects.last_stage import variant
 from ..bounded.sets import Work
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
+from .carried_pairs import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count, coefficient_limits
 from .onsets import ROUNDS, STRETCHES, Acting, Onsets, refused
+from .pairs import Pair
 from .references import Gravity, Truth, has_truth
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
+LONG = 1_000_000
+"""A record of more rows is long."""
 MOST_WITH_ONSET = 1
 """Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
 
@@ -105,6 +109,27 @@ class CarriedRun(CarriedRecord):
             Onsets.turns_of(self.reference, self.attitude, self.point[: self.of_forces], self.parts),
             None if own is None else tuple(part.columns[..., own] for part in self.parts),
             resting,
+        )
+
+    def pairs(self) -> Sequence[Pair]:
+        """Gyros, and accelerometers where gravity is the reference, each with every quantity of the record."""
+        return self._pairs
+
+    @cached_property
+    def _pairs(self) -> Sequence[Pair]:
+        if len(self.motion) > LONG:
+            return ()
+        found, reference = list(GyroPairs(self, self.onsets).pairs()), self.reference
+        if isinstance(reference, Gravity):
+            found += pairs_of_accelerometers(self, reference, self.point[: self.of_forces], self.attitude)
+        return tuple(found)
+
+    @property
+    def second_order(self) -> float:
+        """What the linear model may be wrong by, in bounds: half the square of each turn that is missed."""
+        turns = (part for part in self.parts if part.pieces.kind != "norms")
+        return max(
+            float(((part.error**2).sum(axis=1) / part.bound.min(axis=1)).max(initial=0.0)) / 2.0 for part in turns
         )
 
     @cached_property

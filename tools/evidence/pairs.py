@@ -5,16 +5,20 @@ coefficients, and one more for each number that is searched for, the time of a j
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 TURN = 2.0 * math.pi
+Spread = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Functions (n, K) of a quantity on the rows (M, K) of evidence."""
 PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 """Equal pieces of a function that is straight within each."""
 LEAST_AROUND = 3
+WAVES = tuple(0.25 * k for k in range(3, 97))
+"""Waves over the whole range of a quantity that a function may have, each by itself."""
 POWERS, HARMONICS, ORDERS = 12, 8, 12
 """The highest power, the highest harmonic beside all lower ones, and the highest one alone."""
 QUANTITIES = {
@@ -26,6 +30,11 @@ QUANTITIES = {
     "hours": "time",
     "temperature": "temperature",
     "sense": "the sense of approach",
+    **{f"w{p}": f"the rate about axis {p}" for p in (1, 2, 3)},
+    **{f"a{p}": f"the angular acceleration about axis {p}" for p in (1, 2, 3)},
+    "rate": "each gyro's own rate",
+    "acceleration": "each gyro's own angular acceleration",
+    "force": "the specific force along each gyro",
 }
 """Quantities in words; of two of them the product counts."""
 
@@ -35,7 +44,8 @@ class Form:
     """A way to write functions of one quantity: `kind` with a number of pieces, powers, orders, or where it jumps.
 
     `kind` is "pieces", "powers", "around" (pieces of a circle, from `at` on), "harmonics" (all up to an order),
-    "harmonic" (one), "jump", "sawtooth" (of a circle, straight but for one jump) or "values". `searched` numbers are
+    "harmonic" (one), "jump", "sawtooth" (of a circle, straight but for one jump), "wave" (one, `at` times over the
+    range) or "values". `searched` numbers are
     found beside the coefficients.
     """
 
@@ -46,7 +56,13 @@ class Form:
     @property
     def searched(self) -> int:
         """How many numbers are searched for, beside the coefficients."""
-        return int(self.kind in ("jump", "sawtooth", "harmonic"))
+        return int(self.kind in ("jump", "sawtooth", "harmonic", "wave"))
+
+    @property
+    def coefficients(self) -> int:
+        """How many functions it is made of."""
+        count = {"pieces": self.count + 1, "powers": self.count + 1, "around": self.count, "harmonics": 2 * self.count}
+        return count.get(self.kind, 2 if self.kind in ("harmonic", "wave") else 1)
 
     def knots(self, values: NDArray) -> NDArray[np.float64]:
         """Where pieces of a function of these values (n,) meet."""
@@ -70,6 +86,8 @@ class Form:
         if self.kind == "values":
             return values[:, None]
         part = (values - values.min()) / np.ptp(values)
+        if self.kind == "wave":
+            return np.stack([np.cos(TURN * self.at * part), np.sin(TURN * self.at * part)], axis=1)
         if self.kind == "powers":
             return np.polynomial.legendre.legvander(2.0 * part - 1.0, self.count)
         return np.maximum(0.0, 1.0 - np.abs(self.count * part[:, None] - np.arange(self.count + 1)))
@@ -82,17 +100,22 @@ class Pair:
     `values` (n,) are those of the quantity where the function is taken; `spread` says what functions (n, K) of it add
     to the rows (M, K) of the evidence. `freedom` names in which way a place acts: pairs of one freedom are all within
     what the place could do if it acted as it liked every time. `circle`: the quantity is an angle; `told`: it has few
-    values, of which the function is a multiple.
+    values, of which the function is a multiple; `waves`: it has so many values that a wave is sought among its
+    functions. `anything`: a place that acted as it liked could do anything to the rows. `members` are pairs of several
+    places each of which has a function of its own; then the values and what they do are those of the first.
     """
 
     where: str
     quantity: str
     values: NDArray[np.float64]
-    spread: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    spread: Spread
     freedom: str
     factor: str = ""
     circle: bool = False
     told: bool = False
+    waves: bool = False
+    anything: bool = False
+    members: tuple["Pair", ...] = ()
 
     @property
     def depends_on(self) -> frozenset[str]:
@@ -111,7 +134,19 @@ class Pair:
 
     def columns(self, form: Form) -> NDArray[np.float64]:
         """What functions of a form add to the rows (M, K)."""
-        return self.spread(form.columns(self.values))
+        return self.columns_of([form])[0]
+
+    def size(self, form: Form) -> int:
+        """How many coefficients functions of a form have."""
+        return form.coefficients * max(1, len(self.members))
+
+    def columns_of(self, forms: Sequence[Form]) -> list[NDArray[np.float64]]:
+        """As `columns`, of several forms."""
+        if self.members:
+            return [np.hstack(own) for own in zip(*(one.columns_of(forms) for one in self.members), strict=True)]
+        functions = [form.columns(self.values) for form in forms]
+        ends = np.cumsum([own.shape[1] for own in functions])[:-1]
+        return np.split(self.spread(np.hstack(functions)), ends, axis=1)
 
     def ladders(self) -> Iterator[tuple[Form, ...]]:
         """Forms of the same kind, ever more complex; the last ones contain all others."""
@@ -138,8 +173,10 @@ class Pair:
             # What jumps between the last two values is one reading.
             gaps = 0.5 * (values[1:] + values[:-1])
             yield from (Form("jump", at=float(at)) for at in gaps[1:-1])
+            yield from (Form("wave", at=at) for at in WAVES if self.waves)
 
 
+GYROS = ("gyro-1", "gyro-2", "gyro-3")
 FACTORS = {"sin alpha": "the sine of the outer angle", "tilt": "", "outer tilt": "", "": ""}
 """What is no quantity, in words; a tilt is a way to act, no factor."""
 

@@ -105,11 +105,7 @@ def integrals(
         end = min(begin + CHUNK, len(motion))
         seen = motion.rows(begin, end, inverse, model.bias)
         columns = np.concatenate([p.definition.signature(p, seen) for p in places], axis=2)
-        middle = attitude[begin:end] + attitude[begin - 1 : end - 1] * np.sign(
-            np.sum(attitude[begin:end] * attitude[begin - 1 : end - 1], axis=1, keepdims=True)
-        )
-        turn = matrices_of(middle) @ inverse
-        grown = np.cumsum(turn @ columns * motion.step[begin:end, None, None], axis=0)
+        grown = np.cumsum(turning(motion, model, attitude, begin, end) @ columns, axis=0)
         if total is None:
             total = np.zeros(grown.shape[1:])
             found += [total] * int(np.searchsorted(rows, 1))
@@ -117,6 +113,13 @@ def integrals(
         found += list(total + grown[within])
         total = total + grown[-1]
     return np.array(found)
+
+
+def turning(motion: Motion, model: GyroModel, attitude: NDArray, begin: int, end: int) -> NDArray[np.float64]:
+    """C (I + Γ)⁻¹ dt (n, 3, 3) of rows begin to end: what a unit that each gyro reads too much turns."""
+    after, before = attitude[begin:end], attitude[begin - 1 : end - 1]
+    middle = after + before * np.sign(np.sum(after * before, axis=1, keepdims=True))
+    return matrices_of(middle) @ model.inverse * motion.step[begin:end, None, None]
 
 
 def means_at_rest(
@@ -253,51 +256,67 @@ class Gravity(Reference):
         ones, at `places`.
         """
         n, up = inputs_of(x, self.reading), self.directions(x)
-        inverse = np.linalg.inv(block_of(x)[0])
         by_parameters = np.zeros((len(n), 3, len(NAMES)))
         for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
             by_parameters[:, p, k] = n[:, q]
         by_parameters[:, :, 6:] = np.eye(3)
-        # Readings too large by s, by an effect or a parameter larger in truth, make inputs too large by (I + Γ)⁻¹ s.
-        of_effects = [force_columns(place, n, self.rests) for place in places]
-        slopes = inverse @ np.concatenate([by_parameters, *of_effects], axis=2)
-        # Directions change with the inputs across them, over their size.
-        size = np.linalg.norm(n, axis=1)[:, None, None]
-        turning = (np.eye(3) - up[:, :, None] * up[:, None, :]) / size
+        # Readings are too large by an effect, or a parameter that is larger in truth.
+        forces = np.concatenate([by_parameters, *(force_columns(place, n, self.rests) for place in places)], axis=2)
+        by_reading = self.of_readings(x, run.attitude)
         still, own, count = self.still, run.own, len(n)
         factor = factor_for(count + 3 * len(still) + 2 * sum(len(moves) for moves in self.scored))
 
-        def part(pieces: Pieces, error: NDArray, bound: NDArray, by_forces: NDArray, by_rates: NDArray) -> Part:
+        def part(pieces: Pieces, error: NDArray, bound: NDArray, by_rates: NDArray) -> Part:
+            by_forces = np.tensordot(by_reading[pieces.label], forces, axes=2)
             nominal = np.concatenate([by_forces[..., : len(NAMES)], by_rates[..., :own]], axis=-1)
             columns = np.concatenate([by_rates[..., own:], by_forces[..., len(NAMES) :]], axis=-1)
             return Part(pieces, error, bound, nominal, columns, scored=pieces.kind == "moves")
 
-        norm, _, by_reading = norm_equations(x, self.reading)
-        deviation = np.sqrt((by_reading**2 * self.deviation**2).sum(axis=1))
-        by_forces = np.einsum("kp,kpc->kc", up, slopes)[:, None, :]
+        norm, _, of_norm = norm_equations(x, self.reading)
+        deviation = np.sqrt((of_norm**2 * self.deviation**2).sum(axis=1))
         by_rates = np.zeros((count, 1, run.integral.shape[2]))
         norms = Pieces("norms", "norms", *_ends_of(self.rests))
-        parts = [part(norms, norm[:, None], factor * deviation[:, None], by_forces, by_rates)]
+        parts = [part(norms, norm[:, None], factor * deviation[:, None], by_rates)]
         if len(still):
             earth = EARTH_AT_REST * EARTH_RATE * still.durations(self.time_s)
             limit = factor * np.sqrt(self.spread(still)) + earth
-            by_forces = np.zeros((len(still), 3, slopes.shape[2]))
             error = rotation_vectors(turned(still, run.attitude))
-            parts.append(part(still, error, np.repeat(limit[:, None], 3, axis=1), by_forces, run.columns(still)))
+            parts.append(part(still, error, np.repeat(limit[:, None], 3, axis=1), run.columns(still)))
         for number, (moves, ends) in enumerate(zip(self.scored, self.ends, strict=True)):
             start, end = ends.T
             rotation = turned(moves, run.attitude)
             sideways = self.across(number, up)
             # An error e of the attitude moves the direction by e × u: along t by e · (u × t).
             by_rates = np.cross(up[start][:, None, :], sideways) @ run.columns(moves)
-            at_end, at_start = sideways @ rotation @ turning[end], sideways @ turning[start]
-            by_forces = at_end @ slopes[end] - at_start @ slopes[start]
-            square = _square(at_end @ inverse, self.deviation[end])
+            at, own_moves = by_reading[moves.label], np.arange(len(moves))
+            square = _square(at[own_moves, :, end], self.deviation[end])
             square = square + self.spread(moves)[:, None]
-            square = square + _square(at_start @ inverse, self.deviation[start])
+            square = square + _square(at[own_moves, :, start], self.deviation[start])
             limit = factor * np.sqrt(square) + EARTH_AT_REST * EARTH_RATE * moves.durations(self.time_s)[:, None]
-            parts.append(part(moves, self.errors(number, rotation, up, up), limit, by_forces, by_rates))
+            parts.append(part(moves, self.errors(number, rotation, up, up), limit, by_rates))
         return parts
+
+    def of_readings(self, x: NDArray, attitude: NDArray) -> dict[str, NDArray[np.float64]]:
+        """What readings at the rests that are too large by a unit add to each part, by its label: (S, d, K, 3).
+
+        The attitude (N, 4) was carried; `x` are the nine parameters of the accelerometers.
+        """
+        n, up, inverse = inputs_of(x, self.reading), self.directions(x), np.linalg.inv(block_of(x)[0])
+        count, every = len(n), np.arange(len(n))
+        # Directions change with the inputs across them, over their size.
+        size = np.linalg.norm(n, axis=1)[:, None, None]
+        across_up = (np.eye(3) - up[:, :, None] * up[:, None, :]) / size @ inverse
+        norms = np.zeros((count, 1, count, 3))
+        norms[every, 0, every] = up @ inverse
+        found = {"norms": norms, self.still.label: np.zeros((len(self.still), 3, count, 3))}
+        for number, (moves, ends) in enumerate(zip(self.scored, self.ends, strict=True)):
+            start, end = ends.T
+            sideways, own = self.across(number, up), np.arange(len(moves))
+            by_reading = np.zeros((len(moves), 2, count, 3))
+            by_reading[own, :, end] = sideways @ turned(moves, attitude) @ across_up[end]
+            by_reading[own, :, start] = -sideways @ across_up[start]
+            found[moves.label] = by_reading
+        return found
 
 
 def gravity_pieces(found: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:

@@ -1,0 +1,158 @@
+"""Place and quantity of a block that is carried: what is proven of its gyros and accelerometers is true."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown_records import drawn_motion, seen_attitude, strapdown_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.diagnosis.dependence import Dependence, dependence
+from trihedron.tools.evidence.carried import Carried
+from trihedron.tools.evidence.carried_pairs import GyroPairs, pairs_of_accelerometers
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.pairs import Form
+from trihedron.tools.evidence.references import Gravity
+from trihedron.tools.records import StrapdownRecord
+
+PERIOD = 0.02
+SIZE = 4e-3
+"""[rad/s]"""
+
+
+def filmed(add=None, *, seed: int = 4) -> StrapdownRecord:
+    """A record before a camera; `add` (time (N,), rate (N, 3)) -> (N, 3) is what the gyros read too much [rad/s]."""
+    rng = np.random.default_rng(seed)
+    time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
+    read = rate if add is None else rate + add(time, rate)
+    return replace(
+        strapdown_record((time, read, n), seed=seed, rate_noise=7e-4), attitude=seen_attitude(rng, attitude, 1e-4)
+    )
+
+
+def between_rests(add=None, forces=None) -> StrapdownRecord:
+    """A record between rests; `forces` is what the accelerometers read too much [g] at inputs (N, 3)."""
+    time, rate, n, _ = drawn_motion(np.random.default_rng(4), moves=20, rest=2.0, period=PERIOD)
+    read = rate if add is None else rate + add(time, rate)
+    return strapdown_record((time, read, n if forces is None else n + forces(n)), rate_noise=7e-4)
+
+
+def found_in(record: StrapdownRecord) -> Dependence:
+    evidence = carried_evidence(record)
+    assert isinstance(evidence, Carried)
+    found = dependence(evidence)
+    assert found is not None
+    return found
+
+
+def at_gyro(p: int, function):
+    """What one gyro alone reads too much: `function` (time (N,), rate (N, 3)) -> (N,)."""
+
+    def add(time, rate):
+        added = np.zeros_like(rate)
+        added[:, p - 1] = SIZE * function(time, rate)
+        return added
+
+    return add
+
+
+def bump(time, rate):
+    return 4.0 * np.exp(-(((rate[:, 1] - 0.4) / 0.15) ** 2))
+
+
+def swing(time, rate):
+    return np.sin(2.0 * np.pi * time / 17.0)
+
+
+def other(time, rate):
+    return 3.0 * np.abs(rate[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("p", "function", "quantity", "record_of"),
+    [
+        (2, bump, "w2", filmed),
+        (1, swing, "hours", filmed),
+        pytest.param(2, other, "w3", filmed, marks=pytest.mark.acceptance),
+        (1, swing, "hours", between_rests),
+    ],
+)
+def test_the_gyro_and_what_its_error_depends_on_are_found(p, function, quantity, record_of):
+    found = found_in(record_of(at_gyro(p, function)))
+    assert found.place == f"gyro-{p}"
+    assert quantity in {one.pair.quantity for one in found.standing}
+    # Between rests a weak fault leaves other quantities of the same gyro possible.
+    assert found.proven is not None or record_of is between_rests
+    assert found.proven is None or found.proven.pair.quantity == quantity
+
+
+def test_gyros_that_all_swing_are_one_place_with_several_functions():
+    def all_swing(time, rate):
+        return SIZE * np.sin(2.0 * np.pi * time[:, None] / 17.0 + np.arange(3.0))
+
+    found = found_in(filmed(all_swing))
+    assert (found.place, found.proven and found.proven.pair.quantity) == ("gyro-block", "hours")
+
+
+@pytest.mark.acceptance
+def test_faults_of_two_gyros_in_different_quantities_are_proven_of_none():
+    def both(time, rate):
+        return at_gyro(2, bump)(time, rate) + at_gyro(1, lambda time, rate: swing(time, rate) * (time > 20.0))(
+            time, rate
+        )
+
+    found = found_in(filmed(both))
+    assert found.proven is None
+
+
+def test_an_accelerometer_that_bends_is_not_put_down_to_a_gyro():
+    def bent(n):
+        return np.column_stack([np.zeros((len(n), 2)), 1e-2 * np.sin(5.0 * n[:, 2])])
+
+    found = found_in(between_rests(forces=bent))
+    assert found.place == "accelerometer-3"
+
+
+@pytest.mark.parametrize("record_of", [filmed, between_rests])
+def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_of):
+    """A linear function of a rate is a scale factor or a misalignment, one of time a drift: exactly, by two ways."""
+    evidence = carried_evidence(record_of(at_gyro(1, swing)))
+    assert isinstance(evidence, Carried)
+    pairs = {(pair.where, pair.name): pair for pair in GyroPairs(evidence, evidence.onsets).pairs()}
+    hours = evidence.columns_of([EffectPlace("gyro-bias-drift", "gyro-block")])
+    drift = evidence.columns_of([EffectPlace("gyro-scale-drift", "gyro-block")])
+    for p in (1, 2, 3):
+        for column, name in ((hours, "hours"), (drift, f"w{p} times hours")):
+            pair = pairs[f"gyro-{p}", name]
+            mine = pair.spread(pair.values[:, None])[:, 0]
+            assert np.abs(mine - column[:, p - 1]).max() <= 1e-6 * np.abs(column[:, p - 1]).max()
+    if isinstance(evidence.reference, Gravity):
+        own = pairs_of_accelerometers(evidence, evidence.reference, evidence.point[:9], evidence.attitude)
+        cubic = evidence.columns_of([EffectPlace("cubic", "accelerometer-2")])[:, 0]
+        pair = next(pair for pair in own if (pair.where, pair.quantity) == ("accelerometer-2", "n2"))
+        assert np.abs(pair.spread(pair.values[:, None] ** 3)[:, 0] - cubic).max() <= 1e-9 * np.abs(cubic).max()
+
+
+def test_large_errors_prove_nothing():
+    """Where the linear model errs by more than a bound nothing is said."""
+    evidence = carried_evidence(filmed(lambda time, rate: 60.0 * at_gyro(2, bump)(time, rate)))
+    assert isinstance(evidence, Carried)
+    assert evidence.second_order > 1.0
+    assert dependence(evidence) is None
+
+
+def test_the_verdict_says_place_and_quantity():
+    result = diagnose(filmed(at_gyro(1, swing)), rerun=False)
+    assert isinstance(result, Diagnosis)
+    assert (result.verdict, result.level) == ("unexplained", "quantity")
+    assert result.proven is not None
+    assert (result.proven.place, result.proven.quantity) == ("gyro-1", "hours")
+
+
+def test_a_wave_has_a_place_among_forms():
+    values = np.linspace(0.0, 2.0, 9)
+    columns = Form("wave", at=1.5).columns(values)
+    assert columns == pytest.approx(
+        np.stack([np.cos(1.5 * np.pi * values), np.sin(1.5 * np.pi * values)], axis=1), abs=1e-12
+    )
