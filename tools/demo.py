@@ -20,7 +20,7 @@ from .calibration import Calibration, calibrate
 from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
 from .document.page import html
-from .files import write_text
+from .files import make_folders, write_text
 from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
@@ -58,7 +58,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
 
     The seed is that of the record with the hidden effect. `show`: open the page where there is a screen.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    make_folders(out)
     say(f"1  Simulate: table, accelerometer block and attitude computer ({STATIC_CALIBRATION})")
     scenario_file = copied_scenario(out)
     files = simulate_table(read_scenario(scenario_file), out / "static-calibration-run", progress=True).files
@@ -149,7 +149,7 @@ def say(line: str) -> None:
 def copied_scenario(out: Path) -> Path:
     """The scenario and the files that it names, where the user can read and change them."""
     folder = out / "scenario"
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folders(folder)
     source = resources.files("trihedron.scenarios")
     for name in (STATIC_CALIBRATION, "static-calibration-positions.csv"):
         with resources.as_file(source / name) as path:

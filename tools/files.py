@@ -6,6 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,70 @@ from .errors import InputError, nearest_file, reason
 
 LARGEST, LARGEST_RESULT, LARGEST_TEXT = 2 << 30, 256 << 20, 16 << 20
 """Bytes of the largest file that is read: of any, of a result (JSON), and of what a person writes (TOML, Python)."""
+
+
+_PENDING: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_PENDING", default=None)
+"""What is written beside its place, and its place, where a block keeps files together."""
+
+
+@contextmanager
+def together() -> Iterator[None]:
+    """Let the files and folders that are written in the block appear at its end, all of them or none."""
+    pending: list[tuple[Path, Path]] = []
+    token = _PENDING.set(pending)
+    try:
+        yield
+        for beside, path in pending:
+            with said_writable(path):
+                _place(beside, path)
+    finally:
+        _PENDING.reset(token)
+        for beside, _ in pending:
+            _take_away(beside)
+
+
+def _place(beside: Path, path: Path) -> None:
+    """Move what was written beside a place into it; the files of a folder into that one."""
+    if not beside.is_dir():
+        beside.replace(path)
+        return
+    path.mkdir(exist_ok=True)
+    for file in sorted(beside.iterdir()):
+        file.replace(path / file.name)
+
+
+def _take_away(beside: Path) -> None:
+    if beside.is_dir():
+        shutil.rmtree(beside, ignore_errors=True)
+    else:
+        beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def _beside(beside: Path, path: Path) -> Iterator[Path]:
+    """What is to be filled beside its place, where it lands when the block ends without an error, or all do."""
+    pending = _PENDING.get()
+    done = False
+    try:
+        yield beside
+        if pending is None:
+            _place(beside, path)
+        else:
+            pending.append((beside, path))
+            done = True
+    finally:
+        if not done:
+            _take_away(beside)
+
+
+def make_folders(folder: Path) -> None:
+    """Make a folder and those above it that are missing, however many they are."""
+    missing = []
+    while not folder.exists():
+        missing.append(folder)
+        folder = folder.parent
+    for place in reversed(missing):
+        place.mkdir(exist_ok=True)
 
 
 @contextmanager
@@ -34,22 +99,18 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     path = Path(path)
     with said_writable(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folders(path.parent)
         if path.is_dir():
             raise InputError(f"{path}: is a directory; give the name of a file")
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: is a device or a pipe; give the name of a file")
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
-        beside = Path(name)
-        try:
+        with _beside(Path(name), path) as beside:
             yield beside
             umask = os.umask(0)
             os.umask(umask)
             beside.chmod(0o666 & ~umask)
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -61,23 +122,23 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """
     path = Path(path)
     with said_writable(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folders(path.parent)
         if path.exists() and not path.is_dir():
             raise InputError(f"{path}: is a file; give the name of a folder")
-        beside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
-        try:
-            yield beside
-            path.mkdir(exist_ok=True)
-            for file in sorted(beside.iterdir()):
-                file.replace(path / file.name)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+        with _beside(Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-")), path) as beside:
+            # What is written in it appears with it.
+            token = _PENDING.set(None)
+            try:
+                yield beside
+            finally:
+                _PENDING.reset(token)
 
 
 def made_folder(folder: Path, out: Path) -> None:
     """Make a folder for what goes to `--out`."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folders(folder)
+        folder.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be made a folder ({error.strerror})") from error
 
@@ -139,7 +200,9 @@ def ordinary_file(_: object, path: Path | None) -> None:
     """Refuse the name of a device or a pipe: a file that appears whole takes the place of what stands there."""
     if path is None:
         return
-    if path.exists() and not path.is_file() and not path.is_dir():
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; give the name of a file")
+    if path.exists() and not path.is_file():
         raise InputError(f"{path}: is not a regular file; give the name of a file")
     _in_a_folder(path)
 
@@ -156,6 +219,8 @@ def ordinary_folder(_: object, path: Path | None) -> None:
 def _in_a_folder(path: Path) -> None:
     for above in path.parents:
         if above.is_dir():
+            if not os.access(above, os.W_OK):
+                raise InputError(f"{path}: cannot be written (nothing may be put into {above})")
             return
         if above.exists():
             raise InputError(f"{path}: cannot be written ({above} is a file)")

@@ -1,8 +1,10 @@
 """Every file that is named, to a command or in another file, is read by one reader: no devices, no giants."""
 
+import errno
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -10,7 +12,7 @@ import pytest
 
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.files import LARGEST, LARGEST_TEXT, bytes_of
+from trihedron.tools.files import LARGEST, LARGEST_TEXT, bytes_of, together, whole_folder, write_text
 from trihedron.tools.parquet import MOST_NUMBERS, fault_of_parquet
 
 SCENARIO = """schema = "trihedron.scenario/1"
@@ -139,3 +141,89 @@ def test_a_sound_parquet_file_has_no_fault(tmp_path: Path) -> None:
     pl.DataFrame({"a": np.arange(10.0)}).write_parquet(path)
     assert fault_of_parquet(path.read_bytes()) is None
     assert "is not a readable Parquet file" in str(fault_of_parquet(path.read_bytes()[:-9] + b"PAR1"))
+
+
+def test_files_of_a_block_appear_together_or_not_at_all(tmp_path: Path) -> None:
+    (tmp_path / "b").write_text("before")
+
+    def write() -> None:
+        write_text(tmp_path / "a", "new")
+        write_text(tmp_path / "b", "new")
+        with whole_folder(tmp_path / "c") as folder:
+            write_text(folder / "inside", "new")
+            assert (folder / "inside").read_text() == "new"
+
+    def fail() -> None:
+        with together():
+            write()
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["b"]
+    assert (tmp_path / "b").read_text() == "before"
+    with together():
+        write()
+        assert sorted(path.name for path in tmp_path.iterdir() if path.name[0] != ".") == ["b"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "b", "c", "inside"]
+    assert (tmp_path / "b").read_text() == "new"
+
+
+def test_where_one_output_fails_none_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The disk is full when one of three files has been written."""
+    monkeypatch.chdir(tmp_path)
+    record = tmp_path / "r.csv"
+    assert cli.main(["hidden", str(record), "--clean"]) == 0
+    whole = Path.chmod
+    command = ["calibrate", str(record), "--noise-bound", "1e-5", "--json", "c.json"]
+    command += ["--ssv", "c.ssv", "--report", "c.html"]
+    for ending in (".json", ".ssv", ".html"):
+
+        def full(self: Path, *rest: Any, ending: str = ending, **more: Any) -> None:
+            if self.suffix == ending:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self))
+            whole(self, *rest, **more)
+
+        monkeypatch.setattr(Path, "chmod", full)
+        assert cli.main(command) == 2
+        said = capsys.readouterr().err
+        assert "No space left on device" in said
+        assert said.count("\n") == 1
+        assert [path.name for path in tmp_path.iterdir()] == ["r.csv"]
+    monkeypatch.setattr(Path, "chmod", whole)
+    assert cli.main(command) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["c.html", "c.json", "c.ssv", "r.csv"]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--json", "."], ".: is a directory; give the name of a file"),
+        (["--ssv", "."], ".: is a directory; give the name of a file"),
+        (["--report", "x.doc"], "--report x.doc: a page is .html or .pdf"),
+        (["--report", "folder.html"], "folder.html: is a directory"),
+    ],
+)
+def test_outputs_are_looked_at_before_the_work(
+    options: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The record is not even there."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.html").mkdir()
+    assert cli.main(["calibrate", "none.csv", *options]) == 2
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("depth", [100, 700])
+def test_folders_may_be_as_deep_as_the_system_lets_them(
+    depth: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    deep = Path(*["d"] * depth)
+    assert cli.main(["new", "scenario", str(deep / "s.toml")]) == 0
+    assert (deep / "s.toml").is_file()
+    capsys.readouterr()
+    assert cli.main(["new", "scenario", str(Path(*["d"] * 4000) / "s.toml")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

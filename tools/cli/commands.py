@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 from .. import calibration as calibrations
 from .. import diagnosis, library, motion, orchestrator, own_effects, papers, records, reports, ssp, trials
 from ..errors import InputError, one_line
-from ..files import ordinary_file, ordinary_folder, write_text
+from ..files import ordinary_file, ordinary_folder, together, write_text
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -105,12 +105,12 @@ def calibrate(
 
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     result = library.calibrate(run, **options)
-    said = answer(result, json)
-    if report is not None:
-        reports.write_report(report, result, run)
-    if ssv is not None:
-        calibrations.write_parameter_set(result, ssv)
-    return said
+    with together():
+        if report is not None:
+            reports.write_report(report, result, run)
+        if ssv is not None:
+            calibrations.write_parameter_set(result, ssv)
+        return answer(result, json)
 
 
 @takes(library.apply)
@@ -137,9 +137,10 @@ def apply(
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
     result = library.apply(calibration, record, noise_bound=noise_bound, **options)
     text = "\n".join(reports.application_lines(result, latitude_deg))
-    if out is not None:
-        records.write_record(result.record, out)
-    return answer(text, json, result.to_json())
+    with together():
+        if out is not None:
+            records.write_record(result.record, out)
+        return answer(text, json, result.to_json())
 
 
 @takes(library.diagnose)
@@ -170,10 +171,11 @@ def diagnose(
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
     result = library.diagnose(run, **options, progress=True)
-    if report is not None:
-        reports.write_report(report, result, run)
-    files = [] if export is None else diagnosis.export_extended(result, export)
-    return answer(result, json, files=files)
+    with together():
+        if report is not None:
+            reports.write_report(report, result, run)
+        files = [] if export is None else diagnosis.export_extended(result, export)
+        return answer(result, json, files=files)
 
 
 @takes(library.inspect)
@@ -187,9 +189,10 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
     """
     distinct_files({"the record": record, "--json": json, "--allan": allan})
     found = library.inspect(record, **options)
-    if allan is not None:
-        write_text(allan, reports.allan_picture(found))
-    return answer(found, json)
+    with together():
+        if allan is not None:
+            write_text(allan, reports.allan_picture(found))
+        return answer(found, json)
 
 
 @takes(library.attitude_of_record)
@@ -208,13 +211,15 @@ def attitude(
     if compare:
         options.pop("algorithm", None)
         compared = motion.compare_algorithms(measured, **options, progress=True)
-        if out is not None:
-            write_text(out / "comparison.csv", compared.to_polars().write_csv())
-        return answer(compared, json, complaint=reports.distrust(compared, measured.path.name))
+        with together():
+            if out is not None:
+                write_text(out / "comparison.csv", compared.to_polars().write_csv())
+            return answer(compared, json, complaint=reports.distrust(compared, measured.path.name))
     run = library.attitude_of_record(measured, **options, out=out, progress=True)
-    if out is not None:
-        write_text(out / "attitude.csv", run.to_polars().write_csv())
-    return answer(run, json, complaint=reports.distrust(run, measured.path.name))
+    with together():
+        if out is not None:
+            write_text(out / "attitude.csv", run.to_polars().write_csv())
+        return answer(run, json, complaint=reports.distrust(run, measured.path.name))
 
 
 def fmpy_input(

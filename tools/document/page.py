@@ -120,9 +120,11 @@ def report_file(path: Path) -> None:
     Raises
     ------
     InputError
-        for a device or a pipe, and for .pdf where nothing makes one
+        for a device or a pipe, another ending than .html or .pdf, and for .pdf where nothing makes one
     """
     ordinary_file(None, path)
+    if path.suffix.lower() not in (".html", ".htm", ".pdf"):
+        raise InputError(f"--report {path}: a page is .html or .pdf; give a name that ends so")
     if path.suffix.lower() == ".pdf" and converter() is None:
         raise InputError(
             f"--report {path}: no program here makes PDF (Chromium, Chrome or Edge); give a name in .html and print it"

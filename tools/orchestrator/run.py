@@ -24,7 +24,7 @@ import polars as pl
 from pydantic import Field
 
 from ..errors import InputError, one_line
-from ..files import json_text, said_writable, whole_folder
+from ..files import json_text, make_folders, said_writable, whole_folder
 from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
@@ -402,7 +402,7 @@ class Journal:
             if self._out is not None and self._out.exists() and not self._out.is_dir():
                 raise InputError(f"{self._out}: is a file; give the name of a folder")
             shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
+            make_folders(folder)
             self._made = missing
             (folder / "run.json").write_text(json_text({**self._provenance, "complete": False}), encoding="utf-8")
 
