@@ -380,7 +380,7 @@ LAST_HOUR = 1e4
 SURELY = 0.1
 """No bench reads an input wrong by so much [g], so that what fits another channel and not its own is exchanged."""
 FEWEST_EXCHANGED = 2
-"""So many readings on each side of a time must surely be exchanged, or surely not."""
+"""So many rows on each side of a time, one of which is surely exchanged, or surely not."""
 
 
 def exchanged_readings(context: Vector, own: Vector, p: int, i: int, start: float, reading: Vector) -> None:
@@ -404,10 +404,11 @@ def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
     other = np.abs(reading - rows.n @ matrix.T).max(axis=1)
     after = np.flatnonzero((other < SURELY) & (straight > 2.0 * SURELY))
     before = np.flatnonzero((straight < SURELY) & (other > 2.0 * SURELY))
-    if min(len(before), len(after)) < FEWEST_EXCHANGED or before[-1] > after[0]:
+    if not len(before) or not len(after) or before[-1] > after[0]:
         return []
     found = []
-    for row in range(before[-1] + 1, after[0] + 1):
+    first, last = max(before[-1] + 1, FEWEST_EXCHANGED), min(after[0], len(reading) - FEWEST_EXCHANGED)
+    for row in range(first, last + 1):
         mixed = np.where((np.arange(len(reading)) >= row)[:, None, None], matrix, np.eye(3))
         limits = ((float(rows.hours[row - 1]), float(rows.hours[row])),)
         found.append(variant(rows.n.shape, limits, mixed=mixed))

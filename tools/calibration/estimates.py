@@ -60,6 +60,12 @@ SAME = 1e-6
 """A direction that gains no more than this part of the set's size gives no new vertex."""
 
 
+GROSS = 0.2
+"""An aligned bench reads no input wrong by so much [g]."""
+MOST_GROSS = 0.7
+"""Where a larger part of the readings is so wrong, angles or the mounting are."""
+
+
 def fit(
     parametrisation: Parametrisation,
     positions: Positions,
@@ -75,7 +81,8 @@ def fit(
     fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Directions of the parameters that the measurements leave open stay at
     zero, and the bounds are widened by what they may do, each at most of its `extent` (P,).
 
-    An InputError when the fit does not converge.
+    Where all readings together lead nowhere, those decide that no aligned bench reads so wrong: channels may be
+    exchanged. An InputError when the fit does not converge.
     """
     bound = np.full(reading.size, noise_bound)
     matrices = parametrisation.matrices[positions.mounting]
@@ -85,9 +92,15 @@ def fit(
     problem = _Problem(parametrisation, positions, reading, span)
     point = np.zeros(len(parametrisation.symbols))
     point = point + problem.step(point, certain.ravel().astype(float), nominal_sign, COARSE)
+    gross = np.abs(reading - nominal_input(positions.alpha, positions.beta, matrices)).ravel() > GROSS
+    told = np.ones(reading.size)
     for _ in range(5):
-        weight = noise_bound / bound
+        weight = told * noise_bound / bound
         point, sign, settled = problem.minimise(point, weight)
+        if not settled and 0.0 < gross.mean() < MOST_GROSS:
+            told = np.where(gross, 0.0, 1.0)
+            weight = weight * told
+            point, sign, settled = problem.minimise(np.zeros(len(point)), weight)
         here = linearise(parametrisation, positions, reading, point, bound, sign)
         if here.span.shape[1] < problem.span.shape[1]:
             problem = replace(problem, span=here.span)

@@ -71,7 +71,12 @@ def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None
 def without_last(readings: Readings, fit: Fit) -> Fit:
     """The model linear at the bench of a fit, with all of its effects but the last, of the sizes that they have."""
     places, blocks, count = fit.places[:-1], fit.blocks[:-1], len(fit.point)
-    x = fit.at[: count + (blocks[-1].stop if blocks else 0)]
+    return _linear_at(readings, places, fit.at[: count + (blocks[-1].stop if blocks else 0)], count)
+
+
+def _linear_at(readings: Readings, places: tuple[EffectPlace, ...], x: NDArray, count: int) -> Fit:
+    """The model with linear effects at parameters and coefficients (P + K,), of which the first are the bench's."""
+    blocks = blocks_of(places)
     model = Cast(places).model(readings, x[:count], x[count:], blocks)
     assert model is not None
     residual = readings.reading.ravel() - model.reading
@@ -91,13 +96,19 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
     better: a limit that many reach draws all of them.
     """
     aligned = np.zeros(len(start))
-    rows, bound = readings.rows(aligned), readings.bound
+    rows, bound, back = readings.rows(aligned), readings.bound, readings
     for place in EXCHANGED_READINGS.places:
-        for variant in readings.variants(place, rows):
-            bound = np.where(variant.touched.ravel(), LOOSE, bound)
+        variants = readings.variants(place, rows)
+        if variants:
+            # From the first time on they may be exchanged, from the last on they are, and are exchanged back.
+            first, last = variants[0], variants[-1]
+            bound = np.where(first.touched.ravel(), LOOSE, bound)
+            open_ = (first.touched & ~last.touched).ravel()
+            own = np.einsum("nij,nj->ni", last.mixed, back.reading)
+            back = replace(back, reading=own, bound=np.where(open_, LOOSE, back.bound))
     centre = centre_of(readings, Cast(()), start)
     if bound is not readings.bound:
-        centre = centre_of(replace(readings, bound=bound), Cast(()), aligned)
+        centre = _linear_at(replace(readings, bound=bound), (), centre_of(back, Cast(()), aligned).at, len(start))
     size = np.abs(readings.reading)
     within = size > size.max(axis=0) - AT_LIMIT * readings.bound.reshape(-1, 3)
     limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)

@@ -296,3 +296,27 @@ def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     said = told_lines(result)
     assert said[0] == "unexplained: the model is falsified and nothing that can be named mends it"
     assert said[1].startswith("not named: ")
+
+
+@pytest.mark.parametrize(("seed", "row", "exchanged"), [(2, 5, (0, 1)), (4, 5, (1, 2)), (4, 5, (2, 2))])
+def test_channels_that_are_exchanged_in_most_of_a_record_are_named(seed, row, exchanged):
+    """What is left of them before that tells no bench by itself: it is told with the others exchanged back."""
+    rng = np.random.default_rng([seed, 33])
+    count = int(rng.integers(16, 37))
+    bench = random_bench(rng)
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    reading = simulated(bench, alpha, beta).specific_force / GRAVITY
+    reading += rng.uniform(-NOISE_BOUND, NOISE_BOUND, (count, 3))
+    first, second = exchanged
+    if first == second:
+        reading[row:, first] *= -1.0
+    else:
+        reading[row:, [first, second]] = reading[row:, [second, first]]
+    record = position_record(reading, alpha, beta)
+    result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+    assert result.verdict == "explained"
+    place = EffectPlace("exchanged-readings", f"accelerometer-{first + 1}", axes=(second + 1,))
+    assert [cause.place for cause in result.causes] == [place]
+    low, high = result.causes[0].intervals[0]
+    hours = record.time_s / 3600.0
+    assert low <= hours[row - 1] < hours[row] <= high
