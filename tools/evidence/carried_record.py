@@ -15,13 +15,15 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
 from ..bounded.sets import Work
 from ..errors import InputError
-from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
-from ..motion.inspect import FEWEST_WINDOWS as FEWEST_TURNS
-from ..motion.inspect import LEAST_TURN, Inspection, inspect_record, meaning
+from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of, rotation_of
+from ..motion.inspect import Inspection, inspect_record
 from ..motion.norm import LARGEST, NAMES, inputs_of
 from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..motion.rests import rates_of, rest_warnings
+from ..motion.turning import FEWEST_WINDOWS as FEWEST_TURNS
+from ..motion.turning import LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth
 from ..records import StrapdownRecord
+from ..records.channels import Channels
 from ..rounding import exactly
 from .carried import LATENCY, SCALE, Carried, is_of_gyros, with_parameters
 from .carried_run import BIAS, LONG, CarriedRecord
@@ -65,8 +67,6 @@ FEWEST_MOVES = 8
 """Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
 LARGEST_TURN, FASTEST = 0.5, 0.99
 """Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
-LEAST_SHARE = 0.5
-"""Part of the true turns that the gyros must show before a swap or a flip is believed."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
 WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
 AS_STATED = "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: {} arcmin"
@@ -426,43 +426,59 @@ def check_record(found: Inspection) -> None:
 
 
 def truth_check(found: Inspection) -> tuple[str, ...]:
-    """What is wrong with the gyros beside the true attitude: units, order and signs of axes."""
+    """What is wrong with the gyros beside the true attitude: units, order and signs of axes.
+
+    Rotations are compared, over windows in which the block turns little and over longer ones, in which gyros that lag
+    follow better.
+    """
     record = found.record
     known = known_rows(record)
     if record.attitude is None or len(known) < FEWEST_TURNS:
         return ()
-    # Sums of rates are rotation vectors as long as the block turns little: the faster, the shorter the windows.
-    turns = true_turns(record.attitude, known[:-1], known[1:])
-    speed = np.linalg.norm(turns, axis=1) / np.diff(record.time_s[known])
+    turns = (rotation_of(record.attitude[known[:-1]]).inv() * rotation_of(record.attitude[known[1:]])).magnitude()
+    speed = turns / np.diff(record.time_s[known])
     seconds = LARGEST_TURN / max(float(np.quantile(speed, FASTEST)), LARGEST_TURN / LENGTHS[0])
-    windows = windows_of(known, usable_in(found), found.sampling.period, seconds)
-    if len(windows) < FEWEST_TURNS:
-        return ()
-    true = true_turns(record.attitude, windows.first, windows.last)
     level = np.median(found.rests.rate, axis=0) if len(found.rests) else np.zeros(3)
     step = np.concatenate([[found.sampling.period], np.diff(record.time_s)])
-    sums = np.cumsum((rates_of(record) - level) * step[:, None], axis=0)
-    turn = sums[windows.last] - sums[windows.first]
-    moving = np.linalg.norm(true, axis=1) > LEAST_TURN
-    if moving.sum() < FEWEST_TURNS:
+    rate = rates_of(record) - level
+    if record.rate is not None:
+        rate[1:] = 0.5 * (rate[1:] + rate[:-1])
+    heard = []
+    for length in (seconds, LENGTHS[0]):
+        # Rotations are bounded, so a few that are wrong do no harm; in degrees most seem to be more than half a turn.
+        windows = windows_of(known, usable_in(found, whole=False), found.sampling.period, length)
+        if len(windows) < FEWEST_TURNS:
+            continue
+        ends = np.column_stack([windows.first, windows.last])
+        true = turns_between(record.attitude, ends)
+        moving = true.magnitude() > LEAST_TURN
+        if moving.sum() >= FEWEST_TURNS:
+            said, missed = beside_truth(rate * step[:, None], true[moving], ends[moving], record.channels)
+            heard.append((missed, said, ends[moving]))
+    if not heard:
         return ()
-    design, target = turn[moving], true[moving]
-    singular = np.linalg.svd(design, compute_uv=False)
-    if singular[-1] < 0.02 * singular[0]:
-        return ()
-    matrix = np.linalg.lstsq(design, target, rcond=None)[0].T
-    left = target - design @ matrix.T
-    if float((left**2).sum()) > LEAST_SHARE * float((target**2).sum()):
-        return ("the gyros do not turn as the true attitude does: is it body to reference, scalar first?",)
-    error = np.sqrt(np.outer((left**2).mean(axis=0), np.diag(np.linalg.inv(design.T @ design))))
-    said = (text.replace("of the accelerometers", "of the true attitude") for text in meaning(matrix, error))
-    return tuple(text.replace("as gravity turns", "as the true attitude turns") for text in said)
+    missed, said, ends = min(heard, key=lambda one: one[0])
+    if missed <= 1.0 - LEAST_SHARE:
+        return said
+    return (f"the gyros do not turn as the true attitude does: {_meant(record.attitude, rate * step[:, None], ends)}",)
 
 
-def true_turns(attitude: NDArray, first: NDArray, last: NDArray) -> NDArray[np.float64]:
-    """Rotation vectors (S, 3) of a true attitude (N, 4), scalar first, from rows (S,) to others, in body axes [rad]."""
-    before, after = (Rotation.from_quat(np.roll(attitude[rows], -1, axis=1)) for rows in (first, last))
-    return (before.inv() * after).as_rotvec()
+def _meant(attitude: NDArray, increments: NDArray, ends: NDArray) -> str:
+    """What a true attitude (N, 4) may mean that the gyros do not follow; windows are rows (S, 2)."""
+    ways = {
+        "reference to body": attitude * [1.0, -1.0, -1.0, -1.0],
+        "body to reference, scalar last": np.roll(attitude, 1, axis=1),
+    }
+    for name, other in ways.items():
+        if beside_truth(increments, turns_between(other, ends), ends, Channels())[1] < LEAST_MISS:
+            return f"they do where q0..q3 are {name}; give them body to reference, scalar first"
+    return "is it body to reference, scalar first?"
+
+
+def turns_between(attitude: NDArray, ends: NDArray) -> Rotation:
+    """Turns (S) of a true attitude (N, 4), scalar first, between rows (S, 2), in body axes."""
+    before, after = (rotation_of(attitude[rows]) for rows in ends.T)
+    return before.inv() * after
 
 
 def missing_things(found: Inspection) -> tuple[str, ...]:

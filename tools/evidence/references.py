@@ -152,13 +152,13 @@ def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
     return np.unique(np.concatenate(ends)) if ends else np.zeros(0, dtype=int)
 
 
-def usable_in(found: Inspection) -> Usable:
-    """Which stretches of a record hold no gap, no knock, no saturated gyro and no turn that cannot be told."""
+def usable_in(found: Inspection, *, whole: bool = True) -> Usable:
+    """Which stretches of a record hold no gap and no saturated gyro; `whole`: no knock or turn that cannot be told."""
     record, sampling = found.record, found.sampling
     bad = np.zeros(len(record), dtype=bool)
     bad[1:] = np.diff(record.time_s) > GAP * sampling.period
     # Of rates both turns beside a row hold it.
-    spoilt = sampling.limits.of("w") | sampling.broken
+    spoilt = sampling.limits.of("w") | sampling.broken if whole else sampling.limits.of("w")
     bad |= spoilt
     bad[1:] |= spoilt[:-1]
     broken = np.cumsum(bad)

@@ -13,10 +13,10 @@ from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
-from ..rounding import digits
 from .norm import NormCalibration, calibrate_by_norm, inputs_of
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import Rests, Sampling, find_rests, rates_of, sampling_of
+from .turning import TurningCheck, check_turning
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -31,21 +31,14 @@ DISTINCT = 1e-3
 """Least singular value, over the largest, of columns of size one that can be told apart."""
 SHUFFLES, CHANCE = 200, 0.01
 """Of shuffled rests not more than this part may be explained as well by a term that is named."""
+FEW = 0.01
+"""Part of the rows."""
 WORDS = {
     "drift": "drifting with time",
     "gravity": "dependent on the direction of gravity",
     "temperature": "dependent on temperature",
 }
 """What may be added to a constant."""
-TURNING_WINDOW = 0.2
-"""Length of the windows in which gyros and accelerometers are compared [s]."""
-MOVING = 10.0
-"""A window is a move where its turn is so many times what the noise of the gyros makes."""
-LEAST_TURN = 0.01
-"""Smaller turns in a window tell nothing [rad]; in degrees they are larger."""
-FEWEST_WINDOWS = 30
-"""Fewer windows of moves tell nothing."""
-DEGREE = np.pi / 180.0
 
 
 class RestModel(Result):
@@ -100,25 +93,6 @@ class GyrosAtRest(Result):
     def standing(self) -> tuple[RestModel, ...]:
         """Of the smallest size that stands."""
         return tuple(model for model in self.tried if model.stands)
-
-
-class TurningCheck(Result):
-    """Whether the gyros turn as the accelerometers say: units, signs and order of axes, from moves alone.
-
-    A block that turns at ω sees gravity turn by df = −ω × f dt. The matrix K that fits df = −(K ω dt) × f best over
-    short windows of moves is the identity for rates in rad/s along the accelerometers' axes, (π/180)·I for degrees per
-    second; a swap or a flip of axes shows in it. The scale of the accelerometers does not matter.
-
-    Attributes
-    ----------
-    matrix : (3, 3) array or None
-        K; None where moves are too few, or do not turn about all axes
-    said : tuple of str
-        what is wrong, in words; empty where nothing is
-    """
-
-    matrix: Array | None = None
-    said: tuple[str, ...] = ()
 
 
 class Move(Result):
@@ -209,6 +183,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     level = np.median(rests.rate, axis=0) if len(rests) else np.zeros(3)
     excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0)) if moving.any() else np.zeros(3)
     noise = rests.noise[:3] if len(rests) else np.zeros(3)
+    # Where many turns are more than half a turn they are no glitches: the unit is wrong.
+    broken = sampling.broken if sampling.wrapped < FEW * len(record) else record.knocks
     calibration = gyros = None
     if len(rests) and rests.force_bound is not None and rests.rate_bound is not None:
         bound = np.maximum(rests.force_bound / gravity, LEAST_BOUND)
@@ -230,7 +206,7 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         rests=rests,
         moves=_moves(record, rests, rate - level),
         rate_rms_radps=excitation,
-        turning=check_turning(record.time_s, rate - level, record.specific_force, noise, sampling.broken),
+        turning=check_turning(record.time_s, rate - level, record.specific_force, noise, broken, record.channels),
         accelerometers=calibration,
         gyros_at_rest=gyros,
     )
@@ -317,68 +293,3 @@ def _hindrance(design: NDArray) -> str | None:
         return "nothing changes"
     singular = np.linalg.svd(design / size, compute_uv=False)
     return None if singular[-1] > DISTINCT * singular[0] else "the rests do not tell its terms apart"
-
-
-def check_turning(
-    time_s: NDArray, rate: NDArray, force: NDArray, noise: NDArray, broken: NDArray | None = None
-) -> TurningCheck:
-    """Compare gyros with accelerometers (N, 3), as the record has them, over moves; times (N,) in [s].
-
-    The noise (3,) is the scatter of a sample of the gyros at rest, in the rates' unit; windows with rows (N,) that are
-    broken tell nothing.
-    """
-    period = float(np.median(np.diff(time_s)))
-    size = max(2, round(TURNING_WINDOW / period))
-    pieces = len(time_s) // size
-    if pieces < FEWEST_WINDOWS:
-        return TurningCheck()
-    blocks = slice(0, pieces * size)
-    middle = force[blocks].reshape(pieces, size, 3).mean(axis=1)
-    mean = rate[blocks].reshape(pieces, size, 3).mean(axis=1)
-    between = np.diff(time_s[blocks].reshape(pieces, size).mean(axis=1))
-    turn = 0.5 * (mean[1:] + mean[:-1]) * between[:, None]
-    change, level = np.diff(middle, axis=0), 0.5 * (middle[1:] + middle[:-1])
-    least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), LEAST_TURN)
-    moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
-    if broken is not None:
-        spoilt = broken[blocks].reshape(pieces, size).any(axis=1)
-        moving &= ~(spoilt[1:] | spoilt[:-1])
-    if moving.sum() < FEWEST_WINDOWS:
-        return TurningCheck()
-    turn, change, level = turn[moving], change[moving], level[moving]
-    cross = np.zeros((len(level), 3, 3))
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -level[:, 2], level[:, 1], -level[:, 0]
-    cross -= cross.transpose(0, 2, 1)
-    # −(K ω) × f = f × (K ω); columns in the order of K's elements, row by row.
-    design = np.einsum("nij,nk->nijk", cross, turn).reshape(3 * len(turn), 9)
-    singular = np.linalg.svd(design, compute_uv=False)
-    if singular[-1] < 0.02 * singular[0]:
-        return TurningCheck()
-    target = change.ravel()
-    solution = np.linalg.lstsq(design, target, rcond=None)[0]
-    left = target - design @ solution
-    # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
-    share = 1.0 - float(left @ left) / float(target @ target)
-    error = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * (left @ left) / (len(left) - 9))
-    matrix = solution.reshape(3, 3)
-    return TurningCheck(matrix=matrix, said=meaning(matrix, error.reshape(3, 3)) if share > 0.5 else ())
-
-
-def meaning(matrix: NDArray, error: NDArray) -> tuple[str, ...]:
-    """What K (3, 3) says of units, order and signs of the gyros, where it is surely so."""
-    said = []
-    size = float(np.median(np.abs(matrix).max(axis=1)))
-    if 0.5 * DEGREE < size < 2.0 * DEGREE:
-        said.append("the rates are probably in degrees per second: they turn the block 57 times too far")
-    elif not 0.5 < size < 2.0:
-        said.append(f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit")
-    for axis in range(3):
-        row, sure = matrix[axis] / size, error[axis] / size
-        gyro = int(np.argmax(np.abs(row)))
-        if np.abs(row[gyro]) < 0.5 or sure.max() > 0.1:
-            continue
-        if gyro != axis:
-            said.append(f"what turns about axis {axis + 1} of the accelerometers is read by gyro {gyro + 1}")
-        if row[gyro] < 0.0:
-            said.append(f"gyro {gyro + 1} has the wrong sign about axis {axis + 1} of the accelerometers")
-    return tuple(said)

@@ -215,8 +215,7 @@ class RawRecord(_Record):
         readings of the three accelerometers, block frame [m/s²]
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings, resolution, sha256, about
-    path, row, warnings, resolution, sha256, channels
+    path, row, warnings, resolution, sha256, about, channels
         as in PositionRecord
     """
 
@@ -362,8 +361,7 @@ class StrapdownRecord(_Record):
         true attitude, unit quaternion, scalar first, body to reference; a row of NaN where it is not known
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings, sha256, about
-    path, row, warnings, sha256, channels
+    path, row, warnings, sha256, about, channels
         as in PositionRecord
     """
 

@@ -1,0 +1,151 @@
+"""Gyros against gravity and against a true attitude: exchanged, reversed, in degrees; and right ones that look odd."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from record_files import measured
+from strapdown_records import strapdown_record
+from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.carried_record import check_record, truth_check
+from trihedron.tools.motion import inspect_record
+from trihedron.tools.motion.turning import check_turning
+from trihedron.tools.records import StrapdownRecord, read_record, write_record
+from trihedron.tools.records.channels import PERMUTATIONS, Channels, reading_of
+
+G = 9.80665
+QUIET = np.full(3, 1e-3)
+
+
+def said_of(record: StrapdownRecord) -> str:
+    return "; ".join(check_turning(record.time_s, record.rate, record.specific_force, QUIET).said)
+
+
+def order_of(matrix: np.ndarray) -> str:
+    """The order that reads channels right that show a signed permutation (3, 3) of the axes."""
+    return ",".join(map(str, reading_of(matrix)))
+
+
+@pytest.fixture(scope="module")
+def clean() -> StrapdownRecord:
+    return strapdown_record(seed=1)
+
+
+def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, seconds: float = 25.0):
+    """A block that rests, then turns without a rest, with its true attitude in every so many rows."""
+    rng = np.random.default_rng(seed)
+    period, fine = 0.005, 2
+    count = round(seconds / period)
+    time = period * np.arange(count)
+    waves, phases = rng.uniform(0.2, 1.2, (4, 3)), rng.uniform(0.0, 6.0, (4, 3))
+
+    def rate(at: np.ndarray) -> np.ndarray:
+        moving = np.clip(at - 4.0, 0.0, 1.0)[:, None]
+        return speed / 2.0 * moving * np.sin(2.0 * np.pi * waves * at[:, None, None] + phases).sum(axis=1)
+
+    steps = rate(period / fine * (np.arange((count - 1) * fine) + 0.5)) * period / fine
+    attitude, found = Rotation.identity(), [Rotation.identity()]
+    for step in steps.reshape(-1, fine, 3):
+        for part in step:
+            attitude = attitude * Rotation.from_rotvec(part)
+        found.append(attitude)
+    true = Rotation.concatenate(found)
+    force = true.inv().apply([0.0, 0.0, G]) + rng.normal(0.0, 0.01, (count, 3))
+    quaternion = np.roll(true.as_quat(), 1, axis=1)
+    quaternion[np.arange(count) % truth_every != 0] = np.nan
+    gyros = rate(time - lag) + rng.normal(0.0, 1e-3, (count, 3))
+    return StrapdownRecord(time, gyros, None, force, quaternion)
+
+
+def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
+    assert said_of(clean) == ""
+    for matrix in PERMUTATIONS[1:]:
+        said = said_of(replace(clean, rate=clean.rate @ matrix.T))
+        assert f"read it with --channels w={order_of(matrix)}" in said
+        degrees = said_of(replace(clean, rate=np.degrees(clean.rate) @ matrix.T))
+        assert f"w={order_of(matrix)} w=deg" in degrees
+    assert "read it with --channels w=deg" in said_of(replace(clean, rate=np.degrees(clean.rate)))
+
+
+def test_exchanged_accelerometers_are_listed_beside_gyros(clean):
+    for matrix in PERMUTATIONS[1:]:
+        said = said_of(replace(clean, specific_force=clean.specific_force @ matrix.T))
+        # Gravity that is reversed as a whole turns as gravity does: nothing in the record tells it.
+        if np.array_equal(matrix, -np.eye(3)):
+            assert said == ""
+        else:
+            assert f"--channels {order_of(matrix)}" in said
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_right_gyros_are_advised_nothing(seed):
+    rng = np.random.default_rng(seed)
+    more = {
+        "gyro_bias": rng.normal(0.0, 0.02, 3),
+        "sensitivity": rng.normal(0.0, 5e-3, (3, 3)),
+        "gamma": np.tril(rng.normal(0.0, 0.05, (3, 3))),
+        "force_noise": 10.0 ** rng.uniform(-2.0, -0.3),
+    }
+    record = strapdown_record(seed=seed, **more)
+    assert said_of(record) == ""
+    lagging = replace(record, rate=np.roll(record.rate, int(rng.integers(0, 6)), axis=0) * rng.uniform(0.9, 1.1, 3))
+    assert said_of(lagging) == ""
+
+
+@pytest.mark.parametrize(("speed", "every"), [(2.0, 1), (25.0, 1), (25.0, 30)])
+def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
+    """With the truth in every thirtieth row the block turns by more than half a turn between rows that are known."""
+    record = filmed(1, speed=speed, truth_every=every)
+    assert truth_check(inspect_record(record)) == ()
+    for matrix in PERMUTATIONS[5::11]:
+        said = truth_check(inspect_record(replace(record, rate=record.rate @ matrix.T)))
+        assert f"read it with --channels w={order_of(matrix)}" in said[0]
+    (said,) = truth_check(inspect_record(replace(record, rate=np.degrees(record.rate))))
+    assert "--channels w=deg" in said
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.05, 0.1])
+def test_gyros_that_lag_or_scale_wrongly_are_right(lag):
+    record = filmed(2, speed=12.0, lag=lag)
+    assert truth_check(inspect_record(record)) == ()
+    assert truth_check(inspect_record(replace(record, rate=record.rate * [0.9, 1.1, 1.05]))) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda q: q * [1.0, -1.0, -1.0, -1.0], "reference to body;"),
+        (lambda q: np.roll(q, -1, axis=1), "body to reference, scalar last"),
+        (lambda q: np.roll(q, 1500, axis=0), "is it body to reference, scalar first?"),
+    ],
+)
+def test_a_true_attitude_of_another_meaning_is_said(change, said):
+    record = filmed(3, speed=6.0)
+    with pytest.raises(InputError, match="do not turn as the true attitude") as refused:
+        check_record(inspect_record(replace(record, attitude=change(record.attitude))))
+    assert said in str(refused.value)
+
+
+def test_channels_read_gyros_right_and_who_knows_them_says_so(clean, tmp_path):
+    matrix = PERMUTATIONS[29]
+    path = tmp_path / "measured.csv"
+    write_record(replace(clean, rate=clean.rate @ matrix.T), path)
+    assert inspect_record(read_record(path, StrapdownRecord)).turning.said
+    right = read_record(path, StrapdownRecord, channels=[f"w={order_of(matrix)}"])
+    np.testing.assert_allclose(right.rate, clean.rate, atol=1e-12)
+    assert not inspect_record(right).turning.said
+    assert "read with --channels w=" in str(inspect_record(right))
+    as_it_stands = replace(right, rate=clean.rate @ matrix.T, channels=Channels())
+    assert not inspect_record(as_it_stands).turning.said
+
+
+@pytest.mark.parametrize("name", ["broad-03", "broad-08", "broad-21", "mpu9150-4", "xsens-imu-tk"])
+def test_no_measured_record_is_read_wrongly(name):
+    record = measured(name)
+    found = inspect_record(record)
+    check_record(found)
+    matrix = PERMUTATIONS[13]
+    with pytest.raises(InputError, match=f"--channels w={order_of(matrix)}"):
+        check_record(inspect_record(replace(record, rate=record.rate @ matrix.T)))

@@ -1,0 +1,181 @@
+"""Whether gyros turn as gravity, or a true attitude, does: order and signs of their axes, and their unit.
+
+All 48 signed permutations are tried, in rad/s and in degrees per second; what fits far better is said with the option
+that reads the record so.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.spatial.transform import Rotation
+
+from ..records.channels import PERMUTATIONS, RADIANS, USUAL, Channels, advice, far_better, reading_of
+from ..result import Array, Result
+from ..rounding import digits
+
+WINDOW = 0.2
+"""Length of the windows in which gyros and accelerometers are compared [s]."""
+MOVING = 10.0
+"""A window is a move where its turn is so many times what the noise of the gyros makes."""
+LEAST_TURN = 0.01
+"""Smaller turns in a window tell nothing [rad]; in degrees they are larger."""
+FEWEST_WINDOWS = 30
+"""Fewer windows of moves tell nothing."""
+UNITS = (1.0, RADIANS)
+"""Of the rates [rad/s] that are tried; the first changes nothing."""
+LEAST_SHARE = 0.5
+"""Part of the turns, squared, that gyros must show before anything is believed."""
+LEAST_MISS, BETTER = 0.1, 0.1
+"""Gyros are read wrongly where they miss so much of the true turns, squared, and another way misses so much of that."""
+ALIKE = 0.05
+"""Ways that miss as much of the true turns as the best, but for so much of them, cannot be told apart."""
+
+
+class TurningCheck(Result):
+    """Whether the gyros turn as the accelerometers say: units, signs and order of axes, from moves alone.
+
+    A block that turns at ω sees gravity turn by df = −ω × f dt. The matrix K that fits df = −(K ω dt) × f best over
+    short windows of moves is the identity for rates in rad/s along the accelerometers' axes, (π/180)·I for degrees per
+    second; a swap or a flip of axes shows in it. The scale of the accelerometers does not matter.
+
+    Attributes
+    ----------
+    matrix : (3, 3) array or None
+        K; None where moves are too few, or do not turn about all axes
+    said : tuple of str
+        what is wrong, in words, and what mends it; empty where nothing is
+    """
+
+    matrix: Array | None = Field(default=None)
+    said: tuple[str, ...] = ()
+
+
+def check_turning(
+    time_s: NDArray,
+    rate: NDArray,
+    force: NDArray,
+    noise: NDArray,
+    broken: NDArray | None = None,
+    before: Channels | None = None,
+) -> TurningCheck:
+    """Compare gyros with accelerometers (N, 3), as the record has them, over moves; times (N,) in [s].
+
+    The noise (3,) is the scatter of a sample of the gyros at rest, in the rates' unit; windows with rows (N,) that are
+    broken tell nothing. `before` is how the file was read; where a person has said that it stands as it is, nothing is
+    said.
+    """
+    period = float(np.median(np.diff(time_s)))
+    size = max(2, round(WINDOW / period))
+    pieces = len(time_s) // size
+    if pieces < FEWEST_WINDOWS:
+        return TurningCheck()
+    blocks = slice(0, pieces * size)
+    middle = force[blocks].reshape(pieces, size, 3).mean(axis=1)
+    mean = rate[blocks].reshape(pieces, size, 3).mean(axis=1)
+    between = np.diff(time_s[blocks].reshape(pieces, size).mean(axis=1))
+    turn = 0.5 * (mean[1:] + mean[:-1]) * between[:, None]
+    change, level = np.diff(middle, axis=0), 0.5 * (middle[1:] + middle[:-1])
+    least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), LEAST_TURN)
+    moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
+    if broken is not None:
+        spoilt = broken[blocks].reshape(pieces, size).any(axis=1)
+        moving &= ~(spoilt[1:] | spoilt[:-1])
+    if moving.sum() < FEWEST_WINDOWS:
+        return TurningCheck()
+    turn, change, level = turn[moving], change[moving], level[moving]
+    cross = np.zeros((len(level), 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -level[:, 2], level[:, 1], -level[:, 0]
+    cross -= cross.transpose(0, 2, 1)
+    # −(K ω) × f = f × (K ω); columns in the order of K's elements, row by row.
+    design = np.einsum("nij,nk->nijk", cross, turn).reshape(3 * len(turn), 9)
+    singular = np.linalg.svd(design, compute_uv=False)
+    if singular[-1] < 0.02 * singular[0]:
+        return TurningCheck()
+    target = change.ravel()
+    solution = np.linalg.lstsq(design, target, rcond=None)[0]
+    left = target - design @ solution
+    matrix = solution.reshape(3, 3)
+    # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
+    if float(left @ left) >= (1.0 - LEAST_SHARE) * float(target @ target) or before == Channels():
+        return TurningCheck(matrix=matrix)
+    uncertain = np.linalg.inv(design.T @ design) * float(left @ left) / (len(left) - 9)
+    return TurningCheck(matrix=matrix, said=beside_gravity(matrix, uncertain, before))
+
+
+def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> tuple[str, ...]:
+    """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
+    costs = []
+    for unit in UNITS:
+        weights = np.linalg.inv(uncertain / unit**2 + USUAL**2 * np.eye(9))
+        apart = (matrix / unit - np.array(PERMUTATIONS)).reshape(-1, 9)
+        costs.append(np.einsum("wi,ij,wj->w", apart, weights, apart))
+    same = far_better(np.concatenate(costs))
+    ways: list[tuple[Channels, str]] = []
+    for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
+        own = PERMUTATIONS[permutation]
+        ways.append((_gyros(own, UNITS[number]), ""))
+        # Accelerometers that are turned see gravity turn as turned gyros do; that all are reversed does not show.
+        if np.linalg.det(own) > 0.0 and permutation:
+            ways += [(Channels(reading_of(sign * own), degrees=UNITS[number] != 1.0), "") for sign in (1.0, -1.0)]
+    if ways:
+        return (f"{_words(ways[0][0], 'the accelerometers')}: read it with {advice(ways, before)}",)
+    size = float(np.median(np.abs(matrix).max(axis=1)))
+    if not 0.5 < size < 2.0:
+        return (f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit",)
+    return ()
+
+
+def beside_truth(
+    increments: NDArray, true: Rotation, windows: NDArray, before: Channels | None
+) -> tuple[tuple[str, ...], float]:
+    """What true turns (S) over windows say of the gyros; and the part of them, squared, that the best way misses.
+
+    Increments (N, 3) are up to each row [rad]; windows (S, 2) are the rows at their ends. Of gyros of which a person
+    says that they stand as they are, `before` is `Channels()`, only that way is looked at.
+    """
+    target = true.as_matrix()
+    missed = []
+    none = float(np.square(target - np.eye(3)).sum(axis=(1, 2)).mean())
+    for unit in UNITS:
+        # A permutation that turns is a turn of what was carried; one that mirrors, of what the reversed gyros carry.
+        forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
+        for own in PERMUTATIONS:
+            sign = np.sign(np.linalg.det(own))
+            turned = (sign * own) @ (forth if sign > 0.0 else back) @ (sign * own).T
+            missed.append(float(np.square(turned - target).sum(axis=(1, 2)).mean()) / none)
+    shares = np.array(missed)
+    best = float(shares[0] if before == Channels() else shares.min())
+    if not (shares[0] > LEAST_MISS and best < BETTER * shares[0]):
+        return (), best
+    same = np.flatnonzero(shares <= max(best / BETTER, best + ALIKE))
+    same = same[np.argsort(shares[same], kind="stable")]
+    ways = []
+    for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
+        ways.append((_gyros(PERMUTATIONS[permutation], UNITS[number]), ""))
+    return (f"{_words(ways[0][0], 'the true attitude')}: read it with {advice(ways, before)}",), best
+
+
+def carried(increments: NDArray, windows: NDArray) -> Rotation:
+    """Turns (S) that increments (N, 3) [rad] up to each row make over windows (S, 2) of rows."""
+    found = Rotation.identity(len(windows))
+    first, last = windows.T
+    for ahead in range(1, int((last - first).max(initial=0)) + 1):
+        rows = np.minimum(first + ahead, last)
+        found = found * Rotation.from_rotvec(np.where((first + ahead <= last)[:, None], increments[rows], 0.0))
+    return found
+
+
+def _gyros(own: NDArray, unit: float) -> Channels:
+    """How gyros are read whose readings are to be multiplied by a signed permutation (3, 3) and a unit."""
+    return Channels(gyros=reading_of(own.T), degrees=unit != 1.0)
+
+
+def _words(channels: Channels, reference: str) -> str:
+    """What is wrong with gyros that are to be read so."""
+    said = ["the rates are probably in degrees per second"] if channels.degrees else []
+    for axis, channel in enumerate(channels.gyros, start=1):
+        if abs(channel) != axis:
+            said.append(f"what turns about axis {axis} of {reference} is read by gyro {abs(channel)}")
+        if channel < 0:
+            said.append(f"gyro {abs(channel)} has the wrong sign about axis {axis} of {reference}")
+    return "; ".join(said)
