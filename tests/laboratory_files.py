@@ -28,7 +28,7 @@ class Bench:
 class LabFile:
     """A file of a laboratory.
 
-    `needs` are the answers without which it cannot be understood, exactly those, `wrong` others that could be given;
+    `needs` are the answers without which it cannot be understood, exactly those, in so many `rounds`, `wrong` others;
     `grain` is half a last digit of its readings [m/s²], `rows` which rests of the run it has, `keeps` what its head
     says.
     """
@@ -38,6 +38,7 @@ class LabFile:
     needs: dict[str, str] = field(default_factory=dict)
     suffix: str = ".csv"
     wrong: dict[str, str] = field(default_factory=dict)
+    rounds: int = 1
     keeps: dict[str, str] = field(default_factory=dict)
     rows: np.ndarray | None = None
     grain: float = 6e-9
@@ -261,6 +262,7 @@ def position_files(bench: Bench) -> list[LabFile]:
             "units.angle": "deg",
             "units.force": "m/s2",
         },
+        rounds=2,
     )
     hole = [list(column) for column in comma]
     hole[4][3], hole[5][6] = "n/a", ""
@@ -338,3 +340,145 @@ def repeated_file(bench: Bench, readings: int, scatter: float, seed: int, *, num
         names, columns = PLAIN[1:], columns[1:]
     needs = {} if numbered else {"readings": "average"}
     return LabFile(f"{readings} readings", table(names, columns), needs=needs)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A run of gyros and accelerometers: times (N,) [s], rates (N, 3) [rad/s], specific forces (N, 3) [m/s²]."""
+
+    time: np.ndarray
+    rate: np.ndarray
+    force: np.ndarray
+
+
+def block_columns(block: Block, rate: float, force: float, *, mark: str = ".", decimals: int = 9) -> list[list[str]]:
+    """Rates and forces times a factor as texts."""
+    scaled = np.hstack([block.rate * rate, block.force * force])
+    return [numbers(column, decimals, mark) for column in scaled.T]
+
+
+def labview(
+    names: Sequence[str],
+    units: Sequence[str],
+    columns: list[list[str]],
+    *,
+    mark: str = ",",
+    x: bool = True,
+    period: float,
+) -> bytes:
+    """A LabVIEW measurement file; without `x` its rows have no time, only a period."""
+    count = len(names)
+    head = [
+        "LabVIEW Measurement\t",
+        "Writer_Version\t2",
+        "Reader_Version\t2",
+        "Separator\tTab",
+        f"Decimal_Separator\t{mark}",
+        "Multi_Headings\tYes",
+        f"X_Columns\t{'One' if x else 'No'}",
+        "Time_Pref\tRelative",
+        "Operator\tmeier",
+        "Date\t2026/03/17",
+        "Time\t09:30:00,1234567",
+        "***End_of_Header***\t",
+        "\t",
+        f"Channels\t{count}" + "\t" * count,
+        "Samples\t" + "\t".join([str(len(columns[0]))] * count),
+        "Date\t" + "\t".join(["2026/03/17"] * count),
+        "Time\t" + "\t".join([f"09:30:00{mark}1234567"] * count),
+        "Y_Unit_Label\t" + "\t".join(units),
+        "X_Dimension\t" + "\t".join(["Time"] * count),
+        "X0\t" + "\t".join([f"0{mark}0E+0"] * count),
+        "Delta_X\t" + "\t".join([f"{period}".replace(".", mark)] * count),
+        "***End_of_Header***" + "\t" * count,
+        "X_Value\t" + "\t".join(names) + "\tComment",
+    ]
+    rows = ["\t".join(row) for row in zip(*columns, strict=True)]
+    return ("\r\n".join([*head, *rows]) + "\r\n").encode("cp1252")
+
+
+def strapdown_files(block: Block) -> list[LabFile]:
+    """Logs of gyros and accelerometers: counts, deg/s, g; time in ms, µs, sample numbers at a rate, of the day."""
+    b, degrees = block, 180.0 / np.pi
+    plain = block_columns(b, 1.0, 1.0)
+    ours = block_columns(b, degrees, 1.0 / G, decimals=11)
+    german = block_columns(b, degrees, 1.0 / G, mark=",", decimals=11)
+    t, ms, us = numbers(b.time, 4), [f"{v * 1e3:.1f}" for v in b.time], [f"{v * 1e6:.0f}" for v in b.time]
+    samples = [str(k) for k in range(len(b.time))]
+    said = ["gyro x [deg/s]", "gyro y [deg/s]", "gyro z [deg/s]", "acc x [g]", "acc y [g]", "acc z [g]"]
+    short = ["gx", "gy", "gz", "ax", "ay", "az"]
+    rate = f"{1.0 / float(b.time[1] - b.time[0]):g} Hz"
+    counts = block_columns(b, 1e6 * degrees, 1e7 / G, decimals=0)
+    day = [clock(v, "%H:%M:%S.%f") for v in b.time]
+    epoch = [f"{1773739800 + v:.4f}" for v in b.time]
+    still = [["1.0"] * len(b.time), *[["0.0"] * len(b.time)] * 3]
+    warm = [f"{20 + 0.001 * k:.3f}" for k in range(len(b.time))]
+    lvm = [numbers(b.time, 4, ","), *german]
+    units = ["deg/s"] * 3 + ["g"] * 3
+    period = float(b.time[1] - b.time[0])
+    return [
+        LabFile("log in ms", table(["time [ms]", *said], [ms, *ours])),
+        LabFile("log in µs, German", table(["Zeit [µs]", *said], [us, *german], sep=";", encoding="cp1252")),
+        LabFile(
+            "log in s, SI", table(["t_s", *(f"w{k}_rad/s" for k in "xyz"), *(f"f{k}_m/s2" for k in "xyz")], [t, *plain])
+        ),
+        LabFile("sample numbers", table(["sample", *said], [samples, *ours]), needs={"units.time": rate}),
+        LabFile("no time", table(said, ours), needs={"units.time": rate}),
+        LabFile(
+            "counts of both",
+            table(["time [s]", *(f"{name[:6].strip()} [LSB]" for name in said)], [t, *counts]),
+            needs={"units.rate": "1000000 LSB/(deg/s)", "units.force": "10000000 LSB/g"},
+        ),
+        LabFile(
+            "no units",
+            table(["time [s]", "gyro x", "gyro y", "gyro z", "acc x", "acc y", "acc z"], [t, *ours]),
+            needs={"units.rate": "deg/s", "units.force": "g"},
+        ),
+        LabFile(
+            "gx and ax",
+            table(["time_s", *short], [t, *ours], before=["# Log of IMU 4"]),
+            needs={
+                "columns.w1_radps": "gx",
+                "columns.w2_radps": "gy",
+                "columns.w3_radps": "gz",
+                "units.force": "g",
+                "units.rate": "deg/s",
+            },
+        ),
+        LabFile(
+            "gx with a unit",
+            table(["time_s", *(f"{n} [dps]" for n in short[:3]), *(f"{n} [g]" for n in short[3:])], [t, *ours]),
+        ),
+        LabFile("time of day", table(["Time", *said], [day, *ours])),
+        LabFile("time of the epoch", table(["timestamp [s]", *said], [epoch, *ours])),
+        LabFile("temperature", table(["time [s]", *said, "temp [°C]"], [t, *ours, warm])),
+        LabFile(
+            "quaternion",
+            table(["time [s]", *said, "qw", "qx", "qy", "qz"], [t, *ours, *still]),
+            needs={"attitude": "none"},
+        ),
+        LabFile(
+            "LabVIEW",
+            labview(["Gyro X", "Gyro Y", "Gyro Z", "Acc X", "Acc Y", "Acc Z"], units, lvm, period=period),
+            suffix=".lvm",
+            keeps={"Operator": "meier"},
+        ),
+        LabFile(
+            "LabVIEW without times",
+            labview(
+                ["Gyro X", "Gyro Y", "Gyro Z", "Acc X", "Acc Y", "Acc Z"],
+                units,
+                [[""] * len(t), *ours],
+                mark=".",
+                x=False,
+                period=period,
+            ),
+            suffix=".lvm",
+        ),
+        LabFile(
+            "LabVIEW without units",
+            labview(["Gyro X", "Gyro Y", "Gyro Z", "Acc X", "Acc Y", "Acc Z"], [""] * 6, lvm, period=period),
+            suffix=".lvm",
+            needs={"units.rate": "deg/s", "units.force": "g"},
+        ),
+    ]

@@ -1,6 +1,7 @@
 """Excel workbooks as laboratories write them, by two libraries that only write."""
 
 import io
+from collections.abc import Sequence
 from datetime import timedelta
 
 import numpy as np
@@ -11,7 +12,7 @@ from laboratory_files import GERMAN, PLAIN, START, Bench, G, LabFile, bench_colu
 
 HEAD = (("Calibration of the block", ""), ("Serial number", "A-0017"), ("Operator", "Ann Lee"), ("", ""))
 KEPT = {"Serial number": "A-0017", "Operator": "Ann Lee"}
-Cells = list[list[object]]
+Cells = Sequence[Sequence[object]]
 
 
 def rows_of(bench: Bench, scale: float = 1.0) -> Cells:
@@ -38,6 +39,7 @@ def xlsx(sheets: dict[str, Cells], *, chart: bool = False) -> bytes:
             sheet.write_row(k, 0, row)
     if chart:
         drawn = book.add_chart({"type": "line"})
+        assert drawn is not None
         drawn.add_series({"values": f"={next(iter(sheets))}!$E$6:$E$9"})
         book.add_chartsheet("Chart").set_chart(drawn)
     book.close()

@@ -24,12 +24,12 @@ from ..records.columns import (
 from ..records.read import significant_digits, written_resolution
 from .mapping import OPEN
 from .names import DATE, TIMES
-from .numbers import BLANKS, bare, clock, is_missing, moment, sexagesimal
+from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal
 from .understanding import CLOCK, NUMBER, STANDING_DEG, Understanding, reading
 from .units import TIME, unit_of
 
-PART = 16384
-"""Rows that are taken from text to numbers at once."""
+DIGITS_OF = 2000
+"""Rows from which it is seen how finely numbers are written."""
 MOST_LEFT_OUT = 0.2
 """Part of the rows that may lack a number before it is asked what to do with them."""
 DAY = 86400.0
@@ -70,8 +70,13 @@ class Conversion:
 
 
 def converted(found: Understanding) -> Conversion:
-    """The rows of a sheet that is understood as columns; an InputError names the row and column that cannot be."""
+    """The rows of a sheet that is understood as columns, nothing where they bring up another question.
+
+    An InputError names the row and column that cannot be.
+    """
     texts, lines, left_out = _texts(found)
+    if found.questions:
+        return Conversion({}, [], np.zeros(0, dtype=np.int64), left_out)
     if not lines:
         raise InputError(f"{found.sheet.path}: no row has all that a {found.kind.name} needs")
     numbers: dict[str, NDArray[np.float64]] = {}
@@ -81,12 +86,11 @@ def converted(found: Understanding) -> Conversion:
         if column == TIMES:
             numbers[column] = _times(found, texts, lines)
             continue
-        values = np.array([_value(found, column, text, line) for text, line in zip(texts[column], lines, strict=True)])
-        unit = taken.unit
+        values, unit = _values(found, column, texts[column], lines), taken.unit
         values = (values - taken.offset) * taken.sign
         numbers[column] = values if unit is None else values * unit.factor + unit.offset
     if TIMES not in numbers:
-        unit = unit_of(found.given.units.get(TIME, "1 s"))
+        unit = unit_of(found.given.units.get(TIME) or found.sheet.stated.time or "1 s")
         numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * (unit.factor if unit is not None else 1.0)
     if QUATERNION[0] in numbers and found.mapping.attitude == "reference to body":
         numbers |= {column: -numbers[column] for column in QUATERNION[1:]}
@@ -100,36 +104,50 @@ def converted(found: Understanding) -> Conversion:
 def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
     """The texts of the columns taken, row by row, and their lines; rows without a number are left out, by reason."""
     layout, also = found.layout, found.given.missing
-    texts: dict[str, list[str]] = {column: [] for column in found.taken}
-    fields = {column: taken.field for column, taken in found.taken.items()}
+    columns, places = list(found.taken), [taken.field for taken in found.taken.values()]
+    numeric = [column for column, taken in found.taken.items() if taken.form == NUMBER]
+    rows: list[list[str]] = []
     lines: list[int] = []
     left_out: dict[str, list[int]] = {}
     empty: dict[str, int] = {}
     for line, row in found.sheet.rows(layout.first, layout.last or None):
-        cells = {column: row[place] if place < len(row) else "" for column, place in fields.items()}
-        missing = [column for column, text in cells.items() if is_missing(text, also) and column not in QUATERNION]
-        if missing:
-            left_out.setdefault("a number is missing", []).append(line)
-            for column in missing:
-                empty[column] = empty.get(column, 0) + 1
-            continue
-        numeric = [column for column, taken in found.taken.items() if taken.form == NUMBER]
-        if found.value(cells[numeric[0]]) is None and all(reading(found, c, cells[c]) is None for c in numeric):
-            left_out.setdefault("words, no numbers", []).append(line)
-            continue
+        try:
+            cells = [row[place] for place in places]
+        except IndexError:
+            cells = [row[place] if place < len(row) else "" for place in places]
+        # what ends with a digit is not missing
+        if also or not all(text[-1:].isdigit() for text in cells):
+            named = dict(zip(columns, cells, strict=True))
+            missing = [c for c, text in named.items() if is_missing(text, also) and c not in QUATERNION]
+            if missing:
+                left_out.setdefault("a number is missing", []).append(line)
+                for column in missing:
+                    empty[column] = empty.get(column, 0) + 1
+                continue
+            if all(reading(found, column, named[column]) is None for column in numeric):
+                left_out.setdefault("words, no numbers", []).append(line)
+                continue
         lines.append(line)
-        for column, text in cells.items():
-            texts[column].append(text)
+        rows.append(cells)
+    texts = dict(zip(columns, map(list, zip(*rows, strict=True)), strict=True)) if rows else {c: [] for c in columns}
     count = len(lines) + sum(map(len, left_out.values()))
     if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and found.given.incomplete in ("", OPEN):
         worst = max(empty, key=lambda column: empty[column])
         why = f"{empty[worst]} of {count} rows have no number in {found.taken[worst].said!r}"
-        answers = [("incomplete", "leave out")]
         if worst in found.kind.optional:
-            answers.append((f"columns.{worst}", "none"))
-        found.ask(*answers[-1:][0][:1], answers[-1][1:], why + "; or --set 'incomplete=leave out' leaves out such rows")
+            found.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
+        else:
+            found.ask("incomplete", ("leave out",), why)
         return texts, [], left_out
     return texts, lines, left_out
+
+
+def _values(found: Understanding, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
+    """The numbers of a column's cells (N,), in the file's unit."""
+    plain = None if column in QUATERNION else numbers_of(texts, found.decimal)
+    if plain is not None:
+        return np.array(plain)
+    return np.array([_value(found, column, text, line) for text, line in zip(texts, lines, strict=True)])
 
 
 def _value(found: Understanding, column: str, text: str, line: int) -> float:
@@ -152,7 +170,7 @@ def _times(found: Understanding, texts: dict[str, list[str]], lines: Sequence[in
     form, order = found.mapping.clock, found.mapping.dates or "day-first"
     if taken.form == NUMBER:
         assert taken.unit is not None
-        values = np.array([_value(found, TIMES, text, line) for text, line in zip(texts[TIMES], lines, strict=True)])
+        values = _values(found, TIMES, texts[TIMES], lines)
         if np.abs(values * taken.unit.factor).max() > EPOCH:
             values = values - values[0]
             found.notes.append("times count from the first row")
@@ -195,7 +213,7 @@ def _resolutions(found: Understanding, texts: dict[str, list[str]]) -> dict[str,
 def _resolution(found: Understanding, column: str, texts: Sequence[str]) -> float:
     unit = found.taken[column].unit
     factor = unit.factor if unit is not None else 1.0
-    some = [bare(text).replace("−", "-") for text in islice(texts, PART)]
+    some = [bare(text).replace("−", "-") for text in islice(texts, DIGITS_OF)]
     values = [found.value(text) for text in some]
     if any(value is None for value in values):
         # seconds of an arc, or minutes where there are none

@@ -15,10 +15,11 @@ from ..records.read import is_workbook, read_written, record_of
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
+from .labview import is_labview, labview_sheet
 from .layout import has_table
-from .mapping import OPEN, Mapping, read_mapping, refuse_edited, shell_word, text_of, with_answers
+from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
-from .sheet import LARGEST, Sheet, text_sheet
+from .sheet import LARGEST, Sheet, decoded, lines_of, text_sheet
 from .understanding import Understanding, understood
 from .workbook import sheet_of_workbook, workbook_sheets
 
@@ -106,7 +107,8 @@ def import_record(
         ordinary_file(None, path)
     if beside is not None and (mapping is None or mapping.resolve() != beside.resolve()):
         refuse_edited(beside)
-    given = with_answers({} if mapping is None else read_mapping(mapping), answers or {})
+    answers = {printable(key): printable(text) for key, text in (answers or {}).items()}
+    given = with_answers({} if mapping is None else read_mapping(mapping), answers)
     sheets = sheets_of(file, given)
     found = understood(sheets[0], given)
     if len(sheets) > 1:
@@ -141,7 +143,11 @@ def sheets_of(file: Path, given: Mapping) -> list[Sheet]:
     if not data:
         raise InputError(f"{file}: is empty; a table of measured data is needed")
     if not is_workbook(data):
-        return [text_sheet(file, data, given.encoding, given.separator)]
+        text, encoding = decoded(file, data, given.encoding)
+        lines = lines_of(file, text)
+        if is_labview(lines):
+            return [labview_sheet(file, lines, encoding)]
+        return [text_sheet(file, lines, encoding, given.separator)]
     sheets = workbook_sheets(file, data)
     if given.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, given.sheet)]
@@ -155,7 +161,7 @@ def _asked(found: Understanding, file: Path, mapping: Path | None, beside: Path 
     """What has to be said, in one line; the mapping to fill in is written, where there is a place for it."""
     count = len(found.questions)
     things = "one thing is" if count == 1 else f"{count} things are"
-    said = f"{file}: {things} not known: " + "; ".join(map(str, found.questions))
+    said = printable(f"{file}: {things} not known: " + "; ".join(map(str, found.questions)))
     if beside is None:
         return InputError(said)
     if mapping is None or mapping.resolve() != beside.resolve():
@@ -169,7 +175,7 @@ def _first_rows_said(found: Understanding) -> list[str]:
     names = " | ".join(head.text for head in found.layout.headings)
     rows = [" | ".join(texts) for _, texts in found.looked_at[:SHOWN]]
     lines = [f"{found.sheet.path.name}, {found.sheet.about}; its first rows:", names, *rows]
-    return ["".join(c if c.isprintable() else " " for c in line)[:200] for line in lines]
+    return [printable(line)[:200] for line in lines]
 
 
 def _about(found: Understanding, made: Conversion, file: Path) -> dict[str, str]:

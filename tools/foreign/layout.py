@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..errors import InputError
-from .mapping import Mapping
+from .mapping import Mapping, printable
 from .names import Heading, column_of, heading, is_unit_row
 from .numbers import is_missing
 from .sheet import LOOKED_AT, Row, Sheet, is_data, is_value
@@ -159,5 +159,5 @@ def _keyed(text: str) -> tuple[str, str] | None:
 
 
 def _printable(text: str) -> str:
-    text = " ".join("".join(c if c.isprintable() else " " for c in text).split()).lstrip("# ")
+    text = " ".join(printable(text).split()).lstrip("# ")
     return text[:LONGEST_REMARK]

@@ -119,6 +119,11 @@ class Question:
         return f"{options} ({self.why})"
 
 
+def printable(text: str) -> str:
+    """A text in one line, whatever names and cells of others have."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
 def shell_word(text: str) -> str:
     """A word as it can be typed at a shell."""
     plain = all(c.isalnum() or c in "=.,/+-_:%@" for c in text)

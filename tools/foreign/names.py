@@ -91,9 +91,6 @@ def _splits(text: str) -> list[tuple[str, str]]:
     found = _BRACKET.match(text)
     if found and found["name"]:
         return [(found["name"], found["unit"])]
-    found = _BESIDE.match(text)
-    if found and known_unit(found["unit"]):
-        return [(found["name"], found["unit"])]
     parts = re.split(r"[_\s]+", text)
     splits = []
     for count in (1, 2, 3):
@@ -103,6 +100,9 @@ def _splits(text: str) -> list[tuple[str, str]]:
         column = column_of(name, known) if known else ""
         if known and column and QUANTITY_OF.get(column) == known.quantity:
             splits.append((name, unit))
+    found = _BESIDE.match(text)
+    if found and known_unit(found["unit"]):
+        splits.append((found["name"], found["unit"]))
     return splits
 
 

@@ -18,7 +18,7 @@ BLANKS = "\u00a0\u2009\u202f '’"
 """Marks between groups of three digits that can be nothing else."""
 
 _NUMERIC = re.compile(rf"[+-]?[\d.,{BLANKS}]*\d[\d.,{BLANKS}]*(?:[eE][+-]?\d+)?")
-_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,2})?", re.ASCII)
 _DEGREES = re.compile(
     r"(?P<sign>[+-]?)\s*(?P<deg>\d+)\s*[°º:\sd]\s*(?P<min>\d+(?:[.,]\d+)?)"
     r"(?:\s*['′’:\sm]\s*(?:(?P<sec>\d+(?:[.,]\d+)?)\s*(?:[\"″”s]|''|′′|’’)?)?)?"
@@ -38,6 +38,8 @@ class Typed(str):
 
 def is_missing(text: str, also: Iterable[str] = ()) -> bool:
     """Whether a cell says that nothing was measured; `also`: other texts that say so."""
+    if text[:1].isdigit() and not also:
+        return False
     return text.strip().casefold() in MISSING or text.strip() in also
 
 
@@ -77,6 +79,9 @@ def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
     """
     if isinstance(text, Typed):
         return float(text)
+    plain = text if decimal == "." else text.replace(",", ".") if "." not in text else ""
+    if _PLAIN.fullmatch(plain):
+        return float(plain)
     text = text.strip().replace("−", "-")
     between = BLANKS + thousands
     if any(mark in text for mark in between):
@@ -92,6 +97,17 @@ def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
         return None
     value = float(text)
     return value if math.isfinite(value) else None
+
+
+def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
+    """All texts as numbers, where all are written plainly; None where one may not be, or may be none."""
+    if not set("".join(texts)) <= set("0123456789+-eE " + decimal):
+        return None
+    try:
+        values = [float(text) for text in texts] if decimal == "." else [float(t.replace(decimal, ".")) for t in texts]
+    except ValueError:
+        return None
+    return values if all(map(math.isfinite, values)) else None
 
 
 def sexagesimal(text: str) -> float | None:

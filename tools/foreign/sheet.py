@@ -16,12 +16,14 @@ from .numbers import bare, date_of, has_degree_mark, is_clock, is_missing, numbe
 
 LARGEST = 400_000_000
 """Bytes of a file that is read."""
-MOST_ROWS = 5_000_000
+MOST_ROWS = 2_000_000
 """Rows of a file that are read."""
 LONGEST_LINE = 100_000
 """Characters of a line."""
 LOOKED_AT = 3000
 """Rows from which it is understood how a file is written."""
+TRIED = 400
+"""Lines that separators are tried on first."""
 FEWEST_NUMBERS = 3
 """Numbers in a row of measured data, at least."""
 SEPARATORS = {"tab": "\t", ";": ";", "|": "|", ",": ",", "blanks": " "}
@@ -103,6 +105,8 @@ class Sheet:
 
 def is_value(text: str, decimal: str = "") -> bool:
     """Whether a text is a number, with either decimal mark where none is given, an angle, a time or a date."""
+    if not any(map(str.isdigit, text)):
+        return False
     marks = (decimal,) if decimal else (".", ",")
     if any(number(text, mark, "".join({".", ","} - {mark})) is not None for mark in marks):
         return True
@@ -149,9 +153,8 @@ def _decoded(path: Path, data: bytes, encoding: str) -> str:
         raise InputError(f"--set encoding={encoding}: is not known; {', '.join(ENCODINGS)}") from error
 
 
-def text_sheet(path: Path, data: bytes, encoding: str = "", separator: str = "") -> Sheet:
-    """A text file as a sheet; without a separator the one that makes most values of its rows."""
-    text, encoding = decoded(path, data, encoding)
+def lines_of(path: Path, text: str) -> list[str]:
+    """The lines of a text, as an editor counts them; an InputError where there are too many, or they are too long."""
     if "\0" in text:
         raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or an Excel workbook is needed")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -160,6 +163,11 @@ def text_sheet(path: Path, data: bytes, encoding: str = "", separator: str = "")
     if max(map(len, lines)) > LONGEST_LINE:
         row = next(k for k, line in enumerate(lines, 1) if len(line) > LONGEST_LINE)
         raise InputError(f"{path}: row {row}: is longer than {LONGEST_LINE} characters; it is no table")
+    return lines
+
+
+def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "") -> Sheet:
+    """A text file as a sheet; without a separator the one that makes most values of its rows."""
     sheet = Sheet(path, lines, encoding=encoding)
     if separator:
         if separator not in SEPARATORS:
@@ -172,8 +180,12 @@ def text_sheet(path: Path, data: bytes, encoding: str = "", separator: str = "")
     if named:
         # the line is Excel's alone
         return replace(sheet, lines=["", *lines[1:]], separator=named)
-    best = max(SEPARATORS, key=lambda name: _worth(replace(sheet, lines=lines[:LOOKED_AT], separator=name)))
-    return replace(sheet, separator=best)
+    worth: dict[str, tuple[int, int]] = {}
+    for count in (TRIED, LOOKED_AT):
+        worth = {name: _worth(replace(sheet, lines=lines[:count], separator=name)) for name in SEPARATORS}
+        if max(worth.values())[0]:
+            break
+    return replace(sheet, separator=max(worth, key=lambda name: worth[name]))
 
 
 def _worth(sheet: Sheet) -> tuple[int, int]:

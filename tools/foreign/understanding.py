@@ -147,7 +147,8 @@ def _places(found: Understanding) -> dict[str, int]:
     given = {column for column in found.given.columns if found.given.columns[column] != OPEN}
     meant: dict[str, list[int]] = {}
     for place, head in enumerate(headings):
-        if head.column and head.column not in given and place not in places.values():
+        # a column with a name and nothing in it, as templates have, is not there
+        if head.column and head.column not in given and place not in places.values() and found.cells(place):
             meant.setdefault(head.column, []).append(place)
     for column, fields in meant.items():
         if len(fields) == 1:
@@ -178,10 +179,19 @@ def _decide_kind(found: Understanding, places: dict[str, int]) -> None:
     of_table = [column for column in ANGLES if column in places]
     of_block = [column for column in (*RATE, *INCREMENT) if column in places]
     named = found.given.kind if found.given.kind != OPEN else ""
-    if not named and "position" in places and not of_block:
-        named = POSITION.name
+    headings = found.layout.headings
+    free = [
+        headings[place].text or str(place + 1)
+        for place in range(len(headings))
+        if place not in places.values() and found.cells(place)
+    ]
+    if not named and not of_table and not of_block and ("position" in places or len(free) in (2, 3)):
+        # two unknown columns can be angles alone, three gyros: which they are is asked below
+        named = POSITION.name if "position" in places or len(free) == 2 else STRAPDOWN_RATES.name
+    is_asked = False
     if not named:
-        if bool(of_table) == bool(of_block):
+        is_asked = bool(of_table) == bool(of_block)
+        if is_asked:
             why = (
                 "angles of a table and gyros are both there"
                 if of_table
@@ -195,12 +205,7 @@ def _decide_kind(found: Understanding, places: dict[str, int]) -> None:
     found.kind = kinds[0]
     found.settled["kind"] = named
     asked = {question.key for question in found.questions}
-    free = [
-        head.text or str(place + 1)
-        for place, head in enumerate(found.layout.headings)
-        if place not in places.values() and found.cells(place)
-    ]
-    for column in found.kind.required:
+    for column in FORCES if is_asked else found.kind.required:
         open_ = column not in places and f"columns.{column}" not in asked
         if open_ and column not in ("position", TIMES):
             found.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
@@ -255,9 +260,9 @@ def _decide_time(found: Understanding, places: dict[str, int]) -> None:
     if place is None and date_place is not None:
         place, date_place = date_place, None
     if place is None:
-        if found.given.time != "order":
+        if found.given.time != "order" and not any(question.key == "kind" for question in found.questions):
             rate = ("1 s",) if found.kind is POSITION else ("100 Hz",)
-            if found.kind is POSITION or TIME not in found.given.units:
+            if found.kind is POSITION or not (found.sheet.stated.time or TIME in found.given.units):
                 key = "time" if found.kind is POSITION else "units.time"
                 answers = ("order",) if found.kind is POSITION else rate
                 found.ask(

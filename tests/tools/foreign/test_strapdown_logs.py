@@ -1,0 +1,90 @@
+"""Logs of gyros and accelerometers as laboratories and LabVIEW write them."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from laboratory_files import Block, LabFile, strapdown_files
+from strapdown_records import POSES, strapdown_record, true_motion
+from trihedron.tools.records import StrapdownRecord
+
+
+def some_block() -> Block:
+    """Of any length, for the names of the files."""
+    return Block(np.arange(3) * 0.01, np.zeros((3, 3)), np.ones((3, 3)))
+
+
+NAMES = [file.name for file in strapdown_files(some_block())]
+
+
+@pytest.fixture(scope="module")
+def block() -> Block:
+    record = strapdown_record(true_motion(POSES[:3]))
+    assert record.rate is not None
+    period = float(np.median(np.diff(record.time_s)))
+    return Block(np.arange(len(record.time_s)) * period, record.rate, record.specific_force)
+
+
+def file_of(block: Block, name: str) -> LabFile:
+    return next(file for file in strapdown_files(block) if file.name == name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_log_is_imported_or_asks_for_what_is_missing(name: str, block: Block, tmp_path: Path):
+    file = file_of(block, name)
+    path = tmp_path / f"log{file.suffix}"
+    path.write_bytes(file.content)
+    if file.needs:
+        with pytest.raises(th.InputError) as refused:
+            th.import_record(path)
+        assert set(re.findall(r"--set '?([\w.]+)=", str(refused.value))) == set(file.needs), str(refused.value)
+    found = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
+    record = th.read_record(tmp_path / "record.csv")
+    assert isinstance(record, StrapdownRecord)
+    assert record.rate is not None
+    assert record.specific_force == pytest.approx(block.force, abs=1e-6)
+    assert record.rate == pytest.approx(block.rate, abs=1e-6)
+    assert np.diff(record.time_s) == pytest.approx(np.diff(block.time), abs=2e-6)
+    assert {key: record.about.get(key) for key in file.keeps} == file.keeps
+    assert found.kind == "strapdown record"
+
+
+def leaves(value: object) -> Iterator[float]:
+    """The numbers of a JSON value, in their order."""
+    if isinstance(value, bool | int | float):
+        yield float(value)
+    elif isinstance(value, dict | list):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from leaves(inner)
+
+
+def test_what_is_inspected_is_what_is_inspected_of_the_clean_record(block: Block, tmp_path: Path):
+    (tmp_path / "log.lvm").write_bytes(file_of(block, "LabVIEW").content)
+    imported = th.import_record(tmp_path / "log.lvm").record
+    clean = StrapdownRecord(block.time, block.rate, None, block.force)
+    ours, theirs = (th.inspect(record).to_json() for record in (imported, clean))
+    assert list(leaves(ours)) == pytest.approx(list(leaves(theirs)), rel=1e-4, abs=1e-7)
+    assert len(list(leaves(ours))) > 30
+
+
+def test_a_labview_file_of_several_parts_is_refused(block: Block, tmp_path: Path):
+    content = file_of(block, "LabVIEW").content
+    path = tmp_path / "log.lvm"
+    path.write_bytes(content + content.partition(b"\r\n\t\r\n")[2])
+    with pytest.raises(th.InputError, match="2 parts with a header; one is read"):
+        th.import_record(path)
+
+
+def test_rows_that_lack_a_number_are_a_gap_and_said(block: Block, tmp_path: Path):
+    lines = file_of(block, "log in ms").content.decode().splitlines()
+    for k in (50, 51):
+        lines[k] = lines[k].rpartition(",")[0] + ",n/a"
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    found = th.import_record(path)
+    assert len(found.record) == len(block.time) - 2
+    assert found.left_out == ("2 rows (a number is missing): 51, 52",)
