@@ -3,6 +3,8 @@ SHELL := /bin/sh
 # Matrices are small here: threads of the linear algebra would only wait for each other.
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
+# Byte code is kept, whatever the caller's shell says: tests start many processes, and none is to compile all anew.
+unexport PYTHONDONTWRITEBYTECODE
 VENV ?= .venv
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)

@@ -16,12 +16,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 import pytest
 
 from campaign_runs import CALIBRATION, assert_begun, content, dies_of_three, workers_of, written
 from trihedron.tools import cli
 from trihedron.tools.campaign import runs
+from trihedron.tools.campaign.kinds import CalibrationRuns, Given
 from trihedron.tools.campaign.runs import KILLED, run_campaign
 from trihedron.tools.errors import InputError
 from trihedron.tools.workers import AHEAD, Killed, completed, started
@@ -79,6 +81,22 @@ def use(scripted: ScriptedWorkers, monkeypatch: pytest.MonkeyPatch) -> ScriptedW
     monkeypatch.setattr(runs, "started", given)
     monkeypatch.setattr("trihedron.tools.workers.wait", Shuffled)
     return scripted
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _each_calibration_once() -> Iterator[None]:
+    """What a run gives depends on the campaign's text, its values and its seed alone: who makes it is tested here."""
+    run, known = CalibrationRuns.run, {}
+
+    def once(self: CalibrationRuns, number: int, values: Any, seed: np.random.SeedSequence) -> Given:
+        what = (self.setting.model_dump_json(), number, tuple(values.items()), seed.entropy, seed.spawn_key)
+        if what not in known:
+            known[what] = run(self, number, values, seed)
+        return known[what]
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(CalibrationRuns, "run", once)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -279,8 +297,6 @@ def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbro
 
 
 def test_failing_runs_are_recorded_with_their_message(tmp_path, workers, monkeypatch):
-    from trihedron.tools.campaign.kinds import CalibrationRuns
-
     run = CalibrationRuns.run
 
     def failing(self, number, values, seed):

@@ -48,7 +48,7 @@ def assert_named(result: Diagnosis, effect: str, values: tuple[float, ...]) -> N
     assert all(low <= value <= high for value, (low, high) in zip(values, result.causes[0].intervals, strict=True))
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.acceptance)])
 def test_a_warm_up_is_named_with_its_time_constant(seed):
     rng, record = drawn(seed, 26)
     hours, size = hours_of(record), 15.0 * NOISE_BOUND
@@ -65,7 +65,7 @@ def test_a_large_warm_up_is_named_and_its_time_constant_is_inside(seed, sigmas):
     assert_named(diagnosed(record, size * (1.0 - np.exp(-hours / constant))), "warm-up", (size, constant))
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.acceptance)])
 def test_a_lag_of_the_temperature_is_named_with_its_time_constant(seed):
     rng, record = drawn(seed, 26)
     hours, constant, coefficient = hours_of(record), float(rng.uniform(0.03, 0.15)), 5e-5
