@@ -259,8 +259,7 @@ def of_functions(
     `fits` are sets of effects of the catalogue that stand; `extend`, `rerun` are as for `diagnose`.
     """
     found = told.get("dependence")
-    # Several places with functions of their own have no one band.
-    if found is None or found.proven is None or found.proven.pair.members:
+    if found is None or found.proven is None or not evidence.fits_any_law:
         return {}
     beyond = Beyond(evidence, found.proven.pair, found.proven.form, tuple(fits))
     return keys_of(beyond, extend=extend, rerun=rerun)

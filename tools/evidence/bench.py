@@ -91,6 +91,7 @@ class Bench(Evidence):
 
     most_sets = None
     most_rows = None
+    fits_any_law = True
 
     @cached_property
     def residual(self) -> NDArray[np.float64]:

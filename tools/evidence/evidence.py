@@ -409,6 +409,9 @@ class Evidence:
     second_order: ClassVar[float] = 0.0
     """What the linear model may be wrong by, in units of the bounds."""
 
+    fits_any_law: ClassVar[bool] = False
+    """Whether formulas and tables that were not tried from the first on can be fitted, too."""
+
     def pairs(self) -> Sequence[Pair]:
         """Places, each with a quantity on which its error may depend, whatever the law; none by default."""
         return ()

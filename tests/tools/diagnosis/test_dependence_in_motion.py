@@ -110,8 +110,11 @@ def test_an_accelerometer_that_bends_is_not_put_down_to_a_gyro():
     def bent(n):
         return np.column_stack([np.zeros((len(n), 2)), 1e-2 * np.sin(5.0 * n[:, 2])])
 
-    found = found_in(between_rests(forces=bent))
-    assert found.place == "accelerometer-3"
+    result = diagnose(between_rests(forces=bent), rerun=False)
+    assert isinstance(result, Diagnosis)
+    assert (result.verdict, result.level) == ("unexplained", "quantity")
+    assert result.proven is not None
+    assert (result.proven.place, result.proven.quantity) == ("accelerometer-3", "n3")
 
 
 @pytest.mark.parametrize("record_of", [filmed, between_rests])
