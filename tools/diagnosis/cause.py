@@ -106,7 +106,12 @@ class Cause(NamedEffect):
 
         Of several components none need be so: the smallest set shows that not all of them are zero.
         """
-        return len(self._may_be_zero) > 1 or not all(self._may_be_zero)
+        return len(self._may_be_zero) > 1 or self.acts_by_itself
+
+    @property
+    def acts_by_itself(self) -> bool:
+        """Whether one size at least cannot be zero."""
+        return not all(self._may_be_zero)
 
     @property
     def _may_be_zero(self) -> list[bool]:
@@ -150,8 +155,12 @@ class Finding:
 
     @property
     def acts(self) -> bool:
-        """Whether none of the effects may be nothing."""
-        return all(cause.acts for cause in self.causes)
+        """Whether none of the effects may be nothing.
+
+        Of several effects each has a size of its own that is not zero: what the smallest set shows of components that
+        each may be zero hangs on the others.
+        """
+        return all(cause.acts if len(self.causes) == 1 else cause.acts_by_itself for cause in self.causes)
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:

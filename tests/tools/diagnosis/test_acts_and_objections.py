@@ -1,12 +1,14 @@
 """A cause acts, and each kind of witness can object by itself."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis.cause import Cause, Finding
 from trihedron.tools.diagnosis.result import Witness
-from trihedron.tools.evidence.evidence import Trial, Worst
+from trihedron.tools.evidence.evidence import Fit, Trial, Worst
 
 HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
 BASE = EffectPlace("base-drift", "base")
@@ -30,6 +32,19 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
 def test_an_effect_acts_where_zero_is_outside_the_interval_of_some_size(place, ends, acts):
     values = [min(max(5e-6, low), high) for low, high in ends]
     assert Cause.found(place, (), values, ends).acts is acts
+
+
+def test_beside_another_effect_each_has_a_size_that_is_not_zero():
+    """That not all components are zero hangs on the other effects; alone it follows from the readings."""
+    drift = Cause.found(BASE, (), [0.0, 0.0], [(-2e-5, 1e-5), (-1e-5, 2e-5)])
+    surely = Cause.found(BASE, (), [5e-6, 0.0], [(1e-6, 1e-5), (-1e-5, 2e-5)])
+    other = Cause.found(HYSTERESIS, (), [5e-5], [(1e-5, 9e-5)])
+    # The fit says nothing here.
+    fit = cast("Fit", None)
+    assert Finding((drift,), fit).acts
+    assert not Finding((drift, other), fit).acts
+    assert not Finding((other, drift), fit).acts
+    assert Finding((surely, other), fit).acts
 
 
 @pytest.mark.parametrize(
