@@ -12,9 +12,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq
 
-from .programmes import LEAST_VALUE, Growth, Interval, Polytope, SolverError, chebyshev_radius
+from .programmes import EXACT, LEAST_VALUE, Growth, Interval, Polytope, SolverError, chebyshev_radius, moved_duals
 
 ROOM = 1e-9
 """What the bounds grow by, relatively, so that a fit at its bounds stays inside."""
@@ -22,8 +21,6 @@ DETERMINED = 1e-6
 """A direction that lies, to this part, in what the rows determine is determined."""
 ENCLOSING, BOUNDING = 72, 16
 """Directions in which a pair of coefficients is enclosed, and in which its length alone is bounded."""
-EXACT = 1e-11
-"""Duals that miss a direction by this part of their sizes prove what they say of it."""
 SURELY_EMPTY = 1e-6
 """A set is empty where its bounds, enlarged by this part, leave nothing."""
 Reach = Callable[..., float]
@@ -188,7 +185,7 @@ class _Branch:
             return math.inf
         used = np.flatnonzero(proof)
         rows, duals = self.rows[used], proof[used]
-        duals = duals + lstsq(rows.T, direction - duals @ rows, lapack_driver="gelsy", check_finite=False)[0]
+        duals = moved_duals(duals, rows, direction)
         if np.linalg.norm(direction - duals @ rows) > EXACT * np.abs(duals).sum():
             return math.inf
         return float(np.maximum(duals, 0.0) @ self.upper[used] + np.minimum(duals, 0.0) @ self.lower[used])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import highspy
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import lstsq, qr
 
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
@@ -30,6 +30,8 @@ SAME_SPACE = 1e-7
 """Largest sine of an angle between two spaces that are called the same."""
 IMITATED = 1e-7
 """Columns of which so little is left, relatively, are imitated."""
+EXACT = 1e-11
+"""Duals that miss a direction by this part of their sizes prove what they say of it."""
 DEPENDENT = 1e-9
 """A direction of columns, each of size one, that is so small is none."""
 
@@ -179,6 +181,41 @@ def chebyshev_radius(
         if not len(more):
             return radius, x, every
         taken = np.append(taken, more)
+
+
+def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np.float64]:
+    """Duals (K,), changed least, with which rows (K, n) add up to a direction (n,), or nearly."""
+    found = lstsq(rows.T, direction - duals @ rows, lapack_driver="gelsy", check_finite=False)
+    assert found is not None
+    return duals + found[0]
+
+
+def proven_radius(
+    jacobian: NDArray, residual: NDArray, bound: NDArray, growth: Growth, duals: NDArray[np.float64]
+) -> float:
+    """A lower bound of `chebyshev_radius` by the duals (M,) of a programme that is nearly alike; -inf: they prove none.
+
+    They are moved by least squares, over the rows that have one, to duals of this programme. For any Φ with
+    Φ'J + |Φ|'G = 0 no x has Φ'(residual − J x) ≤ |Φ|'(ρ bound + now + G x) at a smaller ρ.
+    """
+    used = np.flatnonzero(duals)
+    rows, grown, own = jacobian[used], growth.rows[used], duals[used]
+    matrix = rows + np.sign(own)[:, None] * grown
+    size = np.abs(matrix).max(axis=0, initial=0.0)
+    matrix = matrix / np.where(size > 0.0, size, 1.0)
+    paid, proven = np.isfinite(growth.low) & np.isfinite(growth.high), -math.inf
+    # What is paid for stands at one of its ends, or between them.
+    for kept in (~paid, np.ones_like(paid)) if paid.any() else (~paid,):
+        part = matrix[:, kept]
+        moved = moved_duals(own, part, np.zeros(part.shape[1]))
+        weights = np.abs(moved)
+        slope = moved @ rows + weights @ grown
+        if not weights.any() or (np.abs(slope[~paid]) > EXACT * weights.sum() * size[~paid]).any():
+            continue
+        most = np.maximum(slope[paid] * growth.low[paid], slope[paid] * growth.high[paid]).sum()
+        least = (moved @ residual[used] - weights @ growth.now[used] - most) / (weights @ bound[used])
+        proven = max(proven, float(least))
+    return proven
 
 
 def _chebyshev(

@@ -6,8 +6,9 @@ coefficient by as much as the law differs within the interval; what is left hold
 """
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,15 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.formula import Formula
-from ..bounded.programmes import Growth, SolverError, chebyshev_radius, column_space, same_space, spaces_beyond
+from ..bounded.programmes import (
+    Growth,
+    SolverError,
+    chebyshev_radius,
+    column_space,
+    proven_radius,
+    same_space,
+    spaces_beyond,
+)
 from ..bounded.sets import CutOff, Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
@@ -35,6 +44,10 @@ MOST_LISTED = 3
 """So many sets of effects of the catalogue are laws of a pair."""
 LIKE = 0.05
 """An effect is a function of the quantity where so little of it, relatively, is none."""
+MOST_PROOFS = 6
+"""So many of the last proofs are tried on the next shapes."""
+SURELY = 1.0 + 1e-6
+"""Beyond such a radius a moved proof refuses."""
 MOST_WORK = 3e6
 """The work of all laws of a pair, after which no more are tried."""
 TEMPERATURE = "(temperature-20)"
@@ -98,6 +111,10 @@ class Laws:
     evidence: Evidence
     possible: Possible
     work: Work
+    proofs: dict[float, deque[NDArray[np.float64]]] = field(
+        default_factory=lambda: {sign: deque(maxlen=MOST_PROOFS) for sign in (-1.0, 1.0)}
+    )
+    """duals (M,) that refused shapes, for coefficients of each sign, the last first"""
 
     @property
     def pair(self) -> Pair:
@@ -213,18 +230,23 @@ class Laws:
         bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
         largest = LARGEST / max(float(np.abs(middle).max() + apart.max()), 1e-9)
         for sign in (-1.0, 1.0):
-            self.work.programme(*jacobian.shape)
             rows = np.zeros(jacobian.shape)
             rows[:, count:] = sign * spread
             sizes = np.full((2, count + 1), np.inf) * [[-1.0], [1.0]]
             sizes[:, count] = sorted((0.0, sign * largest))
-            growth = Growth(np.zeros(len(rows)), rows, *sizes)
+            growth, proofs = Growth(np.zeros(len(rows)), rows, *sizes), self.proofs[sign]
+            # What refuses shapes refuses those beside them nearly as well.
+            self.work.add(len(proofs) * (60.0 + 0.01 * jacobian.size))
+            if any(proven_radius(jacobian, evidence.residual, bound, growth, proof) > SURELY for proof in proofs):
+                continue
+            self.work.programme(*jacobian.shape)
             try:
-                radius = chebyshev_radius(jacobian, evidence.residual, bound, growth=growth)[0]
+                radius, _, duals = chebyshev_radius(jacobian, evidence.residual, bound, growth=growth)
             except SolverError:
                 return False
             if radius <= 1.0 + 1e-9:
                 return False
+            proofs.appendleft(duals)
         return True
 
 

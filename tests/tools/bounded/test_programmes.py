@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 from trihedron.tools.bounded import programmes
-from trihedron.tools.bounded.programmes import Polytope, SolverError, chebyshev_radius
+from trihedron.tools.bounded.programmes import Growth, Polytope, SolverError, chebyshev_radius, proven_radius
 
 
 def test_two_readings_by_hand():
@@ -97,3 +97,32 @@ def test_taking_in_rows_gives_the_same_as_all_at_once(seed, monkeypatch):
         assert value == pytest.approx(other, rel=1e-9)
         assert np.all(np.abs(residual - jacobian @ x) <= bound * (1 + 1e-8))
         assert len(phi) == len(bound)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
+    """What is proven is never more than the radius, however far the columns move, and hardly less where little."""
+    rng = np.random.default_rng(seed)
+    jacobian, residual = rng.normal(size=(30, 4)), rng.normal(size=30)
+    column, change = rng.normal(size=30), rng.normal(size=30)
+    bound, spread = rng.uniform(0.3, 1.0, 30), 0.05 * rng.uniform(0.0, 1.0, 30)
+
+    def programme(moved: float, sign: float, largest: float = 3.0):
+        rows = np.zeros((30, 5))
+        rows[:, 4] = sign * spread * (1.0 + moved)
+        low, high = np.full((2, 5), np.inf) * [[-1.0], [1.0]]
+        low[4], high[4] = sorted((0.0, sign * largest))
+        matrix = np.column_stack((jacobian, column + moved * change))
+        return matrix, residual, bound, Growth(np.zeros(30), rows, low, high)
+
+    for sign in (1.0, -1.0):
+        *given, growth = programme(0.0, sign)
+        radius, _, duals = chebyshev_radius(*given, growth=growth)
+        assert proven_radius(*given, growth, duals) == pytest.approx(radius, rel=1e-8)
+        for moved in (0.01, 0.1, 0.5, 3.0):
+            for largest in (0.2, 3.0):
+                *given, growth = programme(moved, sign, largest)
+                least = chebyshev_radius(*given, growth=growth)[0]
+                assert proven_radius(*given, growth, duals) <= least + 1e-9
+                if moved == 0.01 and largest == 3.0:
+                    assert proven_radius(*given, growth, duals) >= 0.9 * least
