@@ -102,6 +102,7 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
         if variants:
             # From the first time on they may be exchanged, from the last on they are, and are exchanged back.
             first, last = variants[0], variants[-1]
+            assert last.mixed is not None
             bound = np.where(first.touched.ravel(), LOOSE, bound)
             open_ = (first.touched & ~last.touched).ravel()
             own = np.einsum("nij,nj->ni", last.mixed, back.reading)

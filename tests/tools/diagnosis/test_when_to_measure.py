@@ -1,6 +1,7 @@
 """Candidates that differ in time: positions are to be measured again, at stated hours, and these decide."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def measured(bench: np.ndarray, angles: np.ndarray, hours: np.ndarray, added: np
     noise = np.random.default_rng(seed).uniform(-NOISE_BOUND, NOISE_BOUND, (len(hours), 3))
     noise[:, 1] += added
     warmth = 20.0 + 3.0 * np.sin(9.0 * np.minimum(hours, SPAN)) + 2.0 * np.minimum(hours, SPAN)
-    return replace(simulated(bench, *angles, noise), time_s=3600.0 * hours, temperature=warmth)
+    return replace(simulated(bench, angles[0], angles[1], noise), time_s=3600.0 * hours, temperature=warmth)
 
 
 def joined(first: PositionRecord, then: PositionRecord) -> PositionRecord:
@@ -55,19 +56,19 @@ def test_what_is_ambiguous_in_time_is_decided_by_repeats_at_the_hours_that_are_p
     record = measured(bench, angles, hours, in_time(effect, hours), seed)
     first = diagnosed(record)
     assert first.verdict == "ambiguous"
-    assert first.next_positions
-    again = [position for position in first.next_positions if "repeats" in position]
+    next_positions: list[Any] = list(first.next_positions or ())
+    again = [position for position in next_positions if "repeats" in position]
     assert again
     for position in again:
         assert SPAN < position["hours"] <= 2.1 * SPAN
         at = angles[:, position["repeats"] - 1]
         assert np.radians([position["alpha_deg"], position["beta_deg"]]) == pytest.approx(at, abs=1e-8)
-    times = np.array([float(position["hours"]) for position in first.next_positions])
+    times = np.array([float(position["hours"]) for position in next_positions])
     assert np.all(np.diff(times) >= 0.0)
     said = [line for line in lines(first) if line.startswith("measure next") and "again" in line]
     assert len(said) == len(again)
     assert all(" h after the first" in line and " σ at least" in line for line in said)
-    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in first.next_positions]).T
+    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in next_positions]).T
     times = times + 1e-3 * np.arange(len(times))
     then = diagnosed(joined(record, measured(bench, proposed, times, in_time(effect, times), seed + 1)))
     assert then.verdict == "explained"
