@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from case_studies import BROAD, MPU, main
+from case_studies import BROAD, MPU, XSENS, main
 from record_files import measured
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.reports.diagnosis import lines
@@ -89,11 +89,25 @@ def test_a_lag_and_scale_factors_remain_in_broad_03_by_what_is_stated_of_the_cam
 
 
 @pytest.mark.acceptance
+def test_the_gyros_of_the_xsens_unit_feel_gravity():
+    """Found blind; and the means at rest, without any move, say the same sizes."""
+    found = diagnose(measured(XSENS), rerun=False)
+    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-g-sensitivity"])
+    (at_rest,) = found.evidence.found.gyros.standing
+    assert at_rest.terms == ("gravity",)
+    sizes = np.array([p.estimate for p in found.causes[0].parameters]).reshape(3, 3)
+    ends = np.array(found.causes[0].intervals).reshape(3, 3, 2)
+    alone = np.array([of_gyro[1:] for of_gyro in at_rest.coefficients])
+    assert ((ends[..., 0] <= alone) & (alone <= ends[..., 1])).all()
+    assert np.abs(sizes - alone).max() < 0.2 * np.abs(sizes).max()
+
+
+@pytest.mark.acceptance
 def test_the_pages_are_what_the_records_say(tmp_path):
     if not (DATA / f"{BROAD}.strapdown.csv").exists():
         pytest.skip("the real records are not there; set TRIHEDRON_DATA to their folder")
     assert main([str(DATA), str(tmp_path)]) == 0
     made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
-    assert len(made) == 8
+    assert len(made) == 13
     for path in made:
         assert (tmp_path / path).read_bytes() == (ROOT / "docs" / path).read_bytes(), f"{path}: run `make case-studies`"
