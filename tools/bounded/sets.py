@@ -46,6 +46,11 @@ class Work:
         if self.done > self.limit:
             raise CutOff
 
+    @property
+    def is_done(self) -> bool:
+        """Whether no more may be done."""
+        return self.done > self.limit
+
     def programme(self, rows: int, columns: int) -> None:
         """Count a linear programme, its model included."""
         self.add(1000.0 + 1.2 * rows * columns)

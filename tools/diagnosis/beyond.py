@@ -114,7 +114,12 @@ class Beyond:
     @cached_property
     def laws(self) -> list[Law]:
         """Laws that stand, those of the catalogue first."""
-        return Laws(self.evidence, self.possible, Work(MOST_WORK)).standing(self.listed)[:MOST_LAWS]
+        return Laws(self.evidence, self.possible, self._work).standing(self.listed)[:MOST_LAWS]
+
+    @cached_property
+    def _work(self) -> Work:
+        """What the laws may cost."""
+        return Work(MOST_WORK)
 
     @cached_property
     def band(self) -> BandOfFunctions | None:
@@ -162,7 +167,7 @@ class Beyond:
     @property
     def is_one_law(self) -> bool:
         """Whether one law stands alone, and no other smooth function of its size does."""
-        if len(self.laws) != 1 or self.band is None:
+        if len(self.laws) != 1 or self.band is None or self._work.is_done:
             return False
         (law,), band = self.laws, self.possible.band
         own = self.drawn(law.fit)

@@ -9,6 +9,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -36,6 +37,8 @@ HIGHEST = 7
 ORDERS = range(1, 13)
 FINEST = 1.0 / 256.0
 """An interval of shapes that is so small a part of all is one shape."""
+SHARPEST = 0.05
+"""An input saturates from this part of its range on, or later."""
 LARGEST = 0.5
 """No law adds more [g], [rad]."""
 TURNS = 1.2
@@ -122,16 +125,22 @@ class Laws:
         return self.possible.pair
 
     def standing(self, listed: Sequence[Fit]) -> list[Law]:
-        """What of the catalogue stands (fits), then the formulas with fewest numbers of which one stands."""
+        """What of the catalogue stands (fits), then the formulas with fewest numbers of which one stands.
+
+        The work may be used up before all of these are tried: `work.is_done` then.
+        """
         found = [Law(fit) for fit in listed if self.is_one(fit)][:MOST_LISTED]
+        formulas: list[Law] = []
         try:
             for size in (1, 2, 3):
-                formulas = [law for law in self.of_size(size) if not self.is_known(law, found)]
+                for law in self.of_size(size):
+                    if not self.is_known(law, found):
+                        formulas.append(law)
                 if formulas:
-                    return [*found, *formulas]
+                    break
         except CutOff:
             pass
-        return found
+        return [*found, *formulas]
 
     def is_one(self, fit: Fit) -> bool:
         """Whether the effects of a fit are functions of the quantity at the place."""
@@ -199,11 +208,14 @@ class Laws:
     def open_shapes(self, family: Family) -> list[tuple[float, float]]:
         """Intervals of the shapes of a family, those that are next to each other as one, that are not refused."""
         open_, kept = list(family.parts or [(family.low, family.high)]), []
+        stands = cache(lambda s: self.stands_at(family, s))
         while open_:
             low, high = open_.pop()
             if self.refused(family, low, high):
                 continue
-            if family.parts or high - low <= FINEST * (family.high - family.low):
+            fine = family.parts or high - low <= FINEST * (family.high - family.low)
+            # Between two shapes that stand nothing is sought that does not.
+            if fine or (stands(low) and stands(high)):
                 kept.append((low, high))
             else:
                 middle = 0.5 * (low + high)
@@ -216,6 +228,19 @@ class Laws:
                 joined.append((low, high))
         return joined
 
+    def stands_at(self, family: Family, s: float) -> bool:
+        """Whether one shape makes the linear model stand."""
+        evidence = self.evidence
+        jacobian = np.hstack((evidence.nominal, self.pair.spread(family.value(self.pair.values, s)[:, None])))
+        self.work.programme(*jacobian.shape)
+        return chebyshev_radius(jacobian, evidence.residual, self.bound)[0] <= 1.0
+
+    @property
+    def bound(self) -> NDArray[np.float64]:
+        """Bounds (M,) with what the linear model may be wrong by, and what rounding adds."""
+        evidence = self.evidence
+        return evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
+
     def refused(self, family: Family, low: float, high: float) -> bool:
         """Whether no shape between these makes the model stand."""
         evidence, x = self.evidence, self.pair.values
@@ -227,7 +252,6 @@ class Laws:
         spread = np.abs(self.pair.spread(apart[:, None]))
         count = evidence.nominal.shape[1]
         jacobian = np.hstack((evidence.nominal, column))
-        bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
         largest = LARGEST / max(float(np.abs(middle).max() + apart.max()), 1e-9)
         for sign in (-1.0, 1.0):
             rows = np.zeros(jacobian.shape)
@@ -237,11 +261,11 @@ class Laws:
             growth, proofs = Growth(np.zeros(len(rows)), rows, *sizes), self.proofs[sign]
             # What refuses shapes refuses those beside them nearly as well.
             self.work.add(len(proofs) * (60.0 + 0.01 * jacobian.size))
-            if any(proven_radius(jacobian, evidence.residual, bound, growth, proof) > SURELY for proof in proofs):
+            if any(proven_radius(jacobian, evidence.residual, self.bound, growth, proof) > SURELY for proof in proofs):
                 continue
             self.work.programme(*jacobian.shape)
             try:
-                radius, _, duals = chebyshev_radius(jacobian, evidence.residual, bound, growth=growth)
+                radius, _, duals = chebyshev_radius(jacobian, evidence.residual, self.bound, growth=growth)
             except SolverError:
                 return False
             if radius <= 1.0 + 1e-9:
@@ -282,6 +306,12 @@ def families(pair: Pair) -> Iterator[Family]:
     values = np.unique(x)
     # What only one value shows is a reading.
     gaps = tuple((float(a), float(b)) for a, b in pairwise(values[1:-1]))
+    if pair.quantity in INPUTS:
+        end = max(-low, high)
+        yield Family("c*x/sqrt(1 + (x/{s!r})**2)", SHARPEST * end, end, lambda x, s: x / np.sqrt(1.0 + (x / s) ** 2))
+        # A hyperbolic tangent, but for a constant.
+        half = 0.5 * end
+        yield Family("c/(1 + exp(-x/{s!r}))", SHARPEST * half, half, lambda x, s: 1.0 / (1.0 + np.exp(-x / s)))
     yield Family("c*step(y - {s!r})", low, high, lambda x, s: (x > s).astype(float), gaps)
     yield Family("c*(y - {s!r})*step(y - {s!r})", low, high, lambda x, s: np.maximum(0.0, x - s))
     if pair.quantity == "hours":

@@ -138,7 +138,7 @@ def diagnosed(
     if len(groups) > 1 + len(containing) or not found.complete:
         return _result(
             "ambiguous",
-            told | _named(best),
+            told | _named(best) | of_extension(told, rerun=rerun),
             evidence.probe([finding.fit for finding in findings]),
             alternatives=tuple(finding.causes for finding in findings[1:]),
             complete=found.complete,
@@ -159,7 +159,8 @@ def diagnosed(
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, objections)
     if unlisted.rivals:
-        return _result("ambiguous", told | _named(best), evidence.probe([best.fit, *unlisted.fits(evidence)]))
+        probed = evidence.probe([best.fit, *unlisted.fits(evidence)])
+        return _result("ambiguous", told | _named(best) | of_extension(told, rerun=rerun), probed)
     several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
     if unlisted.compared and "dependence" in told:
         told |= {"level": "quantity" if several_laws else "law"}
@@ -263,6 +264,14 @@ def of_functions(
         return {}
     beyond = Beyond(evidence, found.proven.pair, found.proven.form, tuple(fits))
     return keys_of(beyond, extend=extend, rerun=rerun)
+
+
+def of_extension(told: Mapping[str, Any], *, rerun: bool) -> Mapping[str, Any]:
+    """Keys of what extends the model whatever the law, where the catalogue does not decide it; as `of_functions`."""
+    if "beyond" not in told or "extension" in told:
+        return {}
+    extension = told["beyond"].extension(rerun)
+    return {} if extension is None else {"extension": extension}
 
 
 def _unexplained(evidence: Evidence, told: Mapping[str, Any], objections: tuple[str, ...]) -> Diagnosis:

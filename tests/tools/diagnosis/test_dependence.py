@@ -13,7 +13,9 @@ from outside_shapes import SHAPES, Known, encoder_bump, fifth_power, of_temperat
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, dependence, is_same
+from trihedron.tools.diagnosis.laws import Laws
 from trihedron.tools.diagnosis.rivals import RIVAL, Listed, Unlisted, complexity_of
 from trihedron.tools.diagnosis.search import search
 from trihedron.tools.evidence.bench import bench_evidence
@@ -251,3 +253,48 @@ def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands(tmp_path:
     assert unlisted.caution == (
         "as simple, and in no catalogue: a function of the input of accelerometer 2 at accelerometer 1 would do",
     )
+
+
+@pytest.mark.parametrize(("saturates", "size"), [(True, 2.2e-4), (False, 2e-3)])
+def test_an_odd_quadratic_is_said_alone_only_where_an_input_that_saturates_is_excluded(
+    saturates: bool, size: float, tmp_path: Path
+):
+    rng = np.random.default_rng([15, 1])
+    session = Session.drawn(rng, 30)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    x = n[:, 0]
+    reading[:, 0] += size * (np.tanh(x / 0.5) if saturates else x * np.abs(x))
+    found = diagnosed_file(written(tmp_path / "saturates.positions.csv", rng, session, reading))
+    assert [cause.place.title for cause in found.causes] == ["odd-quadratic accelerometer-1"]
+    assert (found.verdict, found.level) == ("explained", "quantity" if saturates else "law")
+    shapes = [law.shape for law in found.laws if "exp" in law.words]
+    if saturates:
+        # A hyperbolic tangent of n / 0.5 is a logistic function of n / 0.25.
+        assert any(low <= 0.25 <= high for low, high in shapes)
+    else:
+        assert not found.caution
+        assert not shapes
+
+
+def test_laws_that_were_not_all_tried_leave_none_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    rng = np.random.default_rng([16, 0])
+    session = Session.drawn(rng, 36)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 1] += 4e-4 * n[:, 1] ** 5
+    record: Any = read_record(written(tmp_path / "fifth.positions.csv", rng, session, reading))
+    evidence = bench_evidence(record, noise_bound=SIGMA)
+    found = dependence(evidence)
+    assert found is not None
+    assert found.proven is not None
+    whole = Beyond(evidence, found.proven.pair, found.proven.form)
+    assert [law.words for law in whole.laws] == ["c n2⁵"]
+    assert whole.is_one_law
+    work = Work()
+    Laws(evidence, whole.possible, work).standing([])
+    # The sixth and the seventh power come last.
+    monkeypatch.setattr("trihedron.tools.diagnosis.beyond.MOST_WORK", 0.9 * work.done)
+    short = Beyond(evidence, found.proven.pair, found.proven.form)
+    assert [law.words for law in short.laws] == ["c n2⁵"]
+    assert not short.is_one_law
