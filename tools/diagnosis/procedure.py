@@ -266,7 +266,7 @@ def of_functions(
     return keys_of(beyond, extend=extend, rerun=rerun)
 
 
-def of_extension(told: Mapping[str, Any], *, rerun: bool) -> Mapping[str, Any]:
+def of_extension(told: Mapping[str, Any], *, rerun: bool) -> dict[str, Any]:
     """Keys of what extends the model whatever the law, where the catalogue does not decide it; as `of_functions`."""
     if "beyond" not in told or "extension" in told:
         return {}
