@@ -163,7 +163,12 @@ def diagnosed(
         return _result("ambiguous", told | _named(best) | of_extension(told, rerun=rerun), probed)
     several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
     if unlisted.compared and "dependence" in told:
-        told |= {"level": "quantity" if several_laws else "law"}
+        # Where other laws of the quantity were not compared, no law is the only one.
+        proven = told.get("proven")
+        if evidence.fits_any_law:
+            told |= {"level": "quantity" if several_laws else "law"}
+        elif proven is not None and proven.quantity:
+            told |= {"level": "quantity"}
     excluded = excluded_sizes(evidence, best.fit)
     same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
     return _result(
