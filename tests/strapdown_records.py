@@ -70,6 +70,16 @@ def strapdown_record(
     return StrapdownRecord(time_s=time, rate=measured, increment=None, specific_force=reading, **more)
 
 
+def turned_by(steps: np.ndarray) -> Rotation:
+    """Attitudes (N,) of a block that begins level and is turned by rotation vectors (N, 3) one after the other."""
+    attitude, span = Rotation.from_rotvec(steps), 1
+    # Products of 1, 2, 4, ... neighbours: the order of the factors stays.
+    while span < len(steps):
+        attitude = Rotation.concatenate([attitude[:span], attitude[:-span] * attitude[span:]])
+        span *= 2
+    return attitude
+
+
 def drawn_motion(rng: np.random.Generator, moves: int = 16, rest: float = 4.0, period: float = PERIOD):
     """Times, rates and inputs as of `true_motion`, and attitudes: moves about drawn axes, slow and fast."""
     rates, still = [np.zeros((round(2.0 * rest / period), 3))], round(rest / period)
@@ -81,10 +91,7 @@ def drawn_motion(rng: np.random.Generator, moves: int = 16, rest: float = 4.0, p
         rates += [speed[:, None] * axis / np.linalg.norm(axis), np.zeros((still, 3))]
     rate = np.vstack(rates)
     steps = np.vstack([np.zeros(3), 0.5 * (rate[1:] + rate[:-1]) * period])
-    attitude = [Rotation.identity()]
-    for step in Rotation.from_rotvec(steps[1:]):
-        attitude.append(attitude[-1] * step)
-    attitude = Rotation.concatenate(attitude)
+    attitude = turned_by(steps)
     return period * np.arange(1, len(rate) + 1), rate, attitude.inv().apply([0.0, 0.0, 1.0]), attitude
 
 

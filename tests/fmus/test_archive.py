@@ -37,11 +37,13 @@ needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no
 def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, flavour, fmi, tmp_path, monkeypatch):
     first = build(component.name, tmp_path / "a", component.effects, flavour=flavour, fmi=fmi)
     assert validate_fmu(str(first)) == []
-    if flavour == "python" or component.name == "AccelerometerBlock":
+    # Machine code is made again for one component; of the others it is kept by the bytes of their sources.
+    again = component.name == "AccelerometerBlock" and not component.effects
+    if again:
         monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "empty"))
-        second = build(component.name, tmp_path / "b", component.effects, flavour=flavour, fmi=fmi)
-        assert first.read_bytes() == second.read_bytes()
-        assert flavour == "python" or list((tmp_path / "empty" / "binaries").iterdir())
+    second = build(component.name, tmp_path / "b", component.effects, flavour=flavour, fmi=fmi)
+    assert first.read_bytes() == second.read_bytes()
+    assert not again or flavour == "python" or list((tmp_path / "empty" / "binaries").iterdir())
 
 
 @needs_compiler

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown_records import strapdown_record, true_motion
+from page_text import MATRIX, shown
+from strapdown_records import strapdown_record, true_motion, turned_by
 from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.diagnosis import diagnose
@@ -42,9 +43,8 @@ def clean(index: int, reference=None):
 
 @pytest.fixture(scope="module")
 def sensitive():
-    """Γ of gyros that depend on gravity, and the diagnosis of a record of theirs."""
-    matrix = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
-    return matrix, diagnose(strapdown_record(gyro_bias=np.array([0.01, -0.02, 0.005]), sensitivity=matrix, seed=3))
+    """Γ of gyros that depend on gravity, and the diagnosis of a record of theirs: the one that is shown on a page."""
+    return MATRIX, shown("block, explained")[0]
 
 
 def test_a_clean_block_is_consistent_and_its_parameters_are_within_their_intervals():
@@ -91,10 +91,8 @@ def test_the_object_is_that_of_the_contract(sensitive):
 def with_truth(record, motion, latency: int = 0):
     """A simulated record with the attitude of its motion; its gyros read so many rows late."""
     time, rate, _ = motion
-    attitude = [Rotation.identity()]
-    for step in Rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]):
-        attitude.append(attitude[-1] * step)
-    quaternion = np.roll(Rotation.concatenate(attitude).as_quat(), 1, axis=1)
+    steps = np.vstack([np.zeros(3), 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]])
+    quaternion = np.roll(turned_by(steps).as_quat(), 1, axis=1)
     late = np.vstack([np.repeat(record.rate[:1], latency, axis=0), record.rate[: len(time) - latency]])
     return replace(record, attitude=quaternion, rate=late)
 
