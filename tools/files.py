@@ -36,6 +36,16 @@ def together() -> Iterator[None]:
             _take_away(beside)
 
 
+@contextmanager
+def at_once() -> Iterator[None]:
+    """Let what is written in the block appear with it, though a block around it keeps files together."""
+    token = _PENDING.set(None)
+    try:
+        yield
+    finally:
+        _PENDING.reset(token)
+
+
 def _place(beside: Path, path: Path) -> None:
     """Move what was written beside a place into it; the files of a folder into that one."""
     if not beside.is_dir():
@@ -125,13 +135,10 @@ def whole_folder(path: Path) -> Iterator[Path]:
         make_folders(path.parent)
         if path.exists() and not path.is_dir():
             raise InputError(f"{path}: is a file; give the name of a folder")
-        with _beside(Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-")), path) as beside:
-            # What is written in it appears with it.
-            token = _PENDING.set(None)
-            try:
-                yield beside
-            finally:
-                _PENDING.reset(token)
+        made = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+        # What is written in it appears with it.
+        with _beside(made, path) as beside, at_once():
+            yield beside
 
 
 def made_folder(folder: Path, out: Path) -> None:

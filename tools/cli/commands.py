@@ -288,7 +288,8 @@ def import_(
         if not is_there:
             raise InputError(f"--set {answer_}: write KEY=VALUE, as units.force=g")
         said[key.strip()] = text
-    return answer(library.import_record(file, out=out, mapping=mapping, answers=said), json)
+    with together():
+        return answer(library.import_record(file, out=out, mapping=mapping, answers=said), json)
 
 
 @takes(library.new)

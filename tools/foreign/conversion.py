@@ -1,6 +1,6 @@
 """Rows of texts as the columns of a record: numbers in its units, times from the first row, readings averaged."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -21,11 +21,12 @@ from ..records.columns import (
     faults,
     quoted,
 )
+from ..records.comments import Comments
 from ..records.read import significant_digits, written_resolution
 from .mapping import OPEN
 from .names import DATE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal
-from .understanding import CLOCK, NUMBER, STANDING_DEG, Understanding, reading
+from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Understanding, reading
 from .units import TIME, unit_of
 
 DIGITS_OF = 2000
@@ -82,6 +83,11 @@ def converted(found: Understanding) -> Conversion:
     numbers: dict[str, NDArray[np.float64]] = {}
     for column, taken in found.taken.items():
         if column in (MOUNTING, DATE):
+            continue
+        if taken.form == NAME:
+            numbers[column] = np.cumsum(
+                [k == 0 or text != texts[column][k - 1] for k, text in enumerate(texts[column])]
+            )
             continue
         if column == TIMES:
             numbers[column] = _times(found, texts, lines)
@@ -314,11 +320,9 @@ def record_columns(found: Understanding, made: Conversion) -> Columns:
         sizes.get("mps2", 0.0),
         sizes.get("deg", 0.0),
         sizes.get("degC", 0.0),
+        Comments(scatter=() if made.scatter is None else tuple(made.scatter.tolist())),
     )
-    for fault in _first(faults(columns)):
-        raise fault
+    for fault in faults(columns):
+        hint = "; --set units.force=UNIT says what readings are in" if "gravity" in fault.what else ""
+        raise RecordError(fault.path, fault.row, fault.column, fault.what + hint)
     return columns
-
-
-def _first(found: Iterator[RecordError]) -> Iterator[RecordError]:
-    return islice(found, 1)

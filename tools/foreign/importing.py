@@ -8,19 +8,20 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from ..errors import InputError
-from ..files import bytes_of, ordinary_file, write_text
+from ..files import at_once, bytes_of, ordinary_file, together, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.comments import RESOLUTION, SCATTER
-from ..records.read import is_workbook, read_written, record_of
+from ..records.read import is_workbook, record_of
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
+from .deciding import understood
 from .labview import is_labview, labview_sheet
 from .layout import has_table
 from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
 from .sheet import LARGEST, Sheet, decoded, lines_of, text_sheet
-from .understanding import Understanding, understood
+from .understanding import Understanding
 from .workbook import sheet_of_workbook, workbook_sheets
 
 if TYPE_CHECKING:
@@ -120,12 +121,11 @@ def import_record(
     columns = record_columns(found, made)
     about = _about(found, made, file)
     record = replace(record_of(columns), about=about)
-    if out is not None:
-        write_record(record, out)
-        record = read_written(out)
-    if beside is not None:
-        kept = mapping is not None and mapping.resolve() == beside.resolve() and not answers
-        if not kept:
+    kept = mapping is not None and beside is not None and mapping.resolve() == beside.resolve() and not answers
+    with together():
+        if out is not None:
+            write_record(record, out)
+        if beside is not None and not kept:
             write_text(beside, text_of(found.mapping, (), _first_rows_said(found)))
     return _imported(found, made, record, (file, out, beside))
 
@@ -165,7 +165,8 @@ def _asked(found: Understanding, file: Path, mapping: Path | None, beside: Path 
     if beside is None:
         return InputError(said)
     if mapping is None or mapping.resolve() != beside.resolve():
-        write_text(beside, text_of(found.mapping, found.questions, _first_rows_said(found)))
+        with at_once():
+            write_text(beside, text_of(found.mapping, found.questions, _first_rows_said(found)))
         said += f"; or fill in {beside} and give --mapping {shell_word(str(beside))}"
     return InputError(said)
 

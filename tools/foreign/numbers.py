@@ -24,7 +24,7 @@ _DEGREES = re.compile(
     r"(?:\s*['′’:\sm]\s*(?:(?P<sec>\d+(?:[.,]\d+)?)\s*(?:[\"″”s]|''|′′|’’)?)?)?"
 )
 _UNIT_BEHIND = re.compile(r"(?<=[\d.,])\s*(?![eE][+-]?\d)[^\W\d_]*°?[^\W\d_]{0,5}(?:/[^\s\d]{1,5}[²2]?|°)?$")
-_CLOCK = re.compile(r"(\d{1,3}):(\d{1,2})(?::(\d{1,2}(?:[.,]\d*)?))?\s*(am|pm)?", re.IGNORECASE)
+_CLOCK = re.compile(r"(\d{1,3}):(\d{1,2})(?::(\d{1,2}(?:[.,:]\d*)?))?\s*(am|pm)?", re.IGNORECASE)
 _DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})")
 _NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_]{3,9})[. ]+(\d{1,2}),? (\d{4})")
 MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
@@ -148,7 +148,7 @@ def clock(text: str, form: str = "") -> float | None:
             return int(first) * 60.0 + int(second) if int(second) < 60 else None
         if form != "h:m" and not half:
             return None
-    seconds = float((third or "0").replace(",", "."))
+    seconds = float((third or "0").replace(",", ".").replace(":", "."))
     if int(second) >= 60 or seconds >= 60.0:
         return None
     hours = int(first)

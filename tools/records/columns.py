@@ -72,7 +72,7 @@ class RecordError(InputError):
         place = [f"row {row}"] if row is not None else []
         place += [f"column {column}"] if column is not None else []
         super().__init__(f"{path}: {', '.join(place)}: {what}" if place else f"{path}: {what}")
-        self.row, self.column, self.what = row, column, what
+        self.path, self.row, self.column, self.what = path, row, column, what
 
 
 @dataclass(frozen=True)

@@ -242,3 +242,61 @@ def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path)
     (tmp_path / "long.csv").write_text("\n".join(["Titel", "", *lines]), encoding="utf-8")
     long = th.import_record(tmp_path / "long.csv", mapping=tmp_path / "first.import.toml")
     assert long.rows == len(bench.time)
+
+
+def rows_with(names: str, cells: list[str]) -> str:
+    """A table of three rests of a level block, with cells of its own in front."""
+    return "\n".join([names, *(f"{own};{20 * k};{30 * k};0,0;0,0;1,0" for k, own in enumerate(cells))])
+
+
+READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9.5", "3;20"]),
+            "--set decimal=. or --set decimal=, ('9.5' and '0,0'",
+        ),
+        (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;1.234", "3;2.345"]), "--set thousands=. ('1.234' beside '0,0'"),
+        (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9,5", "Mittel;20"]), "--set missing=Mittel (row 4, 'Nr'"),
+        (rows_with(f"Nr;Zeit;{READINGS}", ["1;früh", "2;später", "3;spät"]), "holds no numbers, but 'früh'"),
+        (rows_with(f"Nr;Zeit [s];alpha;{READINGS}", ["1;0;1", "2;9;2", "3;20;3"]), "--set columns.alpha_deg="),
+        (rows_with(f"Nr;t [foo];{READINGS}", ["1;0", "2;9,5", "3;20"]), "'foo' of 't [foo]' is no unit of time"),
+        (rows_with(f"Nr;t [s];Temp [°C];{READINGS}", ["1;0;", "2;9;", "3;20;21,5"]), "columns.temperature_degC=none"),
+        (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;", "3;20"]), "incomplete=leave out"),
+        (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9", "3;20"]).replace("[g]", "[m/s²]"), "units.force=UNIT says"),
+        (rows_with(f"Nr;t [s];{READINGS}", ["1;20", "2;10", "3;0"]), "row 3, column time_s: 10 after 20 runs back"),
+    ],
+    ids=lambda value: value[:40] if "--set" in value else "",
+)
+def test_what_is_doubtful_is_asked_and_named(text: str, said: str, tmp_path: Path):
+    path = tmp_path / "lab.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(th.InputError) as refused:
+        th.import_record(path)
+    assert said in str(refused.value)
+    assert "things" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "time"),
+    [
+        (rows_with(f"Stellung;t [s];{READINGS}", ["P1;0", "P2;10", "P3;20"]), [0.0, 10.0, 20.0]),
+        (rows_with(f"№;Время [мс];{READINGS}", ["1;0", "2;10000", "3;20000"]), [0.0, 10.0, 20.0]),
+        (rows_with(f"Nr;Zeit;{READINGS}", ["1;10:00:00:500", "2;10:00:10:500", "3;10:00:20:500"]), [0.0, 10.0, 20.0]),
+        (
+            rows_with(f"Nr;Date;Time;{READINGS}", [f"{k};02/13/2026;10:00:{10 * k} PM" for k in (1, 2, 3)]),
+            [0.0, 10.0, 20.0],
+        ),
+        (rows_with(f"Nr;Datum;{READINGS}", [f"{k};{k}. Okt 2026" for k in (1, 2, 3)]), [0.0, 86400.0, 172800.0]),
+        (rows_with(f"Nr;t [s];Temp;{READINGS}", ["1;0;", "2;10;", "3;20;"]), [0.0, 10.0, 20.0]),
+    ],
+)
+def test_what_is_not_doubtful_is_not_asked(text: str, time: list[float], tmp_path: Path):
+    path = tmp_path / "lab.csv"
+    path.write_text(text, encoding="utf-8")
+    record = th.import_record(path).record
+    assert record.time_s == pytest.approx(time)
+    assert record.position.tolist() == [1, 2, 3]
