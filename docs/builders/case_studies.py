@@ -378,7 +378,8 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
         for length in lengths
     ]
     rivals = [[name, residual(radius)] for name, radius in result.tried[:6]]
-    (witness,) = result.judgement if isinstance(result.judgement, tuple) else ()
+    assert isinstance(result.judgement, tuple)
+    witness = result.judgement[0]
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
     quoted = result.gain.to_json() if result.gain is not None else {}
     before, after = (digits(quoted.get(f"held_out_rms_{when}", math.nan)) for when in ("before", "after"))

@@ -78,8 +78,8 @@ def check_turning(
     least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), LEAST_TURN)
     moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
     if broken is not None:
-        spoilt = broken[blocks].reshape(pieces, size).any(axis=1)
-        moving &= ~(spoilt[1:] | spoilt[:-1])
+        spoilt = np.flatnonzero(broken[blocks].reshape(pieces, size).any(axis=1))
+        moving[np.concatenate([spoilt[spoilt > 0] - 1, spoilt[spoilt < pieces - 1]])] = False
     if moving.sum() < FEWEST_WINDOWS:
         return TurningCheck()
     turn, change, level = turn[moving], change[moving], level[moving]

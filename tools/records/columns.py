@@ -193,7 +193,7 @@ def warnings(columns: Columns) -> tuple[str, ...]:
         said.append(f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?")
     knocked = np.flatnonzero(knocks_of(columns.group(FORCE)))
     if knocked.size:
-        size = np.linalg.norm(columns.group(FORCE)[knocked[0]])
+        size = float(np.linalg.norm(columns.group(FORCE)[knocked[0]]))
         said.append(
             f"{columns.path}: |f| is above 10 times gravity in {_rows_from(columns, knocked)} "
             f"({digits(size)} m/s²): knocks; rests and moves with them are left out"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 
@@ -162,9 +162,8 @@ class _Record:
         if isinstance(raw := getattr(self, "raw", None), RawRecord):
             changed["raw"] = raw.read_with(channels)
         warnings = tuple(line for line in self.warnings if not (channels.radians and "are they radians?" in line))
-        return replace(
-            self, **changed, warnings=(*warnings, said), channels=channels.after(self.channels or Channels())
-        )
+        changed |= {"warnings": (*warnings, said), "channels": channels.after(self.channels or Channels())}
+        return replace(cast("Any", self), **changed)
 
     def __str__(self) -> str:
         span = f", {self.time_s[-1] - self.time_s[0]:.6g} s" if len(self) else ""

@@ -154,6 +154,7 @@ def test_a_raw_record_is_read_so_before_its_rests_are_averaged(tmp_path):
     averaged = read_record(mirrored, PositionRecord).read_with(Channels.given(["alpha=-1", "1,3,2"]))
     np.testing.assert_allclose(averaged.specific_force, read_record(raw, PositionRecord).specific_force, atol=1e-12)
     np.testing.assert_array_equal(averaged.approach_alpha, plain.approach_alpha)
+    assert averaged.raw is not None
     np.testing.assert_allclose(averaged.raw.alpha, raw.alpha)
 
 

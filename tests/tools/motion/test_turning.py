@@ -1,6 +1,7 @@
 """Gyros against gravity and against a true attitude: exchanged, reversed, in degrees; and right ones that look odd."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ G = 9.80665
 QUIET = np.full(3, 1e-3)
 
 
-def said_of(record: StrapdownRecord) -> str:
+def said_of(record: Any) -> str:
     return "; ".join(check_turning(record.time_s, record.rate, record.specific_force, QUIET).said)
 
 
@@ -29,11 +30,11 @@ def order_of(matrix: np.ndarray) -> str:
 
 
 @pytest.fixture(scope="module")
-def clean() -> StrapdownRecord:
+def clean() -> Any:
     return strapdown_record(seed=1)
 
 
-def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, seconds: float = 25.0):
+def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, seconds: float = 25.0) -> Any:
     """A block that rests, then turns without a rest, with its true attitude in every so many rows."""
     rng = np.random.default_rng(seed)
     period, fine = 0.005, 2
@@ -88,7 +89,7 @@ def test_right_gyros_are_advised_nothing(seed):
         "gamma": np.tril(rng.normal(0.0, 0.05, (3, 3))),
         "force_noise": 10.0 ** rng.uniform(-2.0, -0.3),
     }
-    record = strapdown_record(seed=seed, **more)
+    record: Any = strapdown_record(seed=seed, **more)
     assert said_of(record) == ""
     lagging = replace(record, rate=np.roll(record.rate, int(rng.integers(0, 6)), axis=0) * rng.uniform(0.9, 1.1, 3))
     assert said_of(lagging) == ""
@@ -133,7 +134,7 @@ def test_channels_read_gyros_right_and_who_knows_them_says_so(clean, tmp_path):
     path = tmp_path / "measured.csv"
     write_record(replace(clean, rate=clean.rate @ matrix.T), path)
     assert inspect_record(read_record(path, StrapdownRecord)).turning.said
-    right = read_record(path, StrapdownRecord, channels=[f"w={order_of(matrix)}"])
+    right: Any = read_record(path, StrapdownRecord, channels=[f"w={order_of(matrix)}"])
     np.testing.assert_allclose(right.rate, clean.rate, atol=1e-12)
     assert not inspect_record(right).turning.said
     assert "read with --channels w=" in str(inspect_record(right))
@@ -143,7 +144,7 @@ def test_channels_read_gyros_right_and_who_knows_them_says_so(clean, tmp_path):
 
 @pytest.mark.parametrize("name", ["broad-03", "broad-08", "broad-21", "mpu9150-4", "xsens-imu-tk"])
 def test_no_measured_record_is_read_wrongly(name):
-    record = measured(name)
+    record: Any = measured(name)
     found = inspect_record(record)
     check_record(found)
     matrix = PERMUTATIONS[13]

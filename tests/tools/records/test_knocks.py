@@ -17,11 +17,11 @@ from trihedron.tools.records.rests import average_rests, find_rests
 
 
 @pytest.fixture(scope="module")
-def clean() -> StrapdownRecord:
+def clean() -> Any:
     return strapdown_record(seed=1)
 
 
-def struck(record: StrapdownRecord, row: int, force: float = 120.0) -> StrapdownRecord:
+def struck(record: Any, row: int, force: float = 120.0) -> Any:
     """The record with one reading that no hand makes."""
     values = record.specific_force.copy()
     values[row, 1] = force
