@@ -10,7 +10,7 @@ import trihedron as th
 from bench_cases import write_hidden_record
 from laboratory_files import Bench, LabFile, position_files, repeated_file
 from trihedron.tools import cli
-from trihedron.tools.records import PositionRecord, read_record
+from trihedron.tools.records import PositionRecord, RawRecord, read_record
 
 
 @pytest.fixture(scope="module")
@@ -300,3 +300,20 @@ def test_what_is_not_doubtful_is_not_asked(text: str, time: list[float], tmp_pat
     record = th.import_record(path).record
     assert record.time_s == pytest.approx(time)
     assert record.position.tolist() == [1, 2, 3]
+
+
+def test_a_time_series_of_a_table_is_a_raw_record_where_it_is_said_to_be_one(tmp_path: Path):
+    """Rows that stand still may be a series or several readings: which, the file does not say."""
+    count = 60
+    alpha = np.repeat([0.0, 90.0, 180.0], 20) + 1e-4 * np.sin(np.arange(count))
+    rows = [f"{0.1 * k:.1f};{alpha[k]:.5f};0.0;0.0;{np.cos(np.radians(alpha[k])):.6f};0.1" for k in range(count)]
+    path = tmp_path / "lab.csv"
+    names = "t [s];alpha [deg];beta [deg];ax [g];ay [g];az [g]"
+    rows = [row.replace(";0.1", f";{np.cos(np.radians(alpha[k])):.6f}") for k, row in enumerate(rows)]
+    path.write_text("\n".join([names, *rows]), encoding="utf-8")
+    assert asked(path)[0] == {"readings", "kind"}
+    record = th.import_record(path, answers={"kind": "raw record"}).record
+    assert isinstance(record, RawRecord)
+    assert np.degrees(record.alpha) == pytest.approx(alpha, abs=1e-5)
+    assert len(th.import_record(path, answers={"readings": "average"}).record) == 3
+    assert len(th.import_record(path, answers={"readings": "each"}).record) == count
