@@ -416,7 +416,13 @@ def check_record(found: Inspection) -> None:
     Gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves.
     """
     path = found.record.path
-    said = truth_check(found) or found.turning.said
+    said = truth_check(found)
+    if said == () and found.turning.of_forces:
+        said = (
+            "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
+            f"with {found.turning.of_forces}",
+        )
+    said = said or found.turning.said
     if said:
         raise InputError(f"{path}: {'; '.join(said)}")
     moves = len(found.moves) or bool(found.excitation.any())
@@ -425,8 +431,8 @@ def check_record(found: Inspection) -> None:
         raise InputError(f"{path}: {', '.join(dead)} never changes while the block moves: a dead channel")
 
 
-def truth_check(found: Inspection) -> tuple[str, ...]:
-    """What is wrong with the gyros beside the true attitude: units, order and signs of axes.
+def truth_check(found: Inspection) -> tuple[str, ...] | None:
+    """What is wrong with the gyros beside the true attitude: units, order, signs of axes; None where it tells nothing.
 
     Rotations are compared, over windows in which the block turns little and over longer ones, in which gyros that lag
     follow better.
@@ -434,7 +440,7 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
     record = found.record
     known = known_rows(record)
     if record.attitude is None or len(known) < FEWEST_TURNS:
-        return ()
+        return None
     turns = (rotation_of(record.attitude[known[:-1]]).inv() * rotation_of(record.attitude[known[1:]])).magnitude()
     speed = turns / np.diff(record.time_s[known])
     seconds = LARGEST_TURN / max(float(np.quantile(speed, FASTEST)), LARGEST_TURN / LENGTHS[0])
@@ -456,7 +462,7 @@ def truth_check(found: Inspection) -> tuple[str, ...]:
             said, missed = beside_truth(rate * step[:, None], true[moving], ends[moving], record.channels)
             heard.append((missed, said, ends[moving]))
     if not heard:
-        return ()
+        return None
     missed, said, ends = min(heard, key=lambda one: one[0])
     if missed <= 1.0 - LEAST_SHARE:
         return said

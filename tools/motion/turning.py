@@ -44,10 +44,13 @@ class TurningCheck(Result):
         K; None where moves are too few, or do not turn about all axes
     said : tuple of str
         what is wrong, in words, and what mends it; empty where nothing is
+    of_forces : str
+        what mends it where the gyros are known to be right: the accelerometers' order and signs; empty where none does
     """
 
     matrix: Array | None = Field(default=None)
     said: tuple[str, ...] = ()
+    of_forces: str = Field(default="", exclude=True)
 
 
 def check_turning(
@@ -99,10 +102,10 @@ def check_turning(
     if float(left @ left) >= (1.0 - LEAST_SHARE) * float(target @ target) or before == Channels():
         return TurningCheck(matrix=matrix)
     uncertain = np.linalg.inv(design.T @ design) * float(left @ left) / (len(left) - 9)
-    return TurningCheck(matrix=matrix, said=beside_gravity(matrix, uncertain, before))
+    return beside_gravity(matrix, uncertain, before)
 
 
-def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> tuple[str, ...]:
+def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> TurningCheck:
     """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
     costs = []
     for unit in UNITS:
@@ -111,18 +114,22 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
         costs.append(np.einsum("wi,ij,wj->w", apart, weights, apart))
     same = far_better(np.concatenate(costs))
     ways: list[tuple[Channels, str]] = []
+    of_forces: list[tuple[Channels, str]] = []
     for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
-        own = PERMUTATIONS[permutation]
-        ways.append((_gyros(own, UNITS[number]), ""))
+        own, degrees = PERMUTATIONS[permutation], UNITS[number] != 1.0
+        ways.append((Channels(gyros=reading_of(own.T), degrees=degrees), ""))
         # Accelerometers that are turned see gravity turn as turned gyros do; that all are reversed does not show.
         if np.linalg.det(own) > 0.0 and permutation:
-            ways += [(Channels(reading_of(sign * own), degrees=UNITS[number] != 1.0), "") for sign in (1.0, -1.0)]
+            of_forces += [(Channels(reading_of(sign * own), degrees=degrees), "") for sign in (1.0, -1.0)]
     if ways:
-        return (f"{_words(ways[0][0], 'the accelerometers')}: read it with {advice(ways, before)}",)
+        said = f"{_words(ways[0][0], 'the accelerometers')}: read it with {advice([*ways, *of_forces], before)}"
+        others = advice(of_forces, before) if of_forces else ""
+        return TurningCheck(matrix=matrix, said=(said,), of_forces=others)
     size = float(np.median(np.abs(matrix).max(axis=1)))
     if not 0.5 < size < 2.0:
-        return (f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit",)
-    return ()
+        far = f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit"
+        return TurningCheck(matrix=matrix, said=(far,))
+    return TurningCheck(matrix=matrix)
 
 
 def beside_truth(
@@ -151,7 +158,7 @@ def beside_truth(
     same = same[np.argsort(shares[same], kind="stable")]
     ways = []
     for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
-        ways.append((_gyros(PERMUTATIONS[permutation], UNITS[number]), ""))
+        ways.append((Channels(gyros=reading_of(PERMUTATIONS[permutation].T), degrees=UNITS[number] != 1.0), ""))
     return (f"{_words(ways[0][0], 'the true attitude')}: read it with {advice(ways, before)}",), best
 
 
@@ -163,11 +170,6 @@ def carried(increments: NDArray, windows: NDArray) -> Rotation:
         rows = np.minimum(first + ahead, last)
         found = found * Rotation.from_rotvec(np.where((first + ahead <= last)[:, None], increments[rows], 0.0))
     return found
-
-
-def _gyros(own: NDArray, unit: float) -> Channels:
-    """How gyros are read whose readings are to be multiplied by a signed permutation (3, 3) and a unit."""
-    return Channels(gyros=reading_of(own.T), degrees=unit != 1.0)
 
 
 def _words(channels: Channels, reference: str) -> str:

@@ -102,9 +102,21 @@ def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
     assert truth_check(inspect_record(record)) == ()
     for matrix in PERMUTATIONS[5::11]:
         said = truth_check(inspect_record(replace(record, rate=record.rate @ matrix.T)))
+        assert said
         assert f"read it with --channels w={order_of(matrix)}" in said[0]
-    (said,) = truth_check(inspect_record(replace(record, rate=np.degrees(record.rate))))
-    assert "--channels w=deg" in said
+    said = truth_check(inspect_record(replace(record, rate=np.degrees(record.rate))))
+    assert said
+    assert "--channels w=deg" in said[0]
+
+
+def test_where_the_truth_says_that_the_gyros_are_right_the_accelerometers_are_exchanged():
+    """Slow enough that gravity's turning shows in the accelerometers too."""
+    record = filmed(4, speed=2.0)
+    matrix = PERMUTATIONS[8 + 3]
+    with pytest.raises(InputError, match="the accelerometers are exchanged") as refused:
+        check_record(inspect_record(replace(record, specific_force=record.specific_force @ matrix.T)))
+    assert f"--channels {order_of(matrix)}" in str(refused.value)
+    assert "w=" not in str(refused.value)
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.05, 0.1])

@@ -66,6 +66,15 @@ def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, 
     assert not ((first < row) & (row <= last)).any()
 
 
+def test_a_knock_in_a_channel_whose_steps_hide_its_noise_is_in_no_rest(clean):
+    """Such a channel decides nothing about rests."""
+    coarse = replace(clean, specific_force=np.round(clean.specific_force / 0.5) * 0.5)
+    row = middles(coarse)[0]
+    after = inspect_record(struck(coarse, row)).rests
+    assert len(after.rows) > 5
+    assert all(not (rows.start <= row < rows.stop) for rows in after.rows)
+
+
 def test_a_turn_that_cannot_be_told_leaves_its_move_out(clean):
     row = middles(clean)[1]
     rate = clean.rate.copy()
