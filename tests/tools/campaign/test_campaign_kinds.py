@@ -182,8 +182,8 @@ def test_a_column_becomes_a_number(take):
 
 
 def test_hidden_effect_cases_are_those_of_the_suite():
-    text = "seed = 5\nrepeats = 1\n[hidden]\neffects = ['quadratic']\npositions = [20, 30]\nnoise = 'uniform'\n"
-    suite: Any = run_suite(Options("single", ("quadratic",), (20, 30), "uniform"), 1, 5)
+    text = "seed = 5\nrepeats = 1\n[hidden]\neffects = ['quadratic']\npositions = [14, 18]\nnoise = 'uniform'\n"
+    suite: Any = run_suite(Options("single", ("quadratic",), (14, 18), "uniform"), 1, 5)
     found = results(parsed(text + "[keep]\ndiagnosis = true\n"))
     for outcome, result in zip(suite.results, found, strict=True):
         assert result.scalars["outcome"] == outcome.outcome == "right"

@@ -89,7 +89,7 @@ def first_words(found: Diagnosis) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("change", [swinging_scale, rate_in_waves])
+@pytest.mark.parametrize("change", [swinging_scale, pytest.param(rate_in_waves, marks=pytest.mark.acceptance)])
 def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_stretches_no_bound(change, seed):
     clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).head()["noise_bound_arcmin"]
     found: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
@@ -105,7 +105,7 @@ def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_s
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("change", [swinging_bias, two_biases])
+@pytest.mark.parametrize("change", [swinging_bias, pytest.param(two_biases, marks=pytest.mark.acceptance)])
 def test_a_bias_that_is_not_constant_at_rest_is_said_in_the_verdict_and_is_no_noise(change, seed):
     record, clean = (drawn_record(seed, which, filmed=False)[0] for which in (change, unchanged))
     found, without = diagnose(record, rerun=False), carried_evidence(clean).head()["noise_bound_arcmin"]

@@ -27,7 +27,7 @@ def part_of(name: str, cases: int) -> Any:
 
 
 def test_nothing_is_named_on_clean_records_of_every_noise():
-    suite = part_of("quick-clean", 6)
+    suite = part_of("quick-clean", 3)
     assert suite.outcomes == {"right": suite.cases}
     assert {outcome.noise for outcome in suite.results} == {"uniform", "edge", "correlated"}
     assert {len(outcome.mountings) for outcome in suite.results} == {1, 2}
@@ -176,7 +176,7 @@ def test_wrong_options_are_refused_in_one_line(options, message):
 
 def test_a_suite_from_the_command_line(tmp_path, capsys):
     out = tmp_path / "suite"
-    words = ["hidden", "--cases", "2", "--seed", "5", "--effects", "quadratic", "--positions", "20", "30"]
+    words = ["hidden", "--cases", "2", "--seed", "5", "--effects", "quadratic", "--positions", "14", "18"]
     assert cli.main([*words, "--noise", "uniform", "--out", str(out)]) == 0
     assert capsys.readouterr().out.startswith("2 cases (single), seed 5: right 2")
     suite = Suite.model_validate_json((out / "suite.json").read_text(encoding="utf-8"))
@@ -185,7 +185,7 @@ def test_a_suite_from_the_command_line(tmp_path, capsys):
     assert (out / "cases.csv").read_text(encoding="utf-8").count("\n") == 3
     assert "<svg" in (out / "index.html").read_text(encoding="utf-8")
     for index, result in enumerate(suite.results):
-        case = draw_case(Options("single", ("quadratic",), (20, 30), "uniform"), 5, index)
+        case = draw_case(Options("single", ("quadratic",), (14, 18), "uniform"), 5, index)
         assert result.places == case.places
     assert len(list((out / "records").glob("case-*.csv"))) == 2
 
