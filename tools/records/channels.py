@@ -167,7 +167,7 @@ def advice(ways: Sequence[tuple[Channels, str]], before: Channels | None) -> str
     ways = sorted(ways, key=lambda way: (len(way[0].options), way[0].accelerometers != Channels().accelerometers))
     said = []
     for channels, instead in ways[:MOST_LISTED]:
-        said += [str(channels.after(before or Channels())) or "the file as it stands"]
+        said += [str(channels.after(before or Channels())) or "no --channels"]
         said += [instead] if instead else []
     more = [f"{len(ways) - MOST_LISTED} more"] if len(ways) > MOST_LISTED else []
     others = "; or ".join([*said[1:], *more])
