@@ -8,7 +8,8 @@ import numpy as np
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.trials import suite
 from trihedron.tools.trials.bench import bench_positions, draw_truth, plain_bench
-from trihedron.tools.trials.draw import Case, draw_alone
+from trihedron.tools.trials.case import Case
+from trihedron.tools.trials.draw import draw_alone
 from trihedron.tools.trials.sizes import Hidden
 
 

@@ -18,7 +18,8 @@ from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports import document_of
 from trihedron.tools.result import Result
 from trihedron.tools.trials.bench import NOISE_BOUND
-from trihedron.tools.trials.draw import Options, draw_alone, draw_case
+from trihedron.tools.trials.case import Options
+from trihedron.tools.trials.draw import draw_alone, draw_case
 
 NEAR_THE_LEAST = Options(strapdown=True, effects=("quadratic",), size=(1.0, 2.0))
 """So little of a quadratic term that a moved block does not tell it from an asymmetric scale factor."""

@@ -12,7 +12,8 @@ import pytest
 
 from trihedron.tools.calibration.model import PRESETS
 from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND
-from trihedron.tools.trials.draw import Case, draw_case
+from trihedron.tools.trials.case import Case
+from trihedron.tools.trials.draw import draw_case
 from trihedron.tools.trials.outcome import Outcome, diagnosed, judged
 from trihedron.tools.trials.suite import detection, named_suite, run_suite
 from unknown_effects import LEAST_RADIUS, draw_unknown

@@ -11,7 +11,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
-from trihedron.tools.trials.draw import Case
+from trihedron.tools.trials.case import Case
 from trihedron.tools.trials.outcome import diagnosed
 from trihedron.tools.trials.sizes import Hidden
 

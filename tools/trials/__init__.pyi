@@ -1,8 +1,8 @@
 from .bench import draw_truth as draw_truth
 from .bench import true_elementary as true_elementary
-from .draw import Case as Case
-from .draw import Options as Options
-from .draw import check_seed as check_seed
+from .case import Case as Case
+from .case import Options as Options
+from .case import check_seed as check_seed
 from .draw import draw_alone as draw_alone
 from .draw import draw_case as draw_case
 from .outcome import diagnosed as diagnosed

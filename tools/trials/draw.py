@@ -4,17 +4,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
-from ..diagnosis.cause import NamedEffect
 from ..errors import InputError, nearest
 from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried import Carried
@@ -22,11 +20,9 @@ from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Classes, coefficient_count, contains
 from ..motion.inspect import inspect_record
-from ..own_effects import OwnEffects
 from .bench import (
     DWELL_S,
     NOISE_BOUND,
-    Bench,
     bench_positions,
     classes_with,
     draw_bench,
@@ -46,13 +42,9 @@ from .block import (
     draw_instruments,
     draw_motion,
 )
+from .case import NOISES, TAKEN_OUT, Case, Options, check_seed, hidden_effects
 from .sizes import Hidden, SureSizes, Way, level_margins, sizes_of_way, sure_sizes
 
-MODES = ("clean", "single", "between", "pairs")
-NOISES = ("uniform", "edge", "correlated")
-NOT_DRAWN = ("exchanged-readings", "thermal-lag")
-"""What no suite of a table's positions hides. Exchanged channels have no size that could be near that of detection;
-what a lag remembers of the time before a record no record says."""
 ADDING = ("reading_effects", "geometry_effects")
 """Stages of effects that are not linear but for a time that is found."""
 ABOVE = 1.5
@@ -63,117 +55,15 @@ TRIES, BLOCK_TRIES = 10, 40
 """Effects that are drawn for one bench before another one is drawn; for one moved block."""
 MOST_BENCHES = 60
 """Benches that are drawn for one case."""
-ALONE_SIZES, BLOCK_SIZES = (3.0, 6.0), (2.0, 3.0)
-"""Sizes relative to that of sure detection: of a single record of a bench, of records of a moved block."""
+ALONE_SIZES = (3.0, 6.0)
+"""Sizes relative to that of sure detection, of a single record of a bench."""
 RATES_HZ = (50.0, 100.0, 200.0)
 BASELINE = {"gravity": "calibrated", "truth": "nominal"}
 """What the diagnosis of a moved block takes for known, by the record's reference."""
-TAKEN_OUT = ("gyro-bias",)
-"""The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
 MIDDLE_OF_RECORD = 0.2, 0.8
 """Parts of the times at which an effect may set in."""
 UNSEEN_BETWEEN_RESTS = ("lag", "latency", "latency-step")
 """A lag turns nothing from one rest to the next."""
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A record to be made: an instrument with its secret."""
-
-    seed: int
-    index: int | None
-    """of the case in its suite, with the seed it decides everything; None: a record by itself"""
-    instrument: Any
-    """`Bench` of a record of a table's positions, or `Block` moved by hand"""
-    hidden: tuple[Hidden, ...] = ()
-    """empty for a clean record"""
-    redrawn: int = 0
-    """effects that were drawn and put aside, as no possible size would do"""
-
-    @property
-    def places(self) -> tuple[EffectPlace, ...]:
-        """What is hidden."""
-        return tuple(hidden.place for hidden in self.hidden)
-
-    def measured(self, *, progress: bool = False) -> Any:
-        """The record, of positions or strapdown: what a laboratory would hand over, and nothing else."""
-        return self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
-
-    def answer(self) -> dict[str, Any]:
-        """The secret, for whoever wants to compare."""
-        own, hidden = self.instrument, next(iter(self.hidden), None)
-        if isinstance(own, Bench):
-            told = {"effect": None}
-            if hidden is not None:
-                told = {**NamedEffect.keys(hidden.place), "parameters": hidden.parameters}
-            return {"hidden": told, "seed": self.seed, "truth": own.truth}
-        return {
-            "seed": self.seed,
-            "case": self.index,
-            "reference": own.reference,
-            "hidden": None if hidden is None else hidden.entry,
-            "size": 0.0 if hidden is None else hidden.relative_size,
-            "stamps_jitter_periods": own.jitter,
-            "gyros": dict(own.instruments.gyros),
-            "accelerometers": dict(own.instruments.accelerometers),
-        }
-
-
-@dataclass(frozen=True)
-class Options:
-    """What is drawn."""
-
-    mode: str = "single"
-    """of `MODES` "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block one of
-    `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
-    sizes"""
-    effects: tuple[str, ...] = ()
-    """names to draw from; empty: all that a record can hide"""
-    positions: tuple[int, int] = (12, 100)
-    """of a table: fewest and most"""
-    noise: str = "all"
-    """of benches: "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after the
-    other"""
-    size: tuple[float, float] | None = None
-    """sizes relative to that of sure detection, in place of those of the mode"""
-    strapdown: bool = False
-    """records of a block moved by hand; else of a table's positions"""
-    own: OwnEffects | None = None
-    """a file of effects of the user's own, which are tried, too, and may be hidden"""
-
-    def __post_init__(self) -> None:
-        if self.strapdown:
-            self._check_of_block()
-            return
-        if self.mode not in MODES:
-            raise InputError(f"--mode {self.mode}: {nearest(self.mode, MODES)}")
-        if self.noise not in (*NOISES, "all"):
-            raise InputError(f"--noise {self.noise}: {nearest(self.noise, (*NOISES, 'all'))}")
-        for name in self.effects:
-            if name not in hidden_effects():
-                raise InputError(f"--effects {name}: {nearest(name, hidden_effects())}")
-        low, high = self.positions
-        if not 6 <= low <= high <= 1000:
-            raise InputError(f"--positions {low} {high}: must be two whole numbers from 6 to 1000, the lesser first")
-        if self.size is not None and not 0.0 < self.size[0] <= self.size[1] < 1e6:
-            raise InputError(
-                f"--size {self.size[0]:g} {self.size[1]:g}: must be two positive numbers, the lesser first"
-            )
-
-    def _check_of_block(self) -> None:
-        low, high = self.sizes
-        if not 0.0 < low <= high <= 1e3:
-            raise InputError(f"--size {low:g} {high:g}: give the least and the greatest, above 0")
-        for name in () if self.mode == "clean" else self.effects:
-            if name not in hideable_in_block():
-                raise InputError(
-                    f"--effect {name}: not one that can be hidden here; {nearest(name, hideable_in_block())}"
-                )
-
-    @property
-    def sizes(self) -> tuple[float, float]:
-        """Least and largest size of an effect in a block, relative to that of sure detection."""
-        return self.size or BLOCK_SIZES
 
 
 def draw_case(options: Options, seed: int, index: int) -> Case:
@@ -188,17 +78,6 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
         return _draw_bench_case(options, seed, index)
     clean = draw_clean_block(seed, index)
     return clean if options.mode == "clean" else _hidden_in_block(clean, options)
-
-
-def hidden_effects() -> tuple[str, ...]:
-    """What a suite of a table's positions hides."""
-    return tuple(name for name in POSITION_EFFECTS if name not in NOT_DRAWN)
-
-
-def check_seed(seed: int) -> None:
-    """Refuse a seed that the components' generators do not take."""
-    if not 0 <= seed < 2**31:
-        raise InputError(f"--seed {seed}: must be a whole number from 0 to {2**31 - 1}")
 
 
 # Records of a table's positions, in suites
@@ -464,13 +343,6 @@ def _sure_size(nominal: NDArray, unit: NDArray, bound: float) -> float:
 
 
 # Records of a block moved by hand
-
-
-def hideable_in_block() -> tuple[str, ...]:
-    """Names of effects that some record of a moved block can hide."""
-    forces = [e.name for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock" and e.variants is None]
-    own = [e.name for e in STRAPDOWN_EFFECTS.values() if e.variants is None and e.name not in TAKEN_OUT]
-    return (*own, *forces)
 
 
 def draw_clean_block(seed: int, index: int, reference: Reference | None = None) -> Case:

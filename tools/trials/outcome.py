@@ -11,7 +11,7 @@ from ..diagnosis.cause import NamedEffect
 from ..records import PositionRecord, StrapdownRecord
 from ..result import ABSENT, Told, finite_or_none
 from .bench import NOISE_BOUND, Bench
-from .draw import Case
+from .case import Case
 from .sizes import Hidden
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")

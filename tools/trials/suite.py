@@ -26,7 +26,8 @@ from ..result import ABSENT, Result, Told
 from ..rounding import digits, exactly
 from ..workers import completed, started
 from .bench import RECORD_DECIMALS
-from .draw import Case, Options, draw_alone, draw_case
+from .case import Case, Options
+from .draw import draw_alone, draw_case
 from .outcome import KINDS, Outcome, diagnosed, judged
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from trihedron.tools.motion.compare import read_increments
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.run import PreparedScenario
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
-from trihedron.tools.trials.draw import Options
+from trihedron.tools.trials.case import Options
 from trihedron.tools.trials.suite import run_suite
 
 ROOT = Path(__file__).resolve().parents[3]

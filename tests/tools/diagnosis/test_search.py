@@ -24,7 +24,7 @@ from trihedron.tools.records.channels import Channels
 from trihedron.tools.reports.diagnosis import lines as told_lines
 from trihedron.tools.reports.diagnosis import verdict_sentence
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
-from trihedron.tools.trials.draw import Case
+from trihedron.tools.trials.case import Case
 from trihedron.tools.trials.outcome import diagnosed
 from trihedron.tools.trials.sizes import Hidden
 

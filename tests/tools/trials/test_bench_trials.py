@@ -12,7 +12,8 @@ from trihedron.models.effects import CATALOGUE
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors, expected, faultless_record
-from trihedron.tools.trials.draw import Case, Options, draw_case
+from trihedron.tools.trials.case import Case, Options
+from trihedron.tools.trials.draw import draw_case
 from trihedron.tools.trials.outcome import diagnosed, judged
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
@@ -196,7 +197,7 @@ from pathlib import Path
 
 import polars
 
-from trihedron.tools.trials.draw import Options
+from trihedron.tools.trials.case import Options
 from trihedron.tools.trials.suite import run_suite
 
 polars.DataFrame({"x": [1.0, 2.0]}).select(polars.col("x").sum())

@@ -26,14 +26,8 @@ from trihedron.tools.trials.block import (
     flicker_noise,
     without_coning,
 )
-from trihedron.tools.trials.draw import (
-    Options,
-    draw_case,
-    draw_clean_block,
-    evidence_of,
-    hideable_in_block,
-    size_in_block,
-)
+from trihedron.tools.trials.case import Options, hideable_in_block
+from trihedron.tools.trials.draw import draw_case, draw_clean_block, evidence_of, size_in_block
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.suite import Suite, run_suite
 
