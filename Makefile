@@ -13,7 +13,7 @@ READY = $(VENV)/.ready
 WORKERS ?= 2
 PYTEST = $(BIN)/python -m pytest -c tests/pytest.ini --rootdir tests
 
-.PHONY: demo test acceptance bench lint docs case-studies setup wheel clean
+.PHONY: demo test acceptance bench lint docs case-studies setup lowest pythons wheel clean
 
 demo: $(READY)
 	$(BIN)/trihedron demo --out demo-results
@@ -54,6 +54,30 @@ $(READY): pyproject.toml
 build/typing/trihedron:
 	mkdir -p build/typing
 	ln -sfn ../.. build/typing/trihedron
+
+# A part of the tests that takes a minute or two: records, programmes, runs of FMUs, refusals.
+PART = $(addprefix tests/,tools/records tools/bounded tools/orchestrator tools/cli/test_mistakes.py tools/test_files.py fmus/test_cache.py)
+PART_OF_TESTS = -m pytest -c tests/pytest.ini --rootdir tests -q -p no:cacheprovider -W ignore::DeprecationWarning \
+	-m "not acceptance and not benchmark_ratio" $(PART)
+
+# The demo and that part with every dependency at the version that pyproject.toml asks for at the least.
+lowest:
+	@test -n "$(PYTHON)" || { echo "Trihedron needs Python 3.11 or newer; name one with PYTHON=..." >&2; exit 2; }
+	rm -rf build/lowest && $(PYTHON) -m venv build/lowest
+	$(PYTHON) tests/lowest.py > build/lowest/requirements.txt
+	PYTHONWARNINGS=ignore build/lowest/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r build/lowest/requirements.txt -e . "pytest>=8" "hypothesis>=6.100" "pytest-xdist>=3.5"
+	build/lowest/bin/trihedron demo --no-show --out build/lowest/demo --quiet
+	build/lowest/bin/python $(PART_OF_TESTS) -n $(WORKERS)
+
+# That part on every other Python that is here, with the newest releases.
+pythons:
+	for p in python3.12 python3.13; do $$p -c "" 2>/dev/null || { echo "no $$p here"; continue; }; \
+		rm -rf build/$$p && $$p -m venv build/$$p && \
+		PYTHONWARNINGS=ignore build/$$p/bin/python -m pip install --quiet --disable-pip-version-check \
+			-e . "pytest>=8" "hypothesis>=6.100" "pytest-xdist>=3.5" && \
+		build/$$p/bin/trihedron demo --no-show --out build/$$p/demo --quiet && \
+		build/$$p/bin/python $(PART_OF_TESTS) -n $(WORKERS) || exit 1; done
 
 # The wheel holds native FMUs of every component for all platforms, which ziglang compiles; the checkout has none.
 WHEEL = build/wheel

@@ -268,7 +268,7 @@ def _cluster(jobs: int, scheduler: str | None) -> Iterator[_Cluster]:
     quiet = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "10s"}
     with config.set(quiet), _silent_logs(), contextlib.ExitStack() as stack:
         if scheduler is None:
-            options: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
+            options: dict[str, Any] = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
             cluster: Any = LocalCluster(n_workers=jobs, threads_per_worker=1, **options)
             stack.callback(_close, cluster)
             client = stack.enter_context(Client(cluster))

@@ -1,0 +1,17 @@
+"""Print what pyproject.toml asks for at the least, as requirements: `name==version`, a line for each dependency."""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+
+def lowest(project: str) -> list[str]:
+    """Each dependency of a pyproject.toml at the version that it names."""
+    named = tomllib.loads(project)["project"]["dependencies"]
+    found = [re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named]
+    return [f"{match[1]}=={match[2]}" for match in found if match]
+
+
+if __name__ == "__main__":
+    sys.stdout.write("\n".join(lowest(Path("pyproject.toml").read_text(encoding="utf-8"))) + "\n")
