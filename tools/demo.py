@@ -25,8 +25,8 @@ from .motion.attitude import attitude_of_record, rate_at_rest
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
-from .reports.band import sections as band_sections
 from .reports.bench import run_section
+from .reports.beyond import sections as band_sections
 from .reports.calibration import calibration_section
 from .reports.diagnosis import sections_of
 from .reports.inspection import attitude_lines, attitude_section

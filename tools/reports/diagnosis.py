@@ -6,52 +6,30 @@ from pathlib import Path
 
 import numpy as np
 
-from ..diagnosis.cause import Cause, Finding
+from ..diagnosis.cause import Cause
+from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.order import is_stable
 from ..diagnosis.result import Diagnosis, EffectWitness, OrderOfEffects, Witness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
 from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
-from . import band, bench, calibration, evidence
-from .bench import of_bench
-from .hypotheses import hypothesis_lines, hypothesis_section
+from . import bench, beyond, calibration, evidence
+from .bench import cause_lines, of_bench
 from .inspection import carried_section, record_sections
-from .levels import level_lines, level_section, only_unlisted, proven_text
 from .makers import cited, versions
 from .pictures.residuals import gain_picture, held_out
+from .verdict import cut_off, sentence_of, sentences_of, sets_of, verdict_line, verdict_sentence
 
-FEW_RIVALS = 3
-"""Up to so many sets of effects are named in the verdict."""
 MOST_SETS = 6
 """So many sets that remain are printed."""
-TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
-OTHERS_MAY = "and others may that were not tried: the search was cut off"
-OF_CARRIED = {
-    "consistent": "consistent: the simulation explains the record within its noise; no effect is named",
-    "insufficient": "insufficient: the record cannot tell whether the simulation is wrong",
-    "explained": "explained: a smallest set of effects brings every error within its bound, and no other does",
-    "ambiguous": "ambiguous: several sets of effects would bring every error within its bound",
-    "unexplained": "unexplained: the simulation is falsified and nothing that can be named mends it",
+ANSWERS = {
+    "stands": "stands: it brings every error within its bound",
+    "refuted": "refuted: no coefficients bring every error within its bound",
+    "not needed": "not needed: the model stands without it",
+    "cannot be told": "cannot be told: the model has the same in it, or the record is too short",
 }
-"""The verdicts on a block that is carried."""
-
-
-def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
-    """The sets that remain, the best first; one where a cause is named."""
-    return result.findings if result.causes else ()
-
-
-def sentence_of(cause: Cause, result: Diagnosis) -> str:
-    """What an engineer is told of a cause; latency also in samples."""
-    if cause.place.effect == "latency":
-        return f"{cause.sentence}, {digits(abs(cause.values[0]) / result.evidence.found.sampling.period)} samples"
-    return cause.sentence
-
-
-def sentences_of(finding: Finding, result: Diagnosis) -> str:
-    """What an engineer is told of the causes of a set."""
-    return "; ".join(sentence_of(cause, result) for cause in finding.causes)
+TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 
 
 def containing_titles(result: Diagnosis) -> list[str]:
@@ -64,27 +42,17 @@ def containing_titles(result: Diagnosis) -> list[str]:
 
 def lines(result: Diagnosis) -> list[str]:
     """Verdict, evidence, causes and gain."""
-    said = [(bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]]
-    if only_unlisted(result):
-        said = ["ambiguous: a set of effects makes the model consistent, and so does what is in no catalogue"]
-    if result.verdict == "ambiguous" and result.cut_off_at is not None:
-        if len(sets_of(result)) == 1:
-            said[0] = said[0].replace("several sets", "a set")
-        said[0] += f", {OTHERS_MAY}"
-    if proviso := evidence.as_stated(result):
-        said[0] += f"; {proviso}"
-    if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
-        said = ["unexplained: the model is falsified, and nothing that was tried mends it"]
+    said = [verdict_line(result)]
     why = result.not_named or ()
     said += [f"not named: {text}" for text in why[:MOST_SETS]]
     said += [f"not named: {len(why) - MOST_SETS} sets more"] if len(why) > MOST_SETS else []
     said += [f"against the first set: {text}" for text in result.objections or ()]
     said += hypothesis_lines(result)
-    said += level_lines(result)
+    said += beyond.level_lines(result)
     said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
     said += [f"caution: {text}" for text in result.caution or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
-    said += band.lines(result)
+    said += beyond.lines(result)
     bound = float(result.evidence.calibration.linearised.bound.min()) if result.next_positions else None
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position, bound)}")
@@ -292,7 +260,7 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
     return Page(
         f"Diagnosis of {name}",
         verdict_sentence(result),
-        [*band.sections(result), *first, *sections_of(result)],
+        [*beyond.sections(result), *first, *sections_of(result)],
         tone=TONES.get(result.verdict, "attention"),
         key=key,
         provenance=rests_on,
@@ -327,78 +295,6 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
     return given | versions()
 
 
-def cut_off(size: int) -> str:
-    """That the search was cut off among sets of a size, and after what."""
-    smaller = {1: "", 2: "no single effect will do; ", 3: "no set of one or two effects will do; "}[size]
-    sets = {1: "single effects", 2: "sets of two", 3: "sets of three"}[size]
-    return f"the search was cut off: {smaller}{sets} were not all tried"
-
-
-def verdict_sentence(result: Diagnosis) -> str:
-    """The verdict, with the cause when one is named, and on whose word it rests."""
-    proviso = evidence.as_stated(result)
-    return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
-
-
-def _verdict(result: Diagnosis) -> str:
-    lacks = "The simulation lacks something"
-    if result.verdict == "explained":
-        return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
-    if result.verdict == "ambiguous":
-        against = f" But {result.objections[0]}." if result.objections else ""
-        if only_unlisted(result):
-            against += f" {sentence(result.caution[0])}"
-        return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
-    if of_bench(result):
-        nominal = result.evidence.calibration
-        if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
-            said = sentence(cut_off(result.cut_off_at))
-            return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
-        if result.verdict == "unexplained" and (said := proven_text(result)):
-            return f"{lacks}, and what is {said}."
-        if result.verdict == "unexplained":
-            least = f"no parameters leave less than {residual(nominal.radius)} σ"
-            if result.not_named:
-                return f"{lacks}: {least}, and {result.not_named[0]}."
-            said = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
-            return f"{said} {band.beyond_words(result)}".rstrip()
-        if result.verdict == "insufficient":
-            open_ones = bench.open_targets(nominal)
-            return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
-        return sentence(bench.VERDICTS[result.verdict])
-    if result.verdict == "unexplained":
-        why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
-        if result.cut_off_at is not None and not result.not_named:
-            why = cut_off(result.cut_off_at)
-        return f"{lacks}: its largest error is {residual(result.baseline.radius or 0.0)} times its bound, and {why}."
-    if result.verdict == "insufficient" and result.missing:
-        return f"Too little was measured to judge the simulation. To add: {'; '.join(map(str, result.missing))}."
-    if result.verdict == "consistent" and result.baseline.radius is not None:
-        return (
-            "Consistent: the simulation explains the record within its noise; no error is more than "
-            f"{residual(result.baseline.radius)} of its bound, and no effect is named."
-        )
-    return sentence(OF_CARRIED[result.verdict])
-
-
-def rivals(result: Diagnosis) -> str:
-    """The sets of effects that remain, few by their names, and what further positions would do."""
-    sets = sets_of(result)
-    named = (
-        " or ".join(finding.title for finding in sets) if len(sets) <= FEW_RIVALS else f"{len(sets)} sets of effects"
-    )
-    others = "" if result.cut_off_at is None else f", {OTHERS_MAY}"
-    said = f"{named} would explain it{others}."
-    proposed = len(result.next_positions or ())
-    if not proposed:
-        return said
-    sure = len(bench.deciding(result.evidence.calibration.linearised, result.next_positions or ()))
-    if sure == proposed:
-        return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
-    tells = "none surely tells" if not sure else "one surely tells" if sure == 1 else f"{sure} surely tell"
-    return f"{said} Of {proposed} further positions that are proposed {tells} two of them apart."
-
-
 def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
     """From the residuals to what is excluded and what to measure next; `files` belong to the cause."""
     if of_bench(result):
@@ -415,7 +311,7 @@ def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Sect
         *errors,
         cause_section(result, files or []),
         hypothesis_section(result),
-        level_section(result),
+        beyond.level_section(result),
         values,
         proof,
         evidence.ranking_section(result),
@@ -465,7 +361,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
         said,
         table=Table(header, rows).told(),
         files=files,
-        equations=() if named else bench.cause_lines([cause for finding in shown for cause in finding.causes]),
+        equations=() if named else cause_lines([cause for finding in shown for cause in finding.causes]),
     )
 
 
@@ -523,3 +419,64 @@ def sources(result: Diagnosis) -> list[str]:
             gained and "fmi",
         ),
     ]
+
+
+# Formulas that a person states
+
+
+def hypothesis_lines(result: Diagnosis) -> list[str]:
+    """Each formula with its answer, its coefficients and what speaks for others."""
+    said = []
+    for one in result.hypotheses or ():
+        radius = f"radius {residual(one.radius_before)} -> {residual(one.radius)}"
+        said.append(f"hypothesis {one.formula}: {ANSWERS[one.answer]}; {radius}")
+        for p in one.parameters:
+            shown, *ends = interval(p.estimate, *_ends(p.low, p.high))
+            said.append(f"  {p.name} {shown}, within [{', '.join(ends)}] {unit_of(p.unit)}".rstrip())
+        said += [f"  {text}" for text in _besides(one, result.unit or "g")]
+    return said
+
+
+def hypothesis_section(result: Diagnosis) -> Section | None:
+    """The formulas that were asked about, with their answers."""
+    if not result.hypotheses:
+        return None
+    rows: list[list[Cell]] = []
+    said: list[str] = []
+    equations: list[str] = []
+    for one in result.hypotheses:
+        text = "; ".join([ANSWERS[one.answer], *_besides(one, result.unit or "g")])
+        said.append(sentence(f"{one.formula}: {text}"))
+        radii = [residual(one.radius_before), residual(one.radius)]
+        for p in one.parameters:
+            ends = interval(p.estimate, *_ends(p.low, p.high))
+            rows.append([one.formula, one.answer, *radii, p.name, *ends, unit_text(p.unit)])
+        if not one.parameters:
+            rows.append([one.formula, one.answer, *radii, None, None, None, None, None])
+        if one.finding is not None:
+            equations += cause_lines([one.finding.causes[-1]])
+    header = ["formula", "answer", "radius without", "with", "coefficient", "estimate", "low", "high", "unit"]
+    return Section("Hypotheses", said, table=Table(header, rows), equations=tuple(equations))
+
+
+def _besides(one: Hypothesis, unit: str) -> list[str]:
+    """What was left out says of a formula, what it is by another name, and what would do as well."""
+    said = [f"against it: {text}" for text in one.objections]
+    if one.gain is not None:
+        said.append(
+            f"not used, simulated again: rms {digits(one.gain.held_out_rms_before)} -> "
+            f"{digits(one.gain.held_out_rms_after)} {unit}"
+        )
+    if one.equivalents:
+        said.append(f"by another name: {', '.join(other.place.title for other in one.equivalents)}")
+    if one.as_well:
+        sets = [" and ".join(named.place.title for named in places) for places in one.as_well]
+        more = f"; {len(sets) - 3} sets more" if len(sets) > 3 else ""
+        said.append(f"would do as well: {'; '.join(sets[:3])}{more}")
+    elif one.answer == "stands":
+        said.append("nothing in the catalogue that was tried, of this size or smaller, would do as well")
+    return said
+
+
+def _ends(low: float | None, high: float | None) -> tuple[float, float]:
+    return (-float("inf") if low is None else low, float("inf") if high is None else high)

@@ -22,7 +22,7 @@ from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.records.channels import Channels
 from trihedron.tools.reports.diagnosis import lines as told_lines
-from trihedron.tools.reports.diagnosis import verdict_sentence
+from trihedron.tools.reports.verdict import verdict_sentence
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.case import Case
 from trihedron.tools.trials.outcome import diagnosed

@@ -1,0 +1,131 @@
+"""The verdict of a diagnosis in words, whatever the record: what is named, what else would do, what was not tried."""
+
+from ..diagnosis.cause import Cause, Finding
+from ..diagnosis.result import Diagnosis
+from ..document.notation import sentence
+from ..rounding import digits, residual
+from . import bench, beyond, evidence
+from .bench import of_bench
+
+FEW_RIVALS = 3
+"""Up to so many sets of effects are named in the verdict."""
+OTHERS_MAY = "and others may that were not tried: the search was cut off"
+OF_CARRIED = {
+    "consistent": "consistent: the simulation explains the record within its noise; no effect is named",
+    "insufficient": "insufficient: the record cannot tell whether the simulation is wrong",
+    "explained": "explained: a smallest set of effects brings every error within its bound, and no other does",
+    "ambiguous": "ambiguous: several sets of effects would bring every error within its bound",
+    "unexplained": "unexplained: the simulation is falsified and nothing that can be named mends it",
+}
+"""The verdicts on a block that is carried."""
+
+
+def verdict_line(result: Diagnosis) -> str:
+    """The first line for a terminal: the verdict, and on whose word it rests."""
+    said = (bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]
+    if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
+        return "unexplained: the model is falsified, and nothing that was tried mends it"
+    if only_unlisted(result):
+        said = "ambiguous: a set of effects makes the model consistent, and so does what is in no catalogue"
+    if result.verdict == "ambiguous" and result.cut_off_at is not None:
+        if len(sets_of(result)) == 1:
+            said = said.replace("several sets", "a set")
+        said += f", {OTHERS_MAY}"
+    proviso = evidence.as_stated(result)
+    return f"{said}; {proviso}" if proviso else said
+
+
+def verdict_sentence(result: Diagnosis) -> str:
+    """The verdict, with the cause when one is named, and on whose word it rests."""
+    proviso = evidence.as_stated(result)
+    return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
+
+
+def _verdict(result: Diagnosis) -> str:
+    lacks = "The simulation lacks something"
+    if result.verdict == "explained":
+        return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
+    if result.verdict == "ambiguous":
+        against = f" But {result.objections[0]}." if result.objections else ""
+        if only_unlisted(result):
+            against += f" {sentence(result.caution[0])}"
+        return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
+    if of_bench(result):
+        nominal = result.evidence.calibration
+        if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
+            said = sentence(cut_off(result.cut_off_at))
+            return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
+        if result.verdict == "unexplained" and (said := beyond.proven_text(result)):
+            return f"{lacks}, and what is {said}."
+        if result.verdict == "unexplained":
+            least = f"no parameters leave less than {residual(nominal.radius)} σ"
+            if result.not_named:
+                return f"{lacks}: {least}, and {result.not_named[0]}."
+            said = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+            return f"{said} {beyond.beyond_words(result)}".rstrip()
+        if result.verdict == "insufficient":
+            open_ones = bench.open_targets(nominal)
+            return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
+        return sentence(bench.VERDICTS[result.verdict])
+    if result.verdict == "unexplained":
+        why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
+        if result.cut_off_at is not None and not result.not_named:
+            why = cut_off(result.cut_off_at)
+        return f"{lacks}: its largest error is {residual(result.baseline.radius or 0.0)} times its bound, and {why}."
+    if result.verdict == "insufficient" and result.missing:
+        return f"Too little was measured to judge the simulation. To add: {'; '.join(map(str, result.missing))}."
+    if result.verdict == "consistent" and result.baseline.radius is not None:
+        return (
+            "Consistent: the simulation explains the record within its noise; no error is more than "
+            f"{residual(result.baseline.radius)} of its bound, and no effect is named."
+        )
+    return sentence(OF_CARRIED[result.verdict])
+
+
+def rivals(result: Diagnosis) -> str:
+    """The sets of effects that remain, few by their names, and what further positions would do."""
+    sets = sets_of(result)
+    named = (
+        " or ".join(finding.title for finding in sets) if len(sets) <= FEW_RIVALS else f"{len(sets)} sets of effects"
+    )
+    others = "" if result.cut_off_at is None else f", {OTHERS_MAY}"
+    said = f"{named} would explain it{others}."
+    proposed = len(result.next_positions or ())
+    if not proposed:
+        return said
+    sure = len(bench.deciding(result.evidence.calibration.linearised, result.next_positions or ()))
+    if sure == proposed:
+        return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
+    tells = "none surely tells" if not sure else "one surely tells" if sure == 1 else f"{sure} surely tell"
+    return f"{said} Of {proposed} further positions that are proposed {tells} two of them apart."
+
+
+def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
+    """The sets that remain, the best first; one where a cause is named."""
+    return result.findings if result.causes else ()
+
+
+def sentence_of(cause: Cause, result: Diagnosis) -> str:
+    """What an engineer is told of a cause; latency also in samples."""
+    if cause.place.effect == "latency":
+        return f"{cause.sentence}, {digits(abs(cause.values[0]) / result.evidence.found.sampling.period)} samples"
+    return cause.sentence
+
+
+def sentences_of(finding: Finding, result: Diagnosis) -> str:
+    """What an engineer is told of the causes of a set."""
+    return "; ".join(sentence_of(cause, result) for cause in finding.causes)
+
+
+def cut_off(size: int) -> str:
+    """That the search was cut off among sets of a size, and after what."""
+    smaller = {1: "", 2: "no single effect will do; ", 3: "no set of one or two effects will do; "}[size]
+    sets = {1: "single effects", 2: "sets of two", 3: "sets of three"}[size]
+    return f"the search was cut off: {smaller}{sets} were not all tried"
+
+
+def only_unlisted(result: Diagnosis) -> bool:
+    """Whether a record is ambiguous only by what is in no catalogue."""
+    return (
+        of_bench(result) and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False
+    )
