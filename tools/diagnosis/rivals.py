@@ -12,8 +12,8 @@ from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import Table
 from ..bounded.programmes import column_space
 from ..bounded.sets import Work
-from ..evidence.evidence import Evidence, estimated, least_radius
-from ..evidence.fit import Fit
+from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit, estimated, least_radius
 from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair
 from ..rounding import digits
 from .dependence import LARGEST_PART, RIVAL, Dependence, Standing

@@ -3,49 +3,40 @@
 The simulation is run about the calibrated block, and once more about one large effect.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
 from ..bounded.sets import Work
 from ..errors import InputError
-from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of, rotation_of
+from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import Inspection, inspect_record
-from ..motion.norm import LARGEST, NAMES, inputs_of
+from ..motion.norm import LARGEST, NAMES, inputs_of, norm_equations
 from ..motion.rest_noise import gyro_noise, rest_lengths
-from ..motion.rests import rates_of, rest_warnings
-from ..motion.turning import FEWEST_WINDOWS as FEWEST_TURNS
-from ..motion.turning import LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth
 from ..records import StrapdownRecord
-from ..records.channels import Channels
+from ..records.limits import resolution_of
 from ..rounding import exactly
 from .carried import LATENCY, SCALE, Carried, is_of_gyros, with_parameters
+from .carried_checks import check_record, check_reference_bound, missing_things, warnings_of
 from .carried_run import BIAS, LONG, CarriedRecord
-from .evidence import estimated
-from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains
-from .limited import with_limits
+from .evidence import Part, Pieces, ReadOff
+from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains, estimated
 from .references import (
-    FEWEST_WINDOWS,
-    LENGTHS,
     Gravity,
     Run,
     Truth,
+    factor_for,
     force_deviation,
     gravity_pieces,
     has_truth,
     integrals,
-    known_rows,
     means_at_rest,
     truth_scatter,
     truth_windows,
-    usable_in,
-    windows_of,
 )
 
 BASELINES = ("calibrated", "nominal")
@@ -63,10 +54,6 @@ MOST_OF_IT = 3.0
 """By so much an effect must lower the errors to be the main one."""
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
 """A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""
-FEWEST_MOVES = 8
-"""Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
-LARGEST_TURN, FASTEST = 0.5, 0.99
-"""Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
 WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
 AS_STATED = "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: {} arcmin"
@@ -106,29 +93,6 @@ def carried_evidence(
         return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
     made = judged(about_main_effect(linear_evidence(found, block, rates, further)))
     return with_limits(made if reference_bound is None else as_stated(made, ARCMIN * reference_bound))
-
-
-def check_reference_bound(bound: float, found: Inspection) -> None:
-    """Refuse a stated bound [arcmin] of the true attitude's error that is none, or for a record without true attitude.
-
-    One line says why.
-    """
-    if not (math.isfinite(bound) and bound >= 0.0):
-        raise InputError(f"--reference-bound {bound:g}: must be finite and not below 0, in arcminutes")
-    if not has_truth(found):
-        path = found.record.path
-        raise InputError(f"{path}: --reference-bound is of a record with true attitude, and this one has none")
-
-
-def warnings_of(found: Inspection) -> tuple[str, ...]:
-    """What a person should know of a record and its sampling."""
-    said = [line + ("; moves with them are not used" if line.startswith("w") else "") for line in found.sampling.lines]
-    said += rest_warnings(found.rests, found.gravity)
-    if found.sampling.gaps:
-        said.append(
-            f"{len(found.sampling.gaps)} gaps, {found.sampling.missing} rows missing; moves over them are not used"
-        )
-    return (*found.record.warnings, *said)
 
 
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
@@ -410,109 +374,71 @@ def of_windows(made: Carried, kept: Sequence[NDArray]) -> Carried:
     return replace(made, parts=parts, reference=replace(made.reference, scored=scored))
 
 
-def check_record(found: Inspection) -> None:
-    """Refuse a record whose parts cannot belong together; one line says why.
+# Accelerometers at their limit in rests: saturation that the readings show by themselves
 
-    Gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves.
+
+def with_limits(made: Carried) -> Carried:
+    """The evidence with the limits of its accelerometers that the model cannot do without.
+
+    A reading at a limit tells nothing of gravity but that it is beyond; such rests are left out of everything that is
+    fitted. Held against the model all the same they say whether it can do without the limit.
+
+    One on one side alone, which the catalogue's saturation is not, has an objection.
     """
-    path = found.record.path
-    said = truth_check(found)
-    if said == () and found.turning.of_forces:
-        said = (
-            "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
-            f"with {found.turning.of_forces}",
-        )
-    said = said or found.turning.said
-    if said:
-        raise InputError(f"{path}: {'; '.join(said)}")
-    moves = len(found.moves) or bool(found.excitation.any())
-    dead = [name for name in found.sampling.dead if moves]
-    if dead:
-        raise InputError(f"{path}: {', '.join(dead)} never changes while the block moves: a dead channel")
-
-
-def truth_check(found: Inspection) -> tuple[str, ...] | None:
-    """What is wrong with the gyros beside the true attitude: units, order, signs of axes; None where it tells nothing.
-
-    Rotations are compared, over windows in which the block turns little and over longer ones, in which gyros that lag
-    follow better.
-    """
-    record = found.record
-    known = known_rows(record)
-    if record.attitude is None or len(known) < FEWEST_TURNS:
-        return None
-    turns = (rotation_of(record.attitude[known[:-1]]).inv() * rotation_of(record.attitude[known[1:]])).magnitude()
-    speed = turns / np.diff(record.time_s[known])
-    seconds = LARGEST_TURN / max(float(np.quantile(speed, FASTEST)), LARGEST_TURN / LENGTHS[0])
-    level = np.median(found.rests.rate, axis=0) if len(found.rests) else np.zeros(3)
-    step = np.concatenate([[found.sampling.period], np.diff(record.time_s)])
-    rate = rates_of(record) - level
-    if record.rate is not None:
-        rate[1:] = 0.5 * (rate[1:] + rate[:-1])
-    heard = []
-    for length in (seconds, LENGTHS[0]):
-        # Rotations are bounded, so a few that are wrong do no harm; in degrees most seem to be more than half a turn.
-        windows = windows_of(known, usable_in(found, whole=False), found.sampling.period, length)
-        if len(windows) < FEWEST_TURNS:
+    if not isinstance(made.reference, Gravity):
+        return made
+    found = []
+    for axis in range(3):
+        rests = rests_at_limit(made.found, axis)
+        radius = radius_with(made, rests) if rests else 0.0
+        if radius <= made.limit:
             continue
-        ends = np.column_stack([windows.first, windows.last])
-        true = turns_between(record.attitude, ends)
-        moving = true.magnitude() > LEAST_TURN
-        if moving.sum() >= FEWEST_TURNS:
-            said, missed = beside_truth(rate * step[:, None], true[moving], ends[moving], record.channels)
-            heard.append((missed, said, ends[moving]))
-    if not heard:
-        return None
-    missed, said, ends = min(heard, key=lambda one: one[0])
-    if missed <= 1.0 - LEAST_SHARE:
-        return said
-    return (f"the gyros do not turn as the true attitude does: {_meant(record.attitude, rate * step[:, None], ends)}",)
+        level, half, one_sided = level_of(made.found, axis)
+        place, objection = EffectPlace("saturation", f"accelerometer-{axis + 1}"), ""
+        if one_sided:
+            said = f"accelerometer {axis + 1} is at a limit of {exactly(level)} g on one side alone"
+            objection = f"{said}; the catalogue's saturation is on both"
+        found.append(ReadOff(place, (level,), ((level - half, level + half),), radius, objection))
+    return replace(made, limits=tuple(found))
 
 
-def _meant(attitude: NDArray, increments: NDArray, ends: NDArray) -> str:
-    """What a true attitude (N, 4) may mean that the gyros do not follow; windows are rows (S, 2)."""
-    ways = {
-        "reference to body": attitude * [1.0, -1.0, -1.0, -1.0],
-        "body to reference, scalar last": np.roll(attitude, 1, axis=1),
-    }
-    for name, other in ways.items():
-        if beside_truth(increments, turns_between(other, ends), ends, Channels())[1] < LEAST_MISS:
-            return f"they do where q0..q3 are {name}; give them body to reference, scalar first"
-    return "is it body to reference, scalar first?"
+def rests_at_limit(found: Inspection, axis: int) -> list[slice]:
+    """Rows of the rests that were left out because this accelerometer is at its limit there."""
+    mask = found.sampling.limits.rows.get(f"f{axis + 1}")
+    return [] if mask is None else [rows for rows in found.rests.clipped_rows if mask[rows].any()]
 
 
-def turns_between(attitude: NDArray, ends: NDArray) -> Rotation:
-    """Turns (S) of a true attitude (N, 4), scalar first, between rows (S, 2), in body axes."""
-    before, after = (rotation_of(attitude[rows]) for rows in ends.T)
-    return before.inv() * after
+def level_of(found: Inspection, axis: int) -> tuple[float, float, bool]:
+    """The limit of an accelerometer and half a step of its readings [g], and whether it is none on the other side.
+
+    A limit whose one side was never reached counts as two-sided.
+    """
+    limits, name = found.sampling.limits, f"f{axis + 1}"
+    values = limits.channels[name] / found.gravity
+    levels = np.abs(values[limits.rows[name]])
+    half = 0.5 * resolution_of(np.unique(values))
+    beyond = max(np.abs(values).max() - levels.min(), np.ptp(levels))
+    return float(levels.min()), half, bool(beyond > 2.0 * half)
 
 
-def missing_things(found: Inspection) -> tuple[str, ...]:
-    """What to add to a record that cannot be judged; nothing where it can."""
-    rests, calibration = found.rests, found.accelerometers
-    noise = gyro_noise(found.record, rests, found.sampling.period)
-    if has_truth(found):
-        if truth_windows(found):
-            return (
-                ()
-                if noise is not None
-                else ("a rest of two seconds and more: nothing else tells the noise of the gyros",)
-            )
-        return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
-    if not len(rests):
-        return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
-    if rests.force_bound is None or noise is None:
-        return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
-    if calibration is None or calibration.least_squares is None:
-        poses = calibration.missing if calibration is not None else ()
-        return tuple(f"a rest with {pose}" for pose in poses) or ("rests in a dozen poses",)
-    if np.abs(calibration.least_squares).max() > 0.25:
-        return ("rests whose readings are those of gravity alone: no accelerometers fit the present ones",)
-    moves = gravity_pieces(found)[1]
-    count = len(moves[0]) if moves else 0
-    if count < FEWEST_MOVES:
-        return (
-            f"{count} moves from rest to rest without a gap, a knock or a saturated gyro; at least {FEWEST_MOVES} are "
-            "needed, about every axis",
-        )
-    return ()
+def radius_with(made: Carried, rests: list[slice]) -> float:
+    """Radius of the model without effects where these rests count as well, by the size of gravity."""
+    reference = made.reference
+    assert isinstance(reference, Gravity)
+    force = made.found.record.specific_force
+    reading = np.array([force[rows].mean(axis=0) for rows in rests]) / made.found.gravity
+    x = made.point[: len(NAMES)]
+    error, slopes, by_reading = norm_equations(x, reading)
+    noise: NDArray = reference.deviation.max(axis=0)
+    bound = factor_for(len(rests)) * np.sqrt((by_reading**2 * noise**2).sum(axis=1))
+    by_own = np.zeros((len(rests), 1, len(made.names) - len(NAMES)))
+    ends = [np.array([end(rows) for rows in rests]) for end in (lambda r: r.start, lambda r: r.stop - 1)]
+    part = Part(
+        Pieces("norms", "norms at a limit", *ends),
+        error[:, None],
+        bound[:, None],
+        np.concatenate([-slopes[:, None, :], by_own], axis=2),
+        np.zeros((len(rests), 1, made.columns.shape[1])),
+        scored=False,
+    )
+    return replace(made, parts=(*made.parts, part)).refit(()).radius

@@ -13,24 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Interval, chebyshev_radius, column_space, spaces_beyond
+from ..bounded.programmes import Interval, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
 from .extension import Extension, Sized
-from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits
+from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits, estimated, least_radius
 from .pairs import Pair
 
 FOLDS = 8
 """Blocks in time that are left out in turn."""
 RANK = 1e-12
 """Directions of so small a part of the sum of squares are not determined."""
-DETERMINED = 1e-10
-"""The same of the singular values of least squares."""
 SEEN = 1e-3
 """An effect of its largest possible size that moves no error by so much of its bound cannot be seen."""
-FIRST_ROWS, MORE_ROWS = 300, 100
-"""Rows that a linear programme begins with, and takes in at a time."""
-TOLERANCE = 1e-9
-"""How far, relatively, a row that was not taken in may be beyond the radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -466,37 +460,6 @@ class Evidence:
         for out, gram, product in zip(outs, grams.sum(axis=0) - grams, products.sum(axis=0) - products, strict=True):
             left[out] = self.residual[out] - matrix[out] @ np.linalg.lstsq(gram, product, rcond=RANK)[0]
         return left
-
-
-def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
-    """Least squares of rows in units of their bounds.
-
-    Directions that nothing determines stay where they are.
-    """
-    scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0.0] = 1.0
-    return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
-
-
-def least_radius(
-    matrix: NDArray, residual: NDArray, ends: tuple[NDArray, NDArray], squares: NDArray
-) -> tuple[float, NDArray[np.float64]]:
-    """Least radius of rows (M, P) in units of their bounds, with limits (P,) of the coefficients, and these (P,) there.
-
-    Of many rows few matter: those that least squares `squares` (P,) fit worst, and what a fit to them violates.
-    """
-    taken = np.argsort(-np.abs(residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
-    step, radius, bound = np.zeros(matrix.shape[1]), float(np.abs(residual).max(initial=0.0)), np.ones(len(residual))
-    while matrix.shape[1]:
-        radius, step, _ = chebyshev_radius(matrix[taken], residual[taken], bound[taken], low=ends[0], high=ends[1])
-        excess = np.abs(residual - matrix @ step) - radius
-        excess[taken] = 0.0
-        more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
-        more = more[excess[more] > TOLERANCE * max(1.0, radius)]
-        if not len(more):
-            break
-        taken = np.concatenate([taken, more])
-    return radius, step
 
 
 def rms_size(error: NDArray) -> float:

@@ -18,12 +18,18 @@ from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.possible import ROOM, Possible, Proofs, Reach, grown_rows, polar_intervals
-from ..bounded.programmes import Growth, Interval, SolverError, column_space, same_space
+from ..bounded.programmes import Growth, Interval, SolverError, chebyshev_radius, column_space, same_space
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
 ARCMIN = np.pi / 180.0 / 60.0
 """[rad]"""
+DETERMINED = 1e-10
+"""Directions with so small a part of the largest singular value are not determined by least squares."""
+FIRST_ROWS, MORE_ROWS = 300, 100
+"""Rows that a linear programme begins with, and takes in at a time."""
+TOLERANCE = 1e-9
+"""How far, relatively, a row that was not taken in may be beyond the radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,3 +407,34 @@ def composed(
     described = with_effects(fmus, effects)
     said = {"schema": "trihedron.scenario/1", "title": title, "fmus": described, "record": {"columns": columns}}
     return Scenario.model_validate(said | parts)
+
+
+def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
+    """Least squares of rows in units of their bounds.
+
+    Directions that nothing determines stay where they are.
+    """
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
+
+
+def least_radius(
+    matrix: NDArray, residual: NDArray, ends: tuple[NDArray, NDArray], squares: NDArray
+) -> tuple[float, NDArray[np.float64]]:
+    """Least radius of rows (M, P) in units of their bounds, with limits (P,) of the coefficients, and these (P,) there.
+
+    Of many rows few matter: those that least squares `squares` (P,) fit worst, and what a fit to them violates.
+    """
+    taken = np.argsort(-np.abs(residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
+    step, radius, bound = np.zeros(matrix.shape[1]), float(np.abs(residual).max(initial=0.0)), np.ones(len(residual))
+    while matrix.shape[1]:
+        radius, step, _ = chebyshev_radius(matrix[taken], residual[taken], bound[taken], low=ends[0], high=ends[1])
+        excess = np.abs(residual - matrix @ step) - radius
+        excess[taken] = 0.0
+        more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
+        more = more[excess[more] > TOLERANCE * max(1.0, radius)]
+        if not len(more):
+            break
+        taken = np.concatenate([taken, more])
+    return radius, step

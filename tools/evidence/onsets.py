@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.sets import sharpened
 from ..motion.carry import GyroModel, Motion
-from .evidence import Part, Pieces, estimated, least_radius
+from .evidence import Part, Pieces
+from .fit import estimated, least_radius
 from .references import Gravity, Run, Truth, integrals, matrices_of
 
 STRETCHES = 16

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from record_files import measured
 from strapdown_records import strapdown_record
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.carried_record import check_record, truth_check
+from trihedron.tools.evidence.carried_checks import check_record, truth_check
 from trihedron.tools.motion import inspect_record
 from trihedron.tools.motion.turning import check_turning
 from trihedron.tools.records import StrapdownRecord, read_record, write_record

@@ -1,0 +1,162 @@
+"""What a record of a block that is carried must have: it is refused in one line, or lacks something, or may be used."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ..errors import InputError
+from ..motion.carry import rotation_of
+from ..motion.inspect import Inspection
+from ..motion.rest_noise import gyro_noise
+from ..motion.rests import rates_of, rest_warnings
+from ..motion.turning import FEWEST_WINDOWS as FEWEST_TURNS
+from ..motion.turning import LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth
+from ..records.channels import Channels
+from .references import (
+    FEWEST_WINDOWS,
+    LENGTHS,
+    gravity_pieces,
+    has_truth,
+    known_rows,
+    truth_windows,
+    usable_in,
+    windows_of,
+)
+
+FEWEST_MOVES = 8
+"""Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
+LARGEST_TURN, FASTEST = 0.5, 0.99
+"""Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
+
+
+def check_record(found: Inspection) -> None:
+    """Refuse a record whose parts cannot belong together; one line says why.
+
+    Gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves.
+    """
+    path = found.record.path
+    said = truth_check(found)
+    if said == () and found.turning.of_forces:
+        said = (
+            "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
+            f"with {found.turning.of_forces}",
+        )
+    said = said or found.turning.said
+    if said:
+        raise InputError(f"{path}: {'; '.join(said)}")
+    moves = len(found.moves) or bool(found.excitation.any())
+    dead = [name for name in found.sampling.dead if moves]
+    if dead:
+        raise InputError(f"{path}: {', '.join(dead)} never changes while the block moves: a dead channel")
+
+
+def truth_check(found: Inspection) -> tuple[str, ...] | None:
+    """What is wrong with the gyros beside the true attitude: units, order, signs of axes; None where it tells nothing.
+
+    Rotations are compared, over windows in which the block turns little and over longer ones, in which gyros that lag
+    follow better.
+    """
+    record = found.record
+    known = known_rows(record)
+    if record.attitude is None or len(known) < FEWEST_TURNS:
+        return None
+    turns = (rotation_of(record.attitude[known[:-1]]).inv() * rotation_of(record.attitude[known[1:]])).magnitude()
+    speed = turns / np.diff(record.time_s[known])
+    seconds = LARGEST_TURN / max(float(np.quantile(speed, FASTEST)), LARGEST_TURN / LENGTHS[0])
+    level = np.median(found.rests.rate, axis=0) if len(found.rests) else np.zeros(3)
+    step = np.concatenate([[found.sampling.period], np.diff(record.time_s)])
+    rate = rates_of(record) - level
+    if record.rate is not None:
+        rate[1:] = 0.5 * (rate[1:] + rate[:-1])
+    heard = []
+    for length in (seconds, LENGTHS[0]):
+        # Rotations are bounded, so a few that are wrong do no harm; in degrees most seem to be more than half a turn.
+        windows = windows_of(known, usable_in(found, whole=False), found.sampling.period, length)
+        if len(windows) < FEWEST_TURNS:
+            continue
+        ends = np.column_stack([windows.first, windows.last])
+        true = turns_between(record.attitude, ends)
+        moving = true.magnitude() > LEAST_TURN
+        if moving.sum() >= FEWEST_TURNS:
+            said, missed = beside_truth(rate * step[:, None], true[moving], ends[moving], record.channels)
+            heard.append((missed, said, ends[moving]))
+    if not heard:
+        return None
+    missed, said, ends = min(heard, key=lambda one: one[0])
+    if missed <= 1.0 - LEAST_SHARE:
+        return said
+    return (f"the gyros do not turn as the true attitude does: {_meant(record.attitude, rate * step[:, None], ends)}",)
+
+
+def _meant(attitude: NDArray, increments: NDArray, ends: NDArray) -> str:
+    """What a true attitude (N, 4) may mean that the gyros do not follow; windows are rows (S, 2)."""
+    ways = {
+        "reference to body": attitude * [1.0, -1.0, -1.0, -1.0],
+        "body to reference, scalar last": np.roll(attitude, 1, axis=1),
+    }
+    for name, other in ways.items():
+        if beside_truth(increments, turns_between(other, ends), ends, Channels())[1] < LEAST_MISS:
+            return f"they do where q0..q3 are {name}; give them body to reference, scalar first"
+    return "is it body to reference, scalar first?"
+
+
+def turns_between(attitude: NDArray, ends: NDArray) -> Rotation:
+    """Turns (S) of a true attitude (N, 4), scalar first, between rows (S, 2), in body axes."""
+    before, after = (rotation_of(attitude[rows]) for rows in ends.T)
+    return before.inv() * after
+
+
+def check_reference_bound(bound: float, found: Inspection) -> None:
+    """Refuse a stated bound [arcmin] of the true attitude's error that is none, or for a record without true attitude.
+
+    One line says why.
+    """
+    if not (math.isfinite(bound) and bound >= 0.0):
+        raise InputError(f"--reference-bound {bound:g}: must be finite and not below 0, in arcminutes")
+    if not has_truth(found):
+        path = found.record.path
+        raise InputError(f"{path}: --reference-bound is of a record with true attitude, and this one has none")
+
+
+def warnings_of(found: Inspection) -> tuple[str, ...]:
+    """What a person should know of a record and its sampling."""
+    said = [line + ("; moves with them are not used" if line.startswith("w") else "") for line in found.sampling.lines]
+    said += rest_warnings(found.rests, found.gravity)
+    if found.sampling.gaps:
+        said.append(
+            f"{len(found.sampling.gaps)} gaps, {found.sampling.missing} rows missing; moves over them are not used"
+        )
+    return (*found.record.warnings, *said)
+
+
+def missing_things(found: Inspection) -> tuple[str, ...]:
+    """What to add to a record that cannot be judged; nothing where it can."""
+    rests, calibration = found.rests, found.accelerometers
+    noise = gyro_noise(found.record, rests, found.sampling.period)
+    if has_truth(found):
+        if truth_windows(found):
+            return (
+                ()
+                if noise is not None
+                else ("a rest of two seconds and more: nothing else tells the noise of the gyros",)
+            )
+        return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
+    if not len(rests):
+        return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
+    if rests.force_bound is None or noise is None:
+        return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
+    if calibration is None or calibration.least_squares is None:
+        poses = calibration.missing if calibration is not None else ()
+        return tuple(f"a rest with {pose}" for pose in poses) or ("rests in a dozen poses",)
+    if np.abs(calibration.least_squares).max() > 0.25:
+        return ("rests whose readings are those of gravity alone: no accelerometers fit the present ones",)
+    moves = gravity_pieces(found)[1]
+    count = len(moves[0]) if moves else 0
+    if count < FEWEST_MOVES:
+        return (
+            f"{count} moves from rest to rest without a gap, a knock or a saturated gyro; at least {FEWEST_MOVES} are "
+            "needed, about every axis",
+        )
+    return ()
