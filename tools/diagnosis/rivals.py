@@ -23,6 +23,11 @@ LIKE = 0.05
 SURE_SECOND_ORDER = 0.3
 """Where the linear model may be wrong by so many bounds at most, what stands with it is a rival."""
 NOT_COMPARED = "functions that are in no catalogue were not compared: the misfit is too large for the linear model"
+ROUGHLY = (
+    "the misfit is so large that the linear model, by which functions are compared, may be wrong: other laws may stand"
+)
+OUTLIER = "outlier"
+"""A single reading: no quantity is its cause, though a function with a spike where it was read would do as much."""
 TABLES = ("lookup", "bias-wander")
 """Effects of which the law says the knots."""
 MOST_RIVALS = 3
@@ -37,8 +42,13 @@ def complexity_of(places: Sequence[EffectPlace]) -> int:
     That is an order, the reading of an outlier, and place and quantity of each effect beside the first.
     """
     own = [len(place.definition.parameters) for place in places]
-    searched = [place.order is not None or place.effect == "outlier" for place in places]
+    searched = [place.order is not None or place.effect == OUTLIER for place in places]
     return sum(own) + sum(searched) + FURTHER * (len(places) - 1)
+
+
+def _instrument(place: EffectPlace) -> str:
+    """Where an effect acts; of a single reading the accelerometer that was read."""
+    return f"accelerometer-{place.axes[0]}" if place.effect == OUTLIER else place.where
 
 
 def _is_table_of(place: EffectPlace, pair: Pair) -> bool:
@@ -93,8 +103,9 @@ class Listed:
             most = RIVAL * least if len(fit.places) == 1 else least
             if found.listed_elsewhere or complexity_of(fit.places) > most:
                 continue
-            if not any(self.is_of(fit, one.pair) for one in found.standing):
-                elsewhere = {place.where for place in fit.places} != {found.place}
+            of_readings = all(place.effect == OUTLIER for place in fit.places)
+            if of_readings or not any(self.is_of(fit, one.pair) for one in found.standing):
+                elsewhere = {_instrument(place) for place in fit.places} != {found.place}
                 found = replace(found, listed_elsewhere=elsewhere, listed_otherwise=True)
         return found
 
@@ -137,7 +148,7 @@ class Unlisted:
     `rivals` are functions of another place or quantity, as simple as the set; `same` a function of one quantity that
     does what several effects of the set do together; `alike`: pairs of several quantities that hold the set, as far as
     these rows tell; `percent`: by so much a larger noise bound would do without them, where that is little; `compared`:
-    whether functions that are in no catalogue could be compared at all.
+    whether functions that are in no catalogue could be compared, `roughly`: by a linear model that may be wrong.
     """
 
     rivals: tuple[Standing, ...]
@@ -145,6 +156,7 @@ class Unlisted:
     percent: float | None
     alike: tuple[Pair, ...] = ()
     compared: bool = True
+    roughly: bool = False
 
     @staticmethod
     def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
@@ -163,7 +175,7 @@ class Unlisted:
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
         alike = {one.pair.depends_on: one.pair for one in reversed(own)}
         pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
-        return Unlisted(rivals, own[0] if own and several else None, percent, pairs, compared)
+        return Unlisted(rivals, own[0] if own and several else None, percent, pairs, compared, not compared)
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -178,7 +190,7 @@ class Unlisted:
         if self.percent is not None:
             said.append(f"a noise bound that is {digits(self.percent)} % larger would do without any cause")
         if not self.compared:
-            said.append(NOT_COMPARED)
+            said.append(ROUGHLY if self.roughly else NOT_COMPARED)
         return tuple(said)
 
     def fits(self, evidence: Evidence) -> list[Fit]:

@@ -130,7 +130,8 @@ def proven_text(result: Diagnosis) -> str:
     place = proven.place.replace("-", " ")
     if not proven.not_excluded:
         return f"proven, whatever the law: the {place} alone suffices, and no other place does"
-    return f"proven, whatever the law: the {place}, by a function of one of {', '.join(proven.not_excluded)}"
+    of = f"{'one of ' if len(proven.not_excluded) > 1 else ''}{', '.join(proven.not_excluded)}"
+    return f"proven, whatever the law: the {place}; not on what it depends there: a function of {of} would do"
 
 
 def bound_text(result: Diagnosis) -> str:

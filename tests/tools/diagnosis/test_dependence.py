@@ -227,6 +227,20 @@ def test_a_jump_in_a_temperature_that_jumps_once_is_not_told_from_a_step_in_time
     assert any("does not tell" in text for text in found.caution)
 
 
+@pytest.mark.parametrize("seed", [2, 7])
+def test_a_single_reading_that_is_off_is_a_function_of_no_quantity(seed: int, tmp_path: Path):
+    """With few positions a function with a spike where it was read would do as much; a reading is simpler."""
+    rng = np.random.default_rng([13, seed])
+    session = Session.drawn(rng, 16)
+    reading = session.stand.readings(session.stand.inputs(session.alpha, session.beta))
+    reading[5, 2] += 8e-5
+    found = diagnosed_file(written(tmp_path / "off.positions.csv", rng, session, reading))
+    assert EffectPlace("outlier", "position-6", axes=(3,)) in [cause.place for cause in found.causes]
+    assert found.band is None
+    if found.proven is not None:
+        assert (found.proven.place, found.proven.quantity) == ("accelerometer-3", None)
+
+
 def test_complexity_counts_what_is_searched_for():
     quadratic, wave = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("encoder-harmonic", "outer-axis", 3)
     outlier = EffectPlace("outlier", "position-4", axes=(2,))
