@@ -263,8 +263,9 @@ class Search:
 
     def open_trials(self, pair: Pair, forms: Sequence[Form]) -> Iterator[Trial]:
         """Those of many forms that the weights do not refuse."""
-        for form, columns in zip(forms, pair.columns_of(forms), strict=True):
-            if self.bound(columns) > self.limit:
+        every = pair.columns_of(forms)
+        for form, columns, bound in zip(forms, every, self.bounds(every), strict=True):
+            if bound > self.limit:
                 continue
             space = self.space_of(columns)
             if space.shape[1]:
@@ -278,12 +279,19 @@ class Search:
         residual = root * self.problem.residual
         return root, basis, residual - basis @ (basis.T @ residual)
 
-    def bound(self, columns: NDArray) -> float:
-        """A lower bound of the radius that a few columns (M, K) leave."""
+    def bounds(self, blocks: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Lower bounds (n,) of the radii that n blocks of a few columns (M, k) leave, each by itself."""
         root, basis, residual = self.weighted
-        self.work.add(2.0 + 1e-4 * columns.size * basis.shape[1])
-        columns = (root / self.evidence.bound)[:, None] * columns
-        columns = columns - basis @ (basis.T @ columns)
-        products = columns.T @ residual
-        explained = products @ np.linalg.pinv(columns.T @ columns, rcond=DEPENDENT, hermitian=True) @ products
-        return float(np.sqrt(max(0.0, residual @ residual - explained)))
+        columns, explained = np.vstack([block.T for block in blocks]), np.zeros(len(blocks))
+        self.work.add(2.0 * len(blocks) + 1e-4 * columns.size * basis.shape[1])
+        columns *= root / self.evidence.bound
+        columns -= (columns @ basis) @ basis.T
+        widths = np.array([block.shape[1] for block in blocks])
+        first, products = np.cumsum(widths) - widths, columns @ residual
+        for width in np.unique(widths):
+            alike = np.flatnonzero(widths == width)
+            at = first[alike][:, None] + np.arange(width)
+            own, product = columns[at], products[at]
+            inverse = np.linalg.pinv(own @ own.swapaxes(1, 2), rcond=DEPENDENT, hermitian=True)
+            explained[alike] = np.einsum("np,npq,nq->n", product, inverse, product)
+        return np.sqrt(np.maximum(0.0, residual @ residual - explained))

@@ -14,7 +14,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.beyond import Beyond
-from trihedron.tools.diagnosis.dependence import Dependence, dependence, is_same
+from trihedron.tools.diagnosis.dependence import Dependence, Search, dependence, is_same
 from trihedron.tools.diagnosis.laws import Laws
 from trihedron.tools.diagnosis.rivals import RIVAL, Listed, Unlisted, complexity_of
 from trihedron.tools.diagnosis.search import search
@@ -53,6 +53,27 @@ def test_what_is_proven_of_a_fault_outside_the_catalogue_is_true(index: int, tmp
     assert any((one.pair.where, one.pair.quantity) in true for one in found.standing)
     if found.proven:
         assert (found.proven.pair.where, found.proven.pair.quantity) in true
+
+
+def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path: Path):
+    """Each bound is what weighted least squares leaves with the form beside the model; no programme leaves less."""
+    case = outside_case(tmp_path, 3, SMOOTH[0])
+    record: Any = read_record(tmp_path / case.file)
+    search = Search(evidence := bench_evidence(record, noise_bound=SIGMA), evidence.pairs(), Work())
+    assert search.weights.sum() == pytest.approx(1.0)
+    root = np.sqrt(search.weights)
+    for pair in search.pairs[::7]:
+        blocks = pair.columns_of(list(pair.single()))
+        assert len({block.shape[1] for block in blocks}) > pair.circle
+        bounds = search.bounds(blocks)
+        for k, (block, bound) in enumerate(zip(blocks, bounds, strict=True)):
+            matrix = np.hstack((search.problem.nominal, block / evidence.bound[:, None]))
+            weighted = root[:, None] * matrix / np.linalg.norm(root[:, None] * matrix, axis=0)
+            residual = root * search.problem.residual
+            left = residual - weighted @ np.linalg.lstsq(weighted, residual)[0]
+            assert bound == pytest.approx(np.linalg.norm(left), abs=1e-9)
+            if k % 10 == 0:
+                assert bound <= search.radius(matrix) + 1e-9
 
 
 @pytest.mark.parametrize("larger", [1.05, 1.15, 1.25])
