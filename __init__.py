@@ -16,11 +16,14 @@ _TYPES = {
     "Installation": "installation",
     "Simulation": "orchestrator",
 }
-_FUNCTIONS = (
-    *("apply", "attitude_of_record", "calibrate", "check", "diagnose", "doctor", "export", "hide"),
-    *("import_record", "inspect", "new", "plan", "plan_positions", "read_record", "run_campaign", "simulate"),
-)
-_HOME = {**_TYPES, **dict.fromkeys(_FUNCTIONS, "library")}
+_FUNCTIONS = {
+    "library": ("doctor", "export", "hide", "new", "plan", "plan_positions", "run_campaign", "simulate"),
+    "measured": (
+        *("apply", "attitude_of_record", "calibrate", "check"),
+        *("diagnose", "import_record", "inspect", "read_record"),
+    ),
+}
+_HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))
 """In which module of the tools each name is; the stub beside this file says the same to those who check types."""
 __all__ = [*_HOME, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]
 

@@ -3,22 +3,22 @@ from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
 from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
-from .tools.library import apply as apply
-from .tools.library import attitude_of_record as attitude_of_record
-from .tools.library import calibrate as calibrate
-from .tools.library import check as check
-from .tools.library import diagnose as diagnose
 from .tools.library import doctor as doctor
 from .tools.library import export as export
 from .tools.library import hide as hide
-from .tools.library import import_record as import_record
-from .tools.library import inspect as inspect
 from .tools.library import new as new
 from .tools.library import plan as plan
 from .tools.library import plan_positions as plan_positions
-from .tools.library import read_record as read_record
 from .tools.library import run_campaign as run_campaign
 from .tools.library import simulate as simulate
+from .tools.measured import apply as apply
+from .tools.measured import attitude_of_record as attitude_of_record
+from .tools.measured import calibrate as calibrate
+from .tools.measured import check as check
+from .tools.measured import diagnose as diagnose
+from .tools.measured import import_record as import_record
+from .tools.measured import inspect as inspect
+from .tools.measured import read_record as read_record
 from .tools.orchestrator import Simulation as Simulation
 
 __version__: str

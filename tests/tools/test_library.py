@@ -11,7 +11,7 @@ import pytest
 
 import trihedron as th
 from planning_tasks import known_optima
-from trihedron.tools import cli, library
+from trihedron.tools import cli, library, measured
 from trihedron.tools.document.blocks import table_html
 from trihedron.tools.result import Result
 
@@ -45,8 +45,10 @@ def test_every_name_is_there_and_none_is_that_of_a_module():
     """A function named as a module of the root would be replaced by it as soon as anything imports the module."""
     folder = Path(inspect.getfile(th)).parent
     modules = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()}
-    functions = inspect.getmembers(library, lambda it: inspect.isfunction(it) and it.__module__ == library.__name__)
-    assert {name for name, _ in functions} < set(th.__all__)
+    homes = (library, measured)
+    members = [(name, it) for home in homes for name, it in vars(home).items() if inspect.isfunction(it)]
+    functions = {name for name, it in members if it.__module__ in {home.__name__ for home in homes}}
+    assert {"calibrate", "simulate"} < functions < set(th.__all__)
     for name in th.__all__:
         assert name not in modules
         assert inspect.getdoc(getattr(th, name))

@@ -225,9 +225,10 @@ NOT_TYPED = ("progress", "gyro_bias")
 def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
     """Give a command the options of functions of the library: names, types, defaults, words.
 
-    The functions are those of `trihedron.tools.library`, documented by numpydoc. The command has its own parameters
-    first, by position, and its own options last; ``**options`` are those of the functions. Its docstring holds the
-    examples; the sentence is the first function's, and the words of a parameter are those of the first that has it.
+    The functions are those of `trihedron.tools.library` and `trihedron.tools.measured`, documented by numpydoc. The
+    command has its own parameters first, by position, and its own options last; ``**options`` are those of the
+    functions. Its docstring holds the examples; the sentence is the first function's, and the words of a parameter are
+    those of the first that has it.
     """
 
     def given(command: Command) -> Command:

@@ -10,7 +10,19 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import calibration as calibrations
-from .. import diagnosis, library, motion, orchestrator, own_effects, papers, records, reports, ssp, trials
+from .. import (
+    diagnosis,
+    library,
+    measured,
+    motion,
+    orchestrator,
+    own_effects,
+    papers,
+    records,
+    reports,
+    ssp,
+    trials,
+)
 from ..errors import InputError, one_line
 from ..files import ordinary_file, ordinary_folder, together, write_text
 from .answer import (
@@ -90,7 +102,7 @@ def export_ssp(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@takes(library.calibrate)
+@takes(measured.calibrate)
 def calibrate(
     record: Path, /, *, json: JsonFile = None, ssv: File = None, report: ReportFile = None, **options: Any
 ) -> Answer:
@@ -104,7 +116,7 @@ def calibrate(
     distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
 
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
-    result = library.calibrate(run, **options)
+    result = measured.calibrate(run, **options)
     with together():
         if report is not None:
             reports.write_report(report, result, run)
@@ -113,7 +125,7 @@ def calibrate(
         return answer(result, json)
 
 
-@takes(library.apply)
+@takes(measured.apply)
 def apply(
     calibration: Path,
     record: Path,
@@ -135,7 +147,7 @@ def apply(
         For the error of the azimuth.
     """
     distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
-    result = library.apply(calibration, record, noise_bound=noise_bound, **options)
+    result = measured.apply(calibration, record, noise_bound=noise_bound, **options)
     text = "\n".join(reports.application_lines(result, latitude_deg))
     with together():
         if out is not None:
@@ -143,7 +155,7 @@ def apply(
         return answer(text, json, result.to_json())
 
 
-@takes(library.diagnose)
+@takes(measured.diagnose)
 def diagnose(
     record: Path,
     /,
@@ -170,7 +182,7 @@ def diagnose(
 
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
-    result = library.diagnose(run, **options, progress=True)
+    result = measured.diagnose(run, **options, progress=True)
     with together():
         if report is not None:
             reports.write_report(report, result, run)
@@ -178,7 +190,7 @@ def diagnose(
         return answer(result, json, files=files)
 
 
-@takes(library.inspect)
+@takes(measured.inspect)
 def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **options: Any) -> Answer:
     """Example: trihedron inspect mpu9150-0.strapdown.csv --allan allan.svg
 
@@ -188,14 +200,14 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
         Write the Allan deviation at rest as an SVG picture to this file.
     """
     distinct_files({"the record": record, "--json": json, "--allan": allan})
-    found = library.inspect(record, **options)
+    found = measured.inspect(record, **options)
     with together():
         if allan is not None:
             write_text(allan, reports.allan_picture(found))
         return answer(found, json)
 
 
-@takes(library.attitude_of_record)
+@takes(measured.attitude_of_record)
 def attitude(
     record: Path, /, *, compare: bool = False, out: Folder = None, json: JsonFile = None, **options: Any
 ) -> Answer:
@@ -207,19 +219,19 @@ def attitude(
         Run every algorithm and show them side by side.
     """
     distinct_files({"the record": record, "--json": json})
-    measured = records.read_record(record, records.StrapdownRecord, channels=options.pop("channels", ()))
+    source = records.read_record(record, records.StrapdownRecord, channels=options.pop("channels", ()))
     if compare:
         options.pop("algorithm", None)
-        compared = motion.compare_algorithms(measured, **options, progress=True)
+        compared = motion.compare_algorithms(source, **options, progress=True)
         with together():
             if out is not None:
                 write_text(out / "comparison.csv", compared.to_polars().write_csv())
-            return answer(compared, json, complaint=reports.distrust(compared, measured.path.name))
-    run = library.attitude_of_record(measured, **options, out=out, progress=True)
+            return answer(compared, json, complaint=reports.distrust(compared, source.path.name))
+    run = measured.attitude_of_record(source, **options, out=out, progress=True)
     with together():
         if out is not None:
             write_text(out / "attitude.csv", run.to_polars().write_csv())
-        return answer(run, json, complaint=reports.distrust(run, measured.path.name))
+        return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 
 def fmpy_input(
@@ -255,18 +267,18 @@ def fmpy_input(
     return answer(made, json, complaint=complaint, status=0 if made.trusted_until is None else 2)
 
 
-@takes(library.check)
+@takes(measured.check)
 def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Exit status 2 when something is.
 
     Example: trihedron check bench.toml
     """
     distinct_files({"the file": file, "--json": json})
-    found = library.check(file, **options)
+    found = measured.check(file, **options)
     return answer(found, json, complaint="" if found.good else found.verdict)
 
 
-@takes(library.import_record)
+@takes(measured.import_record)
 def import_(
     file: Path,
     /,
@@ -289,7 +301,7 @@ def import_(
             raise InputError(f"--set {answer_}: write KEY=VALUE, as units.force=g")
         said[key.strip()] = text
     with together():
-        return answer(library.import_record(file, out=out, mapping=mapping, answers=said), json)
+        return answer(measured.import_record(file, out=out, mapping=mapping, answers=said), json)
 
 
 @takes(library.new)

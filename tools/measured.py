@@ -1,0 +1,348 @@
+"""What `import trihedron as th` does with what was measured: read, import, check, calibrate, diagnose, correct it.
+
+The functions are as in `library`: documented once, and what one needs is imported when it is called.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from . import calibration as calibrations
+from . import check as checks
+from . import diagnosis, foreign, motion, own_effects, records
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+def read_record(record: "records.Source", *wanted: type) -> Any:
+    """Read a position, raw or strapdown record, CSV or Parquet: which it is, its columns say.
+
+    Raises
+    ------
+    InputError
+        whatever is wrong with the file, in one line that names row and column
+    """
+    return records.read_record(record, *wanted)
+
+
+def import_record(
+    file: str | Path,
+    *,
+    out: str | Path | None = None,
+    mapping: str | Path | None = None,
+    answers: Mapping[str, str] | None = None,
+) -> "foreign.Imported":
+    """Make a record of a measured file as a laboratory writes it: CSV of Windows, Excel, LabVIEW.
+
+    Nothing is guessed silently: what the file does not say is asked for, all at once, with the options that answer.
+
+    Parameters
+    ----------
+    file : path
+        The file.
+    out : path, optional
+        The record (CSV); the mapping that was used is written beside it, RECORD.import.toml.
+    mapping : path, optional
+        A mapping to use, as an import proposed it and you edited it.
+    answers : mapping, optional
+        KEY=VALUE: an answer, as units.force=g or dates=day-first; may be repeated.
+
+    Raises
+    ------
+    InputError
+        for what has to be said first, or a file that cannot be used
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.import_record("messung.csv", answers={"units.force": "mg"}).record  # doctest: +SKIP
+    """
+    return foreign.import_record(
+        Path(file),
+        out=None if out is None else Path(out),
+        mapping=None if mapping is None else Path(mapping),
+        answers=answers,
+    )
+
+
+def check(file: str | Path, *, channels: Sequence[str] = ()) -> "checks.Check":
+    """Say everything that is wrong with a file, with lines; nothing is run.
+
+    Parameters
+    ----------
+    file : path
+        Scenario, campaign, record, programme, calibration, diagnosis, plan, mounting, FMU, SSP.
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
+
+    Raises
+    ------
+    InputError
+        no file that can be read
+    """
+    return checks.check(file, channels)
+
+
+def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Sequence[str] = ()) -> "motion.Inspection":
+    """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
+
+    Parameters
+    ----------
+    record : path, DataFrame or record
+        Strapdown record, CSV or Parquet.
+    gravity : float
+        Model value of gravity [m/s²].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
+
+    Raises
+    ------
+    InputError
+        for a record of a table, or gravity that is none
+    """
+    run = records.read_record(record, records.StrapdownRecord, channels=channels)
+    return motion.inspect_record(run, gravity=gravity)
+
+
+def attitude_of_record(
+    record: "records.Source",
+    *,
+    algorithm: str = "two-sample-rodrigues",
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    rate_divisor: int = 1,
+    bridge_gaps: int = 0,
+    gyro_bias: Sequence[float] | None = None,
+    channels: Sequence[str] = (),
+    out: Path | None = None,
+    progress: bool = False,
+) -> "motion.AttitudeRun":
+    """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
+
+    A gyro at its limit makes every attitude behind it worthless: it is marked as not to be trusted.
+
+    Parameters
+    ----------
+    record : path, DataFrame or record
+        Strapdown record, CSV or Parquet.
+    algorithm : str
+        Name of the attitude algorithm; with --compare every one is run.
+    rates : str
+        What a rate in the record means.
+    rate_divisor : int
+        Add up so many increments to one: a slower gyro.
+    bridge_gaps : int
+        Bridge gaps of up to so many lost rows, 10 at most; a bound of the attitude error that may cause is stated.
+    gyro_bias : sequence of 3 float, optional
+        Rate that is taken out of every sample [rad/s].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
+    out : path, optional
+        Folder for the computed attitude, or for the comparison.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
+    """
+    return motion.attitude_of_record(
+        records.read_record(record, records.StrapdownRecord, channels=channels),
+        algorithm=algorithm,
+        rates=rates,
+        rate_divisor=rate_divisor,
+        bridge_gaps=bridge_gaps,
+        gyro_bias=gyro_bias,
+        out=out,
+        progress=progress,
+    )
+
+
+def calibrate(
+    record: "records.Source",
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    convention: Literal["A1", "A2"] = "A1",
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
+    targets: Sequence[str] = (),
+    priors: Sequence[str] = (),
+) -> "calibrations.Calibration":
+    """Calibrate the bench: one possible set of values with its error bounds, exact intervals, verdict.
+
+    Parameters
+    ----------
+    record : path, DataFrame, record or Simulation
+        Position record or raw record, CSV or Parquet.
+    noise_bound : float, optional
+        σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.
+    gravity : float
+        Model value of gravity [m/s²].
+    convention : str
+        A1: Γ lower triangular; A2: symmetric.
+    baseline : str
+        Two scale factors for each accelerometer, or one.
+    bounds : (float, float)
+        u^max and v0^max of (1.7): when the sign of an input is certain.
+    mounting : str or mapping
+        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
+    targets : sequence of str
+        Another combination, as X4-X5; may be repeated.
+    priors : sequence of str
+        What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> run = th.simulate("scenarios/static-calibration.toml")
+    >>> th.calibrate(run, noise_bound=1e-5).verdict
+    'consistent'
+    """
+    return calibrations.calibrate(
+        records.read_record(record, records.PositionRecord, channels=channels),
+        noise_bound=noise_bound,
+        gravity=gravity,
+        convention=convention,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        targets=targets,
+        priors=priors,
+    )
+
+
+def apply(
+    calibration: "str | Path | calibrations.Calibration",
+    record: str | Path,
+    *,
+    noise_bound: float = 0.0,
+    channels: Sequence[str] = (),
+) -> "calibrations.Application":
+    """Correct the readings of a record by a calibration; print the equation and what it is worth for levelling.
+
+    Parameters
+    ----------
+    calibration : path or Calibration
+        The result of `trihedron calibrate --json`.
+    record : path
+        Position, raw or strapdown record, CSV or Parquet.
+    noise_bound : float
+        Bound of the readings' own errors, a fraction of g, for the bound.
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
+
+    Raises
+    ------
+    InputError
+        for a calibration that is not consistent, or a record that cannot be used
+    """
+    return calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound, channels=channels)
+
+
+def diagnose(
+    record: "records.Source",
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    reference_bound: float | None = None,
+    hypotheses: Sequence[str] = (),
+    effects_from: str | Path | None = None,
+    extend: bool = False,
+    progress: bool = False,
+) -> "diagnosis.Diagnosis":
+    """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
+
+    Parameters
+    ----------
+    record : path, DataFrame, record or Simulation
+        Position record, raw record or strapdown record, CSV or Parquet.
+    noise_bound : float, optional
+        σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell. The bounds of a
+        strapdown record come from the record.
+    gravity : float
+        Model value of gravity [m/s²].
+    baseline : str, optional
+        Of a position record: asymmetric (the default) or symmetric scale factors. Of a strapdown record: the gyros
+        calibrated (the default where gravity is the reference) or nominal (where the true attitude is known).
+    bounds : (float, float)
+        u^max and v0^max of (1.7): when the sign of an input is certain.
+    mounting : str or mapping
+        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
+    channels : sequence of str
+        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
+        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
+    rates : str
+        What a rate in a strapdown record means.
+    reference_bound : float, optional
+        Bound of the true attitude's error at any row of a strapdown record [arcmin], where you know it; without it the
+        true attitude is taken to err as at rest. What is named with it is as sure as it is.
+    hypotheses : sequence of str
+        A formula that may be what the simulation lacks, as "f2 += c*sin(3*alpha)": is it this? Letters are the unknown
+        coefficients; may be repeated.
+    effects_from : path, optional
+        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
+        beside those of the catalogue.
+    extend : bool
+        Where place and quantity are proven, extend the model by a formula or a table that is in no catalogue, though
+        something in it stands, too.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
+    """
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
+    if isinstance(run, records.StrapdownRecord):
+        if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
+            raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
+        options: dict[str, Any] = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
+        options |= {"hypotheses": hypotheses, "extend": extend}
+        with own_effects.with_effects_of(effects_from):
+            return diagnosis.diagnose(run, gravity=gravity, **options, progress=progress)
+    if rates != "instantaneous":
+        raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
+    if reference_bound is not None:
+        raise InputError(
+            f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
+        )
+    with own_effects.with_effects_of(effects_from):
+        return diagnosis.diagnose(
+            run,
+            noise_bound=noise_bound,
+            gravity=gravity,
+            baseline=baseline or "asymmetric",
+            bounds=bounds,
+            mounting=mounting,
+            hypotheses=hypotheses,
+            extend=extend,
+            progress=progress,
+        )
