@@ -437,13 +437,7 @@ def strapdown_files(block: Block) -> list[LabFile]:
         LabFile(
             "gx and ax",
             table(["time_s", *short], [t, *ours], before=["# Log of IMU 4"]),
-            needs={
-                "columns.w1_radps": "gx",
-                "columns.w2_radps": "gy",
-                "columns.w3_radps": "gz",
-                "units.force": "g",
-                "units.rate": "deg/s",
-            },
+            needs={"units.force": "g", "units.rate": "deg/s"},
         ),
         LabFile(
             "gx with a unit",

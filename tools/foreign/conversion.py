@@ -24,10 +24,10 @@ from ..records.columns import (
 from ..records.comments import Comments
 from ..records.read import significant_digits, written_resolution
 from .mapping import OPEN
-from .names import DATE, TIMES
-from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal
+from .names import DATE, SAMPLE, TIMES
+from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Understanding, reading
-from .units import TIME, unit_of
+from .units import TIME, known_unit, unit_of
 
 DIGITS_OF = 2000
 """Rows from which it is seen how finely numbers are written."""
@@ -110,13 +110,17 @@ def converted(found: Understanding) -> Conversion:
 def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
     """The texts of the columns taken, row by row, and their lines; rows without a number are left out, by reason."""
     layout, also = found.layout, found.given.missing
-    columns, places = list(found.taken), [taken.field for taken in found.taken.values()]
+    columns = list(found.taken)
+    # readings side by side are rows of their own, with all else alike
+    every = [(taken.field, *taken.beside) for taken in found.taken.values()]
+    turns = [[fields[k % len(fields)] for fields in every] for k in range(max(map(len, every), default=1))]
     numeric = [column for column, taken in found.taken.items() if taken.form == NUMBER]
     rows: list[list[str]] = []
     lines: list[int] = []
     left_out: dict[str, list[int]] = {}
     empty: dict[str, int] = {}
-    for line, row in found.sheet.rows(layout.first, layout.last or None):
+    read = found.sheet.rows(layout.first, layout.last or None)
+    for line, row, places in ((line, row, places) for line, row in read for places in turns):
         try:
             cells = [row[place] for place in places]
         except IndexError:
@@ -150,10 +154,25 @@ def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[
 
 def _values(found: Understanding, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
     """The numbers of a column's cells (N,), in the file's unit."""
+    _refuse_units(found, column, texts, lines)
     plain = None if column in QUATERNION else numbers_of(texts, found.decimal)
     if plain is not None:
         return np.array(plain)
     return np.array([_value(found, column, text, line) for text, line in zip(texts, lines, strict=True)])
+
+
+def _refuse_units(found: Understanding, column: str, texts: list[str], lines: Sequence[int]) -> None:
+    """Refuse numbers of a column behind which different units stand, or another than in its head."""
+    head, taken = found.layout.headings[found.taken[column].field], found.taken[column]
+    first = known_unit(head.unit)
+    for text, line in zip(texts, lines, strict=True):
+        if text[-1:].isdigit() or found.value(text) is None:
+            continue
+        unit = known_unit(unit_behind(text))
+        if first is not None and unit is not None and unit != first:
+            what = f"{quoted(text.strip())} is in another unit than {taken.said!r} or the rows before"
+            raise InputError(f"{found.sheet.path}: row {line}: {what}; one unit for a column is needed")
+        first = first or unit
 
 
 def _value(found: Understanding, column: str, text: str, line: int) -> float:
@@ -242,14 +261,13 @@ def _average(found: Understanding, made: Conversion) -> None:
     """One row for each rest: rows that follow one another with the same number, or at the same angles, are averaged."""
     numbers, count = made.numbers, len(made.row)
     numbered = "position" in numbers
+    rows = np.diff(made.row, prepend=-1) != 0
     if numbered:
-        new = np.diff(numbers["position"], prepend=np.nan) != 0.0
-        if found.given.readings == "each":
-            new[:] = True
+        new = rows if found.given.readings == "each" else np.diff(numbers["position"], prepend=np.nan) != 0.0
     elif found.given.readings == "average":
         new = _moved(numbers)
     else:
-        new = np.ones(count, dtype=bool)
+        new = rows
     begins = np.flatnonzero(new)
     sizes = np.diff(np.append(begins, count))
     if numbered:
@@ -324,5 +342,11 @@ def record_columns(found: Understanding, made: Conversion) -> Columns:
     )
     for fault in faults(columns):
         hint = "; --set units.force=UNIT says what readings are in" if "gravity" in fault.what else ""
+        if fault.column == TIMES and "repeats" in fault.what:
+            hint = "; where times are written too coarsely: --set columns.time_s=none and "
+            hint += "--set time=order" if kind is POSITION else "--set 'units.time=100 Hz'"
+        counted = TIMES in found.taken and found.layout.headings[found.taken[TIMES].field].column == SAMPLE
+        if fault.column == TIMES and counted:
+            hint = "; where the counter begins again or stands: --set columns.sample=none and --set 'units.time=100 Hz'"
         raise RecordError(fault.path, fault.row, fault.column, fault.what + hint)
     return columns

@@ -21,12 +21,12 @@ from ..records.columns import (
 )
 from .layout import layout_of
 from .mapping import OPEN, Mapping, Source
-from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
+from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of
 from .numbers import Marks, bare, date_of, is_clock, is_missing, moment, number, orders_of, two_parts
 from .scales import decide_units
 from .sheet import Sheet
 from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Taken, Understanding, reading
-from .units import TIME
+from .units import ANGLE, TIME, known_unit
 
 
 def understood(sheet: Sheet, given: Mapping) -> Understanding:
@@ -53,7 +53,9 @@ def understood(sheet: Sheet, given: Mapping) -> Understanding:
     for column, taken in sorted(found.taken.items(), key=lambda item: item[1].field):
         source = given.of(column) or Source.model_validate({"from": ""})
         name = layout.headings[taken.field].text or str(taken.field + 1)
-        columns[column] = source.model_copy(update={"source": source.source or name}).model_dump(by_alias=True)
+        beside = [layout.headings[place].text or str(place + 1) for place in taken.beside]
+        kept = source.model_copy(update={"source": source.source or name, "beside": beside})
+        columns[column] = kept.model_dump(by_alias=True)
     found.settled["columns"] = {**found.given.model_dump(by_alias=True)["columns"], **columns}
     return found
 
@@ -68,12 +70,18 @@ def _places(found: Understanding) -> dict[str, int]:
         source = found.given.of(column)
         if source is not None and source.source != "none":
             places[column] = _field(found, column, source.source)
+            found.beside[column] = tuple(_field(found, column, name) for name in source.beside)
     given = {column for column in found.given.columns if found.given.columns[column] != OPEN}
     meant: dict[str, list[int]] = {}
     for place, head in enumerate(headings):
         # a column with a name and nothing in it, as templates have, is not there
         if head.column and head.column not in given and place not in places.values() and found.cells(place):
             meant.setdefault(head.column, []).append(place)
+    if meant.keys() >= {*FORCE} and not meant.keys() & {*RATE, *ANGLES}:
+        for place, head in enumerate(headings):
+            if gyro_of(head) and gyro_of(head) not in given and found.cells(place):
+                meant.setdefault(gyro_of(head), []).append(place)
+    places |= _readings_beside(found, {*meant, *places, *given})
     for column, fields in meant.items():
         if len(fields) == 1:
             places[column] = fields[0]
@@ -83,6 +91,30 @@ def _places(found: Understanding) -> dict[str, int]:
             answers = named if len(set(named)) == len(named) else [str(place + 1) for place in fields]
             found.ask(f"columns.{column}", answers[:4], why)
     return places
+
+
+def _readings_beside(found: Understanding, known: set[str]) -> dict[str, int]:
+    """Fields of the first of several readings of each accelerometer, side by side; the others become `beside`.
+
+    Whether columns with numbers are readings or sensors is asked where their names do not say it.
+    """
+    groups: dict[str, dict[int, int]] = {}
+    heads = found.layout.headings
+    for place, head in enumerate(heads):
+        if head.numbered and found.cells(place):
+            groups.setdefault(head.numbered, {}).setdefault(head.number, place)
+    numbers = [set(groups.get(column, ())) for column in FORCE]
+    fields = [place for group in groups.values() for place in group.values()]
+    alike = len(numbers[0]) > 1 and numbers[0] == numbers[1] == numbers[2]
+    if not alike or known & {*FORCE, *RATE, *INCREMENT} or found.given.beside == "none":
+        return {}
+    if len({heads[place].unit for place in fields}) > 1:
+        return {}
+    if found.given.beside != "average" and not all(heads[place].reading for place in fields):
+        names = f"{heads[min(fields)].text!r} to {heads[max(fields)].text!r}"
+        found.ask("beside", ("average", "none"), f"whether {names} are readings of one rest, or other sensors (none)")
+    found.beside |= {column: tuple(groups[column][k] for k in sorted(numbers[0])[1:]) for column in FORCE}
+    return {column: groups[column][min(numbers[0])] for column in FORCE}
 
 
 def _field(found: Understanding, column: str, name: str) -> int:
@@ -104,14 +136,16 @@ def _decide_kind(found: Understanding, places: dict[str, int]) -> None:
     of_block = [column for column in (*RATE, *INCREMENT) if column in places]
     named = found.given.kind if found.given.kind != OPEN else ""
     headings = found.layout.headings
+    used = {*places.values(), *(place for fields in found.beside.values() for place in fields)}
     free = [
         headings[place].text or str(place + 1)
         for place in range(len(headings))
-        if place not in places.values() and found.cells(place)
+        if place not in used and found.cells(place)
     ]
-    if not named and not of_table and not of_block and ("position" in places or len(free) in (2, 3)):
+    angles = sum((unit := known_unit(head.unit)) is not None and unit.quantity == ANGLE for head in headings)
+    if not named and not of_table and not of_block and ("position" in places or len(free) in (2, 3) or angles == 2):
         # two unknown columns can be angles alone, three gyros: which they are is asked below
-        named = POSITION.name if "position" in places or len(free) == 2 else STRAPDOWN_RATES.name
+        named = POSITION.name if "position" in places or len(free) == 2 or angles == 2 else STRAPDOWN_RATES.name
     is_asked = False
     if not named:
         is_asked = bool(of_table) == bool(of_block)
@@ -189,13 +223,8 @@ def _decide_time(found: Understanding, places: dict[str, int]) -> None:
             if found.kind is POSITION or not (found.sheet.stated.time or TIME in found.given.units):
                 key = "time" if found.kind is POSITION else "units.time"
                 answers = ("order",) if found.kind is POSITION else rate
-                found.ask(
-                    key,
-                    answers,
-                    "no column is a time: rows in their order"
-                    if key == "time"
-                    else "no column is a time: rows at which rate",
-                )
+                said = "rows in their order" if key == "time" else "rows at which rate"
+                found.ask(key, answers, f"no column is known as a time: {said}; else columns.time_s=NAME says which")
         return
     cells = [text for _, text in found.cells(place)]
     if cells and all(is_clock(text) for text in cells):
@@ -203,7 +232,8 @@ def _decide_time(found: Understanding, places: dict[str, int]) -> None:
         if any(two_parts(text) for text in cells) and found.given.clock in ("", OPEN):
             found.ask("clock", ("h:m", "m:s"), f"what {next(filter(two_parts, cells))!r} is")
         if date_place is not None:
-            found.taken[DATE] = Taken(date_place, MOMENT, said="")
+            found.taken[DATE] = _taken(found, DATE, date_place)
+            found.taken[DATE] = replace(found.taken[DATE], form=MOMENT)
             _decide_dates(found, [(date_place, place)])
     elif any(found.value(text) is None for text in cells) and any(date_of(text) for text in cells):
         found.taken[TIMES] = replace(_taken(found, TIMES, place), form=MOMENT)
@@ -241,9 +271,10 @@ def _taken(found: Understanding, column: str, place: int) -> Taken:
     source = found.given.of(column)
     said = found.layout.headings[place].text or f"field {place + 1}"
     form = NAME if column == MOUNTING or (column == "position" and _are_labels(found, place)) else NUMBER
+    beside = found.beside.get(column, ())
     if source is None:
-        return Taken(place, form, said=said)
-    return Taken(place, form, sign=source.sign, offset=source.offset, said=said)
+        return Taken(place, form, said=said, beside=beside)
+    return Taken(place, form, sign=source.sign, offset=source.offset, said=said, beside=beside)
 
 
 def _are_labels(found: Understanding, place: int) -> bool:

@@ -213,7 +213,7 @@ def _imported(
         columns.append(
             ImportedColumn(
                 column=column if column != DATE else "time_s",
-                source=taken.said,
+                source=taken.said + (f" and {len(taken.beside)} beside it" if taken.beside else ""),
                 unit=unit,
                 sign=-1 if taken.sign < 0 else 1,
             )

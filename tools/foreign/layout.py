@@ -3,17 +3,19 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import InputError
 from .mapping import Mapping, printable
-from .names import Heading, column_of, heading, is_unit_row
-from .numbers import is_missing
+from .names import Heading, heading, is_unit_row, joined, of_name
+from .numbers import bare, has_degree_mark, is_missing, number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, is_data, is_value
 from .units import known_unit
 
 TAIL = 300
 """Lines at the end of a file among which the last row of data is looked for."""
+COMMENT = ("#", "%", "//")
+"""Marks before a line of names that are no name."""
 MOST_REMARKS = 60
 """Lines around the table that are kept."""
 LONGEST_REMARK = 300
@@ -54,15 +56,26 @@ def layout_of(sheet: Sheet, given: Mapping) -> Layout:
         if line > 0 and line not in texts:
             raise InputError(f"{sheet.path}: {key} = {line}: is no row above the data, which begin in row {first}")
     named = texts.get(names, [])
-    if names and len(named) < width and sheet.separator == ",":
-        what = f"row {first} has {width} fields where row {names} has {len(named)} names: decimal commas between commas"
-        raise InputError(f"{sheet.path}: {what} cannot be told apart; save it with semicolons between the fields")
+    fields = max(len(row) for _, row in data)
+    if len(named) == fields + 1 and named[0].strip() in COMMENT:
+        if sheet.separator != "blanks":
+            _refuse_fields(sheet, (names, len(named)), (first, fields))
+        named = named[1:]
+    if given.names < 0 and sheet.separator == "blanks" and len(named) > width:
+        # words of a sentence: which stands over which field cannot be known
+        names, named = 0, []
+    if names and len(named) < width:
+        _refuse_fields(sheet, (names, len(named)), (first, width))
     count = max(width, _width(named))
     named = (named + [""] * count)[:count]
     under = (list(texts.get(units) or sheet.stated.units) + [""] * count)[:count]
-    headings = tuple(_heading(name, unit) for name, unit in zip(named, under, strict=True))
+    under = [unit if unit.strip() else _unit_in(data, place) for place, unit in enumerate(under)]
+    groups = _groups(texts.get(names - 1, []), count)
+    headings = tuple(_heading(*head) for head in zip(groups, named, under, strict=True))
     last = given.last or _last_data(sheet, first)
     inside = {names, units}
+    if any(found.text not in ("", " ".join(name.split())) for found, name in zip(headings, named, strict=True)):
+        inside.add(names - 1)
     around = [row for row in above if row[0] not in inside]
     if last:
         around += sheet.rows(last + 1)
@@ -98,7 +111,13 @@ def _first_data(sheet: Sheet, head: Sequence[Row], given: Mapping) -> int:
             best, length = max(best, (length, -begin)), 0
     if not best[0]:
         raise InputError(f"{sheet.path}: has no rows of at least three numbers; a table of measured data is needed")
-    return -best[1]
+    begin = -best[1]
+    first, second, *_ = [*(texts for line, texts in head if line >= begin), [], []]
+    words = [not is_missing(text) and not is_value(text) for text in first]
+    if sum(word and is_value(text) for word, text in zip(words, second, strict=False)) > 1:
+        # names of which most are numbers
+        return next(line for line, _ in head if line > begin)
+    return begin
 
 
 def _names_row(above: Sequence[Row], units: int, width: int) -> int:
@@ -106,17 +125,66 @@ def _names_row(above: Sequence[Row], units: int, width: int) -> int:
     for line, texts in reversed(above):
         if line == units:
             continue
-        words = sum(not is_missing(text) and not is_value(text) for text in texts)
-        return line if words >= max(3, width // 2) else 0
+        over = next((cells for row, cells in above if row == line - 1), []) + [""] * len(texts)
+        words = [not is_missing(text) and not is_value(text) for text in texts]
+        # names may stand in two lines, each of which is short
+        both = [word or not is_missing(text) for word, text in zip(words, over, strict=False)]
+        return line if sum(words) >= 3 and sum(both) >= width // 2 else 0
     return 0
 
 
-def _heading(text: str, unit: str) -> Heading:
-    """What the head of a column says, with the unit from the row of units."""
-    found = heading(text)
-    if not unit.strip() or unit.strip() in ("-", "--") or found.unit:
+def _groups(above: Sequence[str], count: int) -> list[str]:
+    """What stands over each field in the line above the names, to the right as far as that is empty there.
+
+    A single text at the left is a title, and no name of columns.
+    """
+    texts = [text.strip() for text in above]
+    if sum(map(bool, texts)) < 2 and not any(texts[1:]):
+        return [""] * count
+    groups, group = list[str](), ""
+    for text in (texts + [""] * count)[:count]:
+        group = text or group
+        groups.append(group)
+    return groups
+
+
+def _heading(group: str, text: str, unit: str) -> Heading:
+    """What the head of a column says, with what stands over it, and the unit from the row of units."""
+    own = _with_unit(heading(text), unit)
+    if not group:
+        return own
+    whole = _with_unit(heading(joined(group, text)), unit)
+    return whole if whole.column or (whole.numbered and not own.column) else own
+
+
+def _with_unit(found: Heading, unit: str) -> Heading:
+    if not unit.strip() or unit.strip() in ("-", "--", "#") or found.unit:
         return found
-    return Heading(found.text, found.name, unit.strip(), column_of(found.name, known_unit(unit)) or found.column)
+    if known_unit(unit) is None:
+        # a second line of the name: "x [g]" below "Acc"
+        whole = heading(joined(found.text, unit))
+        if whole.column or whole.numbered:
+            return whole
+    said = of_name(found.text, found.name, unit.strip())
+    return said if said.column or said.numbered or not found.column else replace(found, unit=unit.strip())
+
+
+def _unit_in(data: Sequence[Row], place: int) -> str:
+    """The unit behind the first number of a column; "" where there is none."""
+    cells = (texts[place] for _, texts in data if place < len(texts))
+    text = next((text for text in cells if not is_missing(text)), "")
+    written = not has_degree_mark(text) and any(number(bare(text), mark) is not None for mark in ".,")
+    unit = unit_behind(text) if written else ""
+    return unit if known_unit(unit) else ""
+
+
+def _refuse_fields(sheet: Sheet, names: tuple[int, int], data: tuple[int, int]) -> None:
+    """Refuse a table whose names may stand over other fields, by the lines and counts of both."""
+    what = f"{sheet.path}: row {data[0]} has {data[1]} fields where row {names[0]} has {names[1]} names"
+    if sheet.separator == "," and names[1] < data[1]:
+        what += ": decimal commas between commas cannot be told apart; save it with semicolons between the fields"
+        raise InputError(what)
+    raise InputError(f"{what}: which name stands over which field is not known; give every field one in the file")
 
 
 def _last_data(sheet: Sheet, first: int) -> int:

@@ -21,6 +21,8 @@ OPEN = "?"
 LARGEST = 1_000_000
 """Bytes of a mapping that is read."""
 _MARK = "# as proposed: "
+_USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("beside", []))
+"""What a source has where nothing is said."""
 
 
 class Source(Section):
@@ -36,6 +38,8 @@ class Source(Section):
         -1 turns it round
     offset : float
         taken off first, in the file's unit
+    beside : list of str
+        columns with further readings of the same rest
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=True)
@@ -44,6 +48,7 @@ class Source(Section):
     unit: str = ""
     sign: Literal[1, -1] = 1
     offset: float = 0.0
+    beside: list[str] = Field(default_factory=list)
 
 
 class Mapping(Section):
@@ -63,6 +68,8 @@ class Mapping(Section):
         day-first, month-first or year-first; what a time of two parts is, h:m or m:s
     readings : str
         several rows at one position: "average" them, or "each" is a rest
+    beside : str
+        columns that are alike but for a number: "average" readings of one rest, or "none": they are other sensors
     incomplete : str
         "leave out" rows with an empty cell, where they are many
     attitude : str
@@ -91,6 +98,7 @@ class Mapping(Section):
     dates: Literal["day-first", "month-first", "year-first", "?", ""] = ""
     clock: Literal["h:m", "m:s", "?", ""] = ""
     readings: Literal["average", "each", "?", ""] = ""
+    beside: Literal["average", "none", "?", ""] = ""
     incomplete: Literal["leave out", "?", ""] = ""
     attitude: Literal["body to reference", "reference to body", "none", "?", ""] = ""
     time: Literal["order", "?", ""] = ""
@@ -220,7 +228,7 @@ def _key(name: str) -> str:
 def _value(value: Any) -> str:
     """A value as TOML has it."""
     if isinstance(value, AnyMapping):
-        given = {k: v for k, v in value.items() if (k, v) not in (("unit", ""), ("sign", 1), ("offset", 0.0))}
+        given = {k: v for k, v in value.items() if (k, v) not in _USUAL}
         if list(given) == ["from"]:
             return _value(given["from"])
         return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in given.items()) + " }"

@@ -36,7 +36,7 @@ OWN_UNIT = {
 _FILLERS, _OUTER, _INNER, _FORCE, _RATE = (
     frozenset(words.split())
     for words in (
-        "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert "
+        "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert raw roh rohwert "
         "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось",
         "alpha α outer aussen aussenachse aussenwinkel aussere äussere äusserer внешний внешняя альфа",
         "beta β inner innen innenachse innenwinkel innere innerer внутренний внутренняя бета",
@@ -51,7 +51,7 @@ _POSITION = re.compile(
 )
 _TIME = re.compile(
     r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|timestamp|x value|elapsed|temps"
-    r"|uhrzeit|clock|date ?time|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время"
+    r"|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время"
 )
 _DATE = re.compile(r"date|datum|дата")
 _SAMPLE = re.compile(
@@ -60,18 +60,32 @@ _SAMPLE = re.compile(
 _TEMPERATURE = re.compile(
     r"(block |imu |sensor |chip )?(temp|temperature|temperatur|температура)( ?(block|imu|sensor|chip))?"
 )
+_READING = "r|rdg|reading|ablesung|lesung|messung|wdh|rep|repeat"
+_NUMBERED = re.compile(
+    rf"(?P<name>.*[^\d ]) ?(?<![^\W\d_])(?P<said>{_READING}) ?(?P<number>\d{{1,3}})"
+    rf"|(?P<first>{_READING}) ?(?P<of>\d{{1,3}}) (?P<behind>.+)"
+    r"|(?P<plain>.*[^\d ]) ?(?P<count>\d{1,3})"
+    r"|(?P<before>[^\d ]+) ?(?P<inside>\d{1,3}) (?P<axis>[xyz])"
+)
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({<](?P<unit>[^\[\](){}<>]*(?:\([^()]*\))?)[\])}>]\s*$", re.DOTALL)
 _BESIDE = re.compile(r"^(?P<name>.*?)(?:\s+/\s*|\s+in\s+|\s*,\s*|\s*/\s*(?=\S+$))(?P<unit>\S+)$", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Heading:
-    """A column's head as it is written, name and unit apart, and the record's column that it means ("" for none)."""
+    """A column's head as it is written, name and unit apart, and the record's column that it means ("" for none).
+
+    Of several columns that mean one, with numbers, `numbered` is the record's column, `number` that of this one, and
+    `reading` whether the name says that readings are counted, and not sensors.
+    """
 
     text: str
     name: str
     unit: str = ""
     column: str = ""
+    numbered: str = ""
+    number: int = 0
+    reading: bool = False
 
 
 def heading(text: str) -> Heading:
@@ -80,10 +94,41 @@ def heading(text: str) -> Heading:
     if text in (POSITION, *APPROACH, MOUNTING, *QUATERNION, *OWN_UNIT):
         return Heading(text, text, OWN_UNIT.get(text, ""), text)
     for name, unit in _splits(text):
-        column = column_of(name, known_unit(unit) if unit else None)
-        if column or unit:
-            return Heading(text, name, unit, column)
-    return Heading(text, text, "", column_of(text, None))
+        found = of_name(text, name, unit)
+        if found.column or found.numbered or unit:
+            return found
+    return of_name(text, text, "")
+
+
+def of_name(text: str, name: str, unit: str) -> Heading:
+    """What a head says whose name and unit are known apart."""
+    known = known_unit(unit) if unit else None
+    column = column_of(name, known)
+    if column:
+        return Heading(text, name, unit, column)
+    found = _NUMBERED.fullmatch(normal(name))
+    if found is None:
+        return Heading(text, name, unit)
+    bare = found["name"] or found["behind"] or found["plain"] or f"{found['before']} {found['axis']}"
+    column = column_of(bare, known)
+    if column not in FORCES:
+        return Heading(text, name, unit)
+    number = found["number"] or found["of"] or found["count"] or found["inside"]
+    return Heading(text, name, unit, "", column, int(number), bool(found["said"] or found["first"]))
+
+
+def joined(above: str, below: str) -> str:
+    """A head in two lines as one: "Acc [g]" above "x" is "Acc x [g]", "Time" above "s" is "Time [s]"."""
+    above, below = above.strip(), below.strip()
+    if not above or not below:
+        return above or below
+    if known_unit(below) is not None:
+        return f"{above} [{written(below)}]"
+    found = _BRACKET.match(above)
+    if found and found["name"]:
+        unit = "" if _BRACKET.match(below) else f" [{found['unit']}]"
+        return f"{found['name']} {below}{unit}"
+    return f"{above} {below}"
 
 
 def _splits(text: str) -> list[tuple[str, str]]:
@@ -97,13 +142,22 @@ def _splits(text: str) -> list[tuple[str, str]]:
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
         name, unit = "_".join(parts[:-count]), "/".join(parts[len(parts) - count :])
         known = known_unit(unit) if name else None
-        column = column_of(name, known) if known else ""
-        if known and column and QUANTITY_OF.get(column) == known.quantity:
+        found = of_name(name, name, unit) if known else None
+        column = found.column or found.numbered if found else ""
+        quantity = QUANTITY_OF.get(column, "")
+        if known and quantity and (known.quantity == quantity or (known.raw and quantity in (FORCE, RATE))):
             splits.append((name, unit))
     found = _BESIDE.match(text)
     if found and known_unit(found["unit"]):
         splits.append((found["name"], found["unit"]))
     return splits
+
+
+def gyro_of(head: Heading) -> str:
+    """The gyro that "gx" means beside accelerometers; "" where it means none."""
+    found = re.fullmatch(r"g ?([xyz])", normal(head.name))
+    unit = known_unit(head.unit)
+    return RATES["xyz".index(found[1])] if found and (unit is None or unit.raw) else ""
 
 
 def normal(text: str) -> str:

@@ -25,6 +25,7 @@ _DEGREES = re.compile(
 )
 _UNIT_BEHIND = re.compile(r"(?<=[\d.,])\s*(?![eE][+-]?\d)[^\W\d_]*°?[^\W\d_]{0,5}(?:/[^\s\d]{1,5}[²2]?|°)?$")
 _CLOCK = re.compile(r"(\d{1,3}):(\d{1,2})(?::(\d{1,2}(?:[.,:]\d*)?))?\s*(am|pm)?", re.IGNORECASE)
+_MINUTES = re.compile(r"(\d{1,3}):(\d{1,2}[.,]\d+)")
 _DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})")
 _NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_]{3,9})[. ]+(\d{1,2}),? (\d{4})")
 MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
@@ -139,6 +140,11 @@ def has_degree_mark(text: str) -> bool:
 
 def clock(text: str, form: str = "") -> float | None:
     """Seconds of a time of day, "10:15:30,5 pm"; of two parts only where `form`, h:m or m:s, says what they are."""
+    short = _MINUTES.fullmatch(text.strip())
+    if short:
+        # only seconds have decimals
+        seconds = float(short[2].replace(",", "."))
+        return int(short[1]) * 60.0 + seconds if seconds < 60.0 else None
     found = _CLOCK.fullmatch(text.strip())
     if found is None:
         return None
@@ -161,7 +167,7 @@ def clock(text: str, form: str = "") -> float | None:
 
 def is_clock(text: str) -> bool:
     """Whether a text has the form of a time of day."""
-    return _CLOCK.fullmatch(text.strip()) is not None
+    return _CLOCK.fullmatch(text.strip()) is not None or _MINUTES.fullmatch(text.strip()) is not None
 
 
 def two_parts(text: str) -> bool:

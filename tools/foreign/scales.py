@@ -8,7 +8,7 @@ from .mapping import OPEN
 from .names import QUANTITY_OF, SAMPLE, TIMES
 from .numbers import sexagesimal, unit_behind
 from .understanding import CLOCK, MOMENT, Taken, Understanding, reading
-from .units import ANGLE, DOUBTFUL, EXAMPLES, QUANTITIES, Unit, known_unit, of_converter, unit_of, written
+from .units import ANGLE, COUNTS, DOUBTFUL, EXAMPLES, QUANTITIES, Unit, known_unit, of_converter, unit_of, written
 
 SENSITIVITIES = {
     "force": "0.5 g",
@@ -18,6 +18,8 @@ SENSITIVITIES = {
     "temperature": "0.01 degC",
 }
 """What one volt or count could be, as an example."""
+COUNTED = {"force": "16384 LSB/g", "rate": "131 LSB/(deg/s)"}
+"""The same as data sheets say it."""
 
 
 def decide_units(found: Understanding) -> None:
@@ -42,7 +44,12 @@ def decide_units(found: Understanding) -> None:
     for question in list(found.questions):
         quantity = QUANTITY_OF.get(question.key.removeprefix("columns."), "")
         if quantity and quantity not in stated and not {quantity} & {*agreed, *found.given.units}:
-            found.ask(f"units.{quantity}", EXAMPLES[quantity][:3], f"no unit of {quantity} is written")
+            used = {taken.field for taken in found.taken.values()}
+            free = [head.unit for place, head in enumerate(found.layout.headings) if place not in used]
+            raw = next((text for text in free if (unit := known_unit(text)) and unit.raw), "")
+            answers = (sensitivity(quantity, raw),) if raw else EXAMPLES[quantity][:3]
+            why = f"what one {raw} is, as here" if raw else f"no unit of {quantity} is written"
+            found.ask(f"units.{quantity}", answers, why)
     settled = {quantity: next(iter(texts)) for quantity, texts in agreed.items() if len(texts) == 1}
     found.settled["units"] = {**settled, **{k: v for k, v in found.given.units.items() if v != OPEN}}
 
@@ -69,7 +76,7 @@ def _unit(found: Understanding, column: str, quantity: str, taken: Taken) -> tup
     if quantity == ANGLE and column in ANGLES and cells and all(_is_sexagesimal(found, text) for _, text in cells):
         return unit_of("deg"), "deg"
     if stated is not None and stated.raw:
-        example = f"{SENSITIVITIES[quantity]}/{written(stated_text)}"
+        example = sensitivity(quantity, stated_text)
         found.ask(key, (example,), f"{head.text!r} is in {stated_text}: what one {stated_text} is, as here")
     elif stated_text and written(stated_text).lower() in DOUBTFUL:
         found.ask(
@@ -86,6 +93,14 @@ def _unit(found: Understanding, column: str, quantity: str, taken: Taken) -> tup
             key, EXAMPLES[quantity][:3], f"no unit of {head.text or taken.said!r}{_size(found, quantity)} is written"
         )
     return None, ""
+
+
+def sensitivity(quantity: str, text: str) -> str:
+    """What one volt or count of a quantity could be, as an example; `text` is the converter's unit."""
+    unit = known_unit(text)
+    if unit is not None and unit.quantity == COUNTS and quantity in COUNTED:
+        return COUNTED[quantity].replace("LSB", written(text))
+    return f"{SENSITIVITIES[quantity]}/{written(text)}"
 
 
 def _is_sexagesimal(found: Understanding, text: str) -> bool:

@@ -18,7 +18,10 @@ CLOCK, MOMENT, NUMBER, NAME = "clock", "moment", "number", "name"
 
 @dataclass(frozen=True)
 class Taken:
-    """How a column of the record comes from a field of a row: sign × (number - offset), in a unit."""
+    """How a column of the record comes from a field of a row: sign × (number - offset), in a unit.
+
+    `beside` are the fields of further readings of the same rest.
+    """
 
     field: int
     form: str = NUMBER
@@ -26,11 +29,15 @@ class Taken:
     sign: int = 1
     offset: float = 0.0
     said: str = ""
+    beside: tuple[int, ...] = ()
 
 
 @dataclass
 class Understanding:
-    """A sheet, its layout, the mapping as far as it is known, and what is asked; `taken` is by column of the record."""
+    """A sheet, its layout, the mapping as far as it is known, and what is asked.
+
+    `taken` is by column of the record, and so is `beside`: fields of further readings of a rest.
+    """
 
     sheet: Sheet
     layout: Layout
@@ -42,6 +49,7 @@ class Understanding:
     decimal: str = "."
     thousands: str = ""
     settled: dict[str, object] = field(default_factory=dict)
+    beside: dict[str, tuple[int, ...]] = field(default_factory=dict)
 
     def ask(self, key: str, answers: Sequence[str], why: str) -> None:
         """Ask once for a key of the mapping."""
@@ -72,7 +80,7 @@ class Understanding:
     @property
     def left_out(self) -> list[str]:
         """Names of the columns that are not taken."""
-        used = {taken.field for taken in self.taken.values()}
+        used = {place for taken in self.taken.values() for place in (taken.field, *taken.beside)}
         return [h.text for place, h in enumerate(self.layout.headings) if place not in used and h.text]
 
 

@@ -25,7 +25,7 @@ words = st.text(max_size=30)
 cells = st.one_of(st.sampled_from(CELLS.split("|")), words)
 keys, values = st.sampled_from(KEYS.split()), st.one_of(st.sampled_from(VALUES.split("|")), words)
 SETTINGS = settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 )
 
 

@@ -7,25 +7,21 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from bench_cases import write_hidden_record
 from laboratory_files import Bench, LabFile, position_files, repeated_file
+from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, RawRecord, read_record
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """A run of twenty rests with whole degrees."""
-    path = tmp_path_factory.mktemp("clean") / "clean.csv"
-    write_hidden_record(path, 5, None, effects=())
-    record = read_record(path, PositionRecord)
-    return Bench(
-        np.round(record.time_s),
-        np.round(np.degrees(record.alpha)),
-        np.round(np.degrees(record.beta)),
-        record.specific_force,
-        np.linspace(21.0, 24.0, len(record)),
-    )
+def bench() -> Bench:
+    """A run of twenty rests with whole degrees: an ideal table, a block with errors of scale and bias."""
+    draw = np.random.default_rng(5)
+    alpha, beta = draw.integers(0, 360, (2, 20)).astype(float)
+    a, b = np.radians(alpha), np.radians(beta)
+    ideal = STANDARD_GRAVITY * np.stack([np.sin(a) * np.sin(b), np.sin(a) * np.cos(b), np.cos(a)], axis=1)
+    force = ideal @ (np.eye(3) + 1e-4 * draw.normal(size=(3, 3))) + 1e-3
+    return Bench(np.round(np.cumsum(draw.uniform(40.0, 80.0, 20))), alpha, beta, force, np.linspace(21.0, 24.0, 20))
 
 
 def some_bench() -> Bench:
