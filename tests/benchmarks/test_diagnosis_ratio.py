@@ -36,11 +36,11 @@ def test_proof_against_a_programme_for_each_set(capsys):
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     evidence = result.evidence
     places = evidence.classes.places
-    problem = evidence.problem(evidence.centre, places)
+    problem = evidence.search.problem(evidence.search.centre, places)
     effects, readings = len(places), len(evidence.residual)
     count = math.comb(effects, 3) + math.comb(effects, 2) * readings + effects * math.comb(readings, 2)
     begun = time.perf_counter()
-    found = list(sets_of_size(problem, 3, evidence.slack(evidence.centre)))
+    found = list(sets_of_size(problem, 3, evidence.search.slack(evidence.search.centre)))
     searched = time.perf_counter() - begun
     some = list(combinations(range(effects), 3))[:: max(1, math.comb(effects, 3) // 20)]
     begun = time.perf_counter()

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ...models.effects.rows import Variant
-from ..bounded.programmes import Interval, column_space
-from ..bounded.sets import Problem, Work, project, sets_of_size
+from ..bounded.programmes import Interval
+from ..bounded.sets import Work
 from ..calibration.calibration import (
     Asked,
     Calibration,
@@ -26,35 +25,27 @@ from ..calibration.model import Linearisation
 from ..records import PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
-from .bench_centre import (
-    ROUNDS,
-    STANDS_OUT,
-    Setting,
-    centre_of,
-    usual_centre,
-    usual_misfit,
-    with_usual_signs,
-    without_last,
-)
 from .bench_left_out import Linear, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
     Cast,
     Paid,
     Readings,
-    Relaxation,
     fitted,
     growths_of,
     least_radius,
-    model_work,
     with_possible_sizes,
 )
 from .bench_pairs import pairs_of_bench
 from .bench_power import powers
 from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
 from .bench_scenario import extension_of_bench
+from .bench_search import (
+    SECOND_ORDER,
+    BenchSearch,
+    with_usual_signs,
+)
 from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
-from .bench_wander import wanders
 from .evidence import Channel, Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
@@ -62,14 +53,6 @@ from .pairs import Pair
 
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
-LEAST_SLACK = 0.05
-SECOND_ORDER = 5.0
-"""The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
-TOO_MUCH = 0.3
-"""With more slack than this, effects that stand out are fitted before others are sought."""
-MOST_ANCHORS = 3
-PROVEN_WANDER = 2
-"""A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,142 +135,16 @@ class Bench(Evidence):
         """Whether the nominal model cannot be true of the record."""
         return self.calibration.verdict == "falsified"
 
-    # The search: a fit that few readings cannot draw is the centre; where the misfit is so large that the linear model
-    # may be wrong by much, effects that stand out are fitted first and the others are sought beside them.
-
     @cached_property
-    def centre(self) -> Fit:
-        """The nominal model where few readings, and channels that are exchanged, cannot draw it."""
-        return usual_centre(self.readings, self.here.point)
-
-    @cached_property
-    def additive(self) -> dict[EffectPlace, Sequence[Variant]]:
-        """Effects that only add columns, others in each of their ways: they are sought by these."""
-        rows = self.readings.rows(self.centre.point)
-        found = {place: self.readings.variants(place, rows) for place in self.places if not is_linear(place)}
-        return {place: ways for place, ways in found.items() if ways and all(way.adds for way in ways)}
-
-    @property
-    def ways(self) -> list[tuple[EffectPlace, int]]:
-        """Each effect that only adds columns, in each of its ways."""
-        return [(place, way) for place, ways in self.additive.items() for way in range(len(ways))]
-
-    @cached_property
-    def _open_ways(self) -> dict[frozenset[EffectPlace], list[int]]:
-        """Of sets with an effect that only adds columns the ways of it that no bound refuses."""
-        return {}
-
-    @cached_property
-    def relaxed(self) -> dict[EffectPlace, Relaxation]:
-        """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
-        rows = self.readings.rows(self.centre.point)
-        untold = [place for place in self.classes.places if untold_readings([place], rows).any()]
-        bent = [place for place in self.places if not is_linear(place) and place not in self.additive]
-        return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
-
-    @cached_property
-    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting]]]:
-        return {}
+    def search(self) -> BenchSearch:
+        """The search for sets of effects."""
+        return BenchSearch(self.readings, self.here.point, self.places, self.classes)
 
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
-        if np.abs(self.centre.point).max() > LARGEST_OF_BENCH:
-            return
-        if size > 1:
-            limit, rows = 1.0 + self.slack(self.centre), self.readings.rows_with(self.centre)
-            for wander in wanders(self.centre, rows, limit, work, proven=size == PROVEN_WANDER):
-                yield (wander,)
-        free = [place for place in self.classes.places if place not in self.relaxed]
-        for count in range(min(size, len(self.relaxed)) + 1):
-            for chosen in combinations(self.relaxed.values(), count):
-                beside = tuple(mine.place for mine in chosen)
-                seen: dict[tuple[EffectPlace, ...], set[int]] = {}
-                for linear, ways in self._linear_sets(self.centre, free, chosen, size - count, work):
-                    places = (*sorted(linear, key=lambda place: place.title), *beside)
-                    if places not in seen and not ways:
-                        yield places
-                    seen.setdefault(places, set()).update(ways)
-                # An effect's other ways count for what is possible with it: it waits for all of them.
-                for places, ways in seen.items():
-                    if ways:
-                        self._open_ways[frozenset(places)] = sorted(ways)
-                        yield places
-
-    @cached_property
-    def _problems(self) -> dict[tuple[object, ...], Problem]:
-        """Searches beside a centre by their candidates: they are the same beside every choice of relaxed effects."""
-        return {}
-
-    def _linear_sets(
-        self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
-    ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
-        """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
-
-        With each the way of the effect in it that only adds columns, if there is one.
-        """
-        free = [place for place in places if place not in centre.places]
-        steps = tuple(self.ways) if size > 0 else ()
-        if size > 0 and self.slack(centre) > TOO_MUCH:
-            if centre.places not in self._anchors:
-                work.add(2 * MOST_ANCHORS * ROUNDS * model_work(self.readings))
-                self._anchors[centre.places] = self.anchors(centre, free), self.settings(centre)
-            more, settings = self._anchors[centre.places]
-            for one in more:
-                yield from self._linear_sets(one, places, chosen, size - 1, work)
-            for setting in settings:
-                yield from self._sets_of(setting, free, chosen, size, work)
-            free = [place for place in free if place not in {one.places[-1] for one in more}]
-            standing = {place for setting in settings for place, _ in setting.steps}
-            steps = [step for step in steps if step[0] not in standing]
-            # Others have no time told, but for the gaps that are nearest to what they look like.
-            steps = tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
-        yield from self._sets_of(Setting(centre, self.slack(centre), steps), free, chosen, size, work)
-
-    def _sets_of(
-        self, setting: Setting, free: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
-    ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
-        """As `_linear_sets`, in one setting, of so many of the effects that are free and of its steps."""
-        steps, places = setting.steps, setting.centre.places
-        problem = self.problem(setting.centre, free, steps)
-        part, kept = self._without(problem, chosen)
-        for candidate in sets_of_size(part, size, setting.slack, work=work):
-            outliers = [int(kept[row]) for row in candidate.outliers]
-            if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + setting.slack:
-                continue
-            own = [steps[i - len(free)] for i in candidate.effects if i >= len(free)]
-            found = (
-                *places,
-                *(free[i] for i in candidate.effects if i < len(free)),
-                *(place for place, _ in own),
-                *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
-            )
-            yield frozenset(found), tuple(way for _, way in own)
-
-    def slack(self, centre: Fit) -> float:
-        """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
-        return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.bound.min())
-
-    def settings(self, centre: Fit) -> list[Setting]:
-        """Where the bench is with each effect that only adds columns and stands out, beside those of a centre.
-
-        With about its time told the bench is known, so that all of its ways can be judged there.
-        """
-        found: dict[EffectPlace, Setting] = {}
-        for k in most_helpful(self.problem(centre, [], self.ways)):
-            place, way = self.ways[k]
-            if place in found:
-                continue
-            cast = Cast((*centre.places, place), {place: way})
-            one = centre_of(self.readings, cast, self.here.point, centre)
-            steps = tuple(step for step in self.ways if step[0] == place)
-            found[place] = Setting(without_last(self.readings, one), self.slack(one), steps)
-            if usual_misfit(one) > STANDS_OUT * usual_misfit(centre):
-                found[place] = replace(found[place], steps=())
-            if len(found) == MOST_ANCHORS:
-                break
-        return [setting for setting in found.values() if setting.steps]
+        return self.search.candidates(size, work)
 
     @property
     def second_order(self) -> float:
@@ -308,70 +165,6 @@ class Bench(Evidence):
         """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
         return tuple(pairs_of_bench(self.rows))
 
-    def problem(
-        self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[tuple[EffectPlace, int]] = ()
-    ) -> Problem:
-        """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
-        key = (centre, tuple(places), tuple(ways))
-        if key in self._problems:
-            return self._problems[key]
-        rows, bound = self.readings.rows_with(centre), self.bound[:, None]
-        blocks = [signature_columns([place], rows) / bound for place in places]
-        blocks += [self.additive[place][way].columns.reshape(len(bound), -1) / bound for place, way in ways]
-        found = Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
-        return self._problems.setdefault(key, found)
-
-    def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
-        """Centres with one effect more that stands out, the most helpful first."""
-        helpful = [places[k] for k in most_helpful(self.problem(centre, places))]
-        more = [
-            centre_of(self.readings, Cast((*centre.places, place)), self.here.point, centre)
-            for place in helpful[:MOST_ANCHORS]
-        ]
-        return [one for one in more if usual_misfit(one) <= STANDS_OUT * usual_misfit(centre)]
-
-    def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
-        """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
-        if not chosen:
-            return problem, np.arange(len(problem.residual))
-        nominal = np.hstack([problem.nominal, *(mine.columns / self.bound[:, None] for mine in chosen)])
-        widened = self.bound + sum(mine.widening for mine in chosen)
-        kept = np.flatnonzero(~np.any([mine.touched for mine in chosen], axis=0))
-        shrunk = (self.bound / widened)[kept]
-        columns = problem.columns[kept] * shrunk[:, None]
-        nominal, residual = nominal[kept] * shrunk[:, None], problem.residual[kept] * shrunk
-        return replace(problem, residual=residual, nominal=nominal, columns=columns), kept
-
-    def _paid_radius(
-        self,
-        problem: Problem,
-        chosen: Sequence[Relaxation],
-        effects: Sequence[int],
-        outliers: Sequence[int],
-        work: Work,
-    ) -> float:
-        """A lower bound of the radius of a set, in which what is not told of effects is paid for by their sizes.
-
-        The set has effects of the problem, outliers at some readings, and those that are `chosen`; 0 where each of
-        these is told, or bounded as well by `_without`.
-        """
-        untold = [mine for mine in chosen if not mine.ways]
-        if not untold:
-            return 0.0
-        bent = [mine for mine in chosen if mine.ways]
-        kept = ~np.any([np.zeros(len(self.bound), dtype=bool), *(mine.touched for mine in bent)], axis=0)
-        kept[outliers] = False
-        own = [problem.columns[:, problem.blocks[effect]] for effect in effects]
-        jacobian = np.hstack([problem.nominal, *own, *(mine.columns / self.bound[:, None] for mine in untold)])
-        columns = {mine.place: jacobian.shape[1] - len(untold) + k for k, mine in enumerate(untold)}
-        rate = np.zeros(jacobian.shape)
-        for mine in untold:
-            rate[:, columns[mine.place]] = mine.rate / self.bound
-        bound = 1.0 + sum(mine.widening for mine in bent) / self.bound
-        growths = growths_of(Paid.of(columns, rate[kept]), rate[kept], np.zeros(jacobian.shape[1]))
-        work.programme(*jacobian.shape)
-        return least_radius(jacobian[kept], problem.residual[kept], bound[kept], growths)[0]
-
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The exact model with linear effects, relinearised."""
         fit = fitted(self.readings, Cast(tuple(places)), self.here.point)
@@ -384,15 +177,9 @@ class Bench(Evidence):
 
         One fit for each choice of signs of what an effect adds in its way: sizes on both sides of zero are no interval.
         """
-        known = frozenset(self.classes.whole_class(place)[0] for place in places)
-        bent: dict[EffectPlace, Sequence[int]] = {}
-        for place in places:
-            if place in self.additive:
-                bent[place] = self._open_ways.get(known, range(len(self.additive[place])))
-            elif place in self.relaxed and (count := self.relaxed[place].ways):
-                bent[place] = range(count)
+        bent = self.search.acting(places)
         found: dict[tuple[float, ...], list[Fit]] = {}
-        start = self.centre.point
+        start = self.search.centre.point
         for ways in product(*bent.values()):
             fit = self._standing(Cast(tuple(places), dict(zip(bent, ways, strict=True))), start, work)
             if fit is not None:
@@ -539,14 +326,6 @@ class Bench(Evidence):
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Positions left out in turn, and blocks in time, with the whole set, then without each of several effects."""
         return trials(Linear(self.nominal, self.residual, self.bound), fit, self.named, self.numbers)
-
-
-def most_helpful(problem: Problem) -> list[int]:
-    """Candidates by what each takes off the robust sum of squares, the most helpful first."""
-    projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)))
-    spaces = [column_space(projection.columns[:, block]) for block in problem.blocks]
-    gains = [float(np.sum((space.T @ projection.residual) ** 2)) for space in spaces]
-    return [k for k in np.argsort(-np.array(gains), kind="stable").tolist() if spaces[k].shape[1]]
 
 
 def bench_evidence(record: PositionRecord, **options: Any) -> Bench:

@@ -167,9 +167,9 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     evidence = bench_evidence(
         record, noise_bound=NOISE_BOUND, baseline=case.instrument.baseline, mounting=case.instrument.matrices
     )
-    found = evidence.anchors(evidence.centre, evidence.linear_places)
+    found = evidence.search.anchors(evidence.search.centre, evidence.linear_places)
     assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.places[-1] for centre in found}
-    assert evidence.slack(found[0]) < 0.1 * evidence.slack(evidence.centre)
+    assert evidence.search.slack(found[0]) < 0.1 * evidence.search.slack(evidence.search.centre)
     result = diagnosed(case, record)
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)

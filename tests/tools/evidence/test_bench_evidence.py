@@ -187,7 +187,7 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
     reading = simulated(bench, alpha, beta, noise=noise).specific_force / GRAVITY
     reading[:, axis] = np.clip(reading[:, axis], -0.6, 0.6)
     made = bench_evidence(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND)
-    assert np.abs(made.centre.point).max() < 0.02
+    assert np.abs(made.search.centre.point).max() < 0.02
 
 
 def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
@@ -196,7 +196,7 @@ def test_positions_that_separate_put_candidates_further_apart_than_both_bounds()
     fits = [evidence.refit([place]) for place in (CUBIC, ODD)]
     readings, room = evidence.readings, 3e-7
     with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as asked:
-        found = bench_predictions.separating_positions(readings, evidence.centre.point, fits, (3e-3, 1e-2), room)
+        found = bench_predictions.separating_positions(readings, evidence.search.centre.point, fits, (3e-3, 1e-2), room)
     assert found
     assert [call.args[-1] for call in asked.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]
 
@@ -205,7 +205,7 @@ def test_from_where_a_sag_counts_is_within_what_the_bounds_grow_by():
     """The sine of the outer angle from the encoder's zero or from the vertical: the record does not tell."""
     place, part = EffectPlace("sag", "inner-axis"), np.array([3e-3, 4e-3])
     evidence = bench_evidence(bench_case(4).measured(), noise_bound=NOISE_BOUND)
-    readings, point = evidence.readings, evidence.centre.point
+    readings, point = evidence.readings, evidence.search.centre.point
     model, without = Cast((place,)).model(readings, point, part), Cast(()).model(readings, point, np.zeros(0))
     assert model is not None
     assert without is not None

@@ -1,0 +1,399 @@
+"""The search for sets of effects that explain a bench's readings, about a centre that few readings cannot draw.
+
+Neither gross readings, nor exchanged channels, nor a common limit draw the centre. Where the misfit is so large that
+the linear model may be wrong by much, effects that stand out are fitted first and the others are sought beside them.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench import admissible, nominal_input
+from ...models.effects import EffectPlace
+from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
+from ...models.effects.rows import Variant
+from ..bounded.programmes import column_space, least_squares
+from ..bounded.sets import Problem, Work, project, sets_of_size
+from ..calibration.estimates import widening
+from ..calibration.model import Linearisation, linearise, predicted_input
+from .bench_model import (
+    ASTRAY,
+    LARGEST_OF_BENCH,
+    Cast,
+    Paid,
+    Readings,
+    Relaxation,
+    growths_of,
+    least_radius,
+    model_work,
+)
+from .bench_visits import Circumstances, is_linear, signature_columns, untold_readings
+from .bench_wander import wanders
+from .fit import Classes, Fit, blocks_of
+
+USUAL = 0.9
+"""The misfit that this part of the readings does not exceed is what draws the fit; a few readings may miss by more."""
+ROUNDS = 12
+"""Steps to a centre that few readings cannot draw."""
+LOOSE = 10.0
+"""A bound [g] within which a reading says nothing."""
+GROSS = 1e-3
+"""Where most misfits are above this [g], a limit that many readings reach may have drawn the model."""
+AT_LIMIT, FEWEST_AT_LIMIT = 3.0, 3
+"""Readings nearer to the largest of their channel than so many bounds are at a limit, where so many are."""
+STANDS_OUT = 0.5
+"""An effect stands out that leaves at most this part of the usual misfit."""
+LEAST_SLACK = 0.05
+SECOND_ORDER = 5.0
+"""The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
+TOO_MUCH = 0.3
+"""With more slack than this, effects that stand out are fitted before others are sought."""
+MOST_ANCHORS = 3
+PROVEN_WANDER = 2
+"""A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """Where sets are sought: a centre, what the model linear there may be wrong by, and steps of effects in their ways.
+
+    The slack is in units of the bounds.
+    """
+
+    centre: Fit
+    slack: float
+    steps: tuple[tuple[EffectPlace, int], ...]
+
+
+def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None = None) -> Fit:
+    """The point with about the least sum of absolute misfits, which few readings cannot draw, with effects.
+
+    These are linear, or in a way that only adds columns. It begins at parameters (P,) of the bench, or where the fit
+    `before` with all of the effects but the last is.
+    """
+    count, bound = len(start), readings.bound
+    blocks = blocks_of(cast.places, cast.variants(readings, readings.rows(start)) or ())
+    x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
+    if before is not None:
+        x[: len(before.at)] = before.at
+    for iteration in range(ROUNDS + 1):
+        model = cast.model(readings, x[:count], x[count:], blocks)
+        assert model is not None
+        residual = readings.reading.ravel() - model.reading
+        # Least squares with these bounds is the least sum of absolute values; misfits within the noise count as one.
+        loose = bound * np.sqrt(np.maximum(1.0, np.abs(residual / bound)))
+        step = least_squares(model.jacobian / loose[:, None], residual / loose)
+        settled = iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * bound.min()
+        if settled or not np.abs((x + step)[:count]).max() <= ASTRAY:
+            radius = float(np.abs(residual / bound).max(initial=0.0))
+            own = (model.jacobian, radius, x, x[count:], model.variants)
+            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, *own)
+        x = x + step
+    raise AssertionError("the loop returns")
+
+
+def without_last(readings: Readings, fit: Fit) -> Fit:
+    """The model linear at the bench of a fit, with all of its effects but the last, of the sizes that they have."""
+    places, blocks, count = fit.places[:-1], fit.blocks[:-1], len(fit.point)
+    return _linear_at(readings, places, fit.at[: count + (blocks[-1].stop if blocks else 0)], count)
+
+
+def _linear_at(readings: Readings, places: tuple[EffectPlace, ...], x: NDArray, count: int) -> Fit:
+    """The model with linear effects at parameters and coefficients (P + K,), of which the first are the bench's."""
+    blocks = blocks_of(places)
+    model = Cast(places).model(readings, x[:count], x[count:], blocks)
+    assert model is not None
+    residual = readings.reading.ravel() - model.reading
+    radius = float(np.abs(residual / readings.bound).max(initial=0.0))
+    return Fit(places, blocks, x, 0.0 * x, residual, readings.bound, model.jacobian, radius, x, x[count:])
+
+
+def usual_misfit(fit: Fit) -> float:
+    """What most of the readings' misfits at a fit do not exceed, in units of the bounds."""
+    return float(np.quantile(np.abs(fit.residual / fit.bound), USUAL))
+
+
+def usual_centre(readings: Readings, start: NDArray) -> Fit:
+    """The nominal model where few readings, channels that are exchanged, and a limit of a channel cannot draw it.
+
+    It begins at a start (P,). Readings at the largest of their channel count for little where the others then agree far
+    better: a limit that many reach draws all of them.
+    """
+    aligned = np.zeros(len(start))
+    rows, bound, back = readings.rows(aligned), readings.bound, readings
+    for place in EXCHANGED_READINGS.places:
+        variants = readings.variants(place, rows)
+        if variants:
+            # From the first time on they may be exchanged, from the last on they are, and are exchanged back.
+            first, last = variants[0], variants[-1]
+            assert last.mixed is not None
+            bound = np.where(first.touched.ravel(), LOOSE, bound)
+            open_ = (first.touched & ~last.touched).ravel()
+            own = np.einsum("nij,nj->ni", last.mixed, back.reading)
+            back = replace(back, reading=own, bound=np.where(open_, LOOSE, back.bound))
+    centre = centre_of(readings, Cast(()), start)
+    if bound is not readings.bound:
+        centre = _linear_at(replace(readings, bound=bound), (), centre_of(back, Cast(()), aligned).at, len(start))
+    size = np.abs(readings.reading)
+    within = size > size.max(axis=0) - AT_LIMIT * readings.bound.reshape(-1, 3)
+    limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)
+    if usual_misfit(centre) * float(readings.bound.min()) > GROSS and limited.any():
+        other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), Cast(()), aligned)
+        told = ~limited.ravel()
+        before, after = (np.quantile(np.abs(fit.residual / readings.bound)[told], USUAL) for fit in (centre, other))
+        if after <= STANDS_OUT * before:
+            return other
+    return centre
+
+
+def with_usual_signs(
+    here: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
+) -> Linearisation:
+    """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
+
+    σ is a fraction of g, the bounds are u^max and v^0max of (1.7).
+    """
+    p, at = here.parametrisation, here.positions
+    point = usual_centre(Readings.of(here, circumstances), here.point).point
+    sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
+    if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):
+        return here
+    there = linearise(p, at, here.reading, point, np.full_like(here.bound, noise_bound), sign)
+    if p.symmetric:
+        return there
+    matrices = p.matrices[at.mounting]
+    certain = admissible(at.alpha, at.beta, matrices, bounds=bounds)
+    certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (sign > 0)
+    return replace(there, bound=noise_bound + widening(there, certain, noise_bound, bounds))
+
+
+@dataclass(frozen=True, eq=False)
+class BenchSearch:
+    """The search in readings for sets of some effects beside the bench's own parameters.
+
+    It begins at `start` (P,), the parameters of the nominal fit; `classes` are those of the linear effects.
+    """
+
+    readings: Readings
+    start: NDArray[np.float64]
+    places: tuple[EffectPlace, ...]
+    classes: Classes
+
+    @cached_property
+    def centre(self) -> Fit:
+        """The nominal model where few readings, and channels that are exchanged, cannot draw it."""
+        return usual_centre(self.readings, self.start)
+
+    def slack(self, centre: Fit) -> float:
+        """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
+        return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.readings.bound.min())
+
+    @cached_property
+    def additive(self) -> dict[EffectPlace, Sequence[Variant]]:
+        """Effects that only add columns, others in each of their ways: they are sought by these."""
+        rows = self.readings.rows(self.centre.point)
+        found = {place: self.readings.variants(place, rows) for place in self.places if not is_linear(place)}
+        return {place: ways for place, ways in found.items() if ways and all(way.adds for way in ways)}
+
+    @property
+    def ways(self) -> list[tuple[EffectPlace, int]]:
+        """Each effect that only adds columns, in each of its ways."""
+        return [(place, way) for place, ways in self.additive.items() for way in range(len(ways))]
+
+    @cached_property
+    def _open_ways(self) -> dict[frozenset[EffectPlace], list[int]]:
+        """Of sets with an effect that only adds columns the ways of it that no bound refuses."""
+        return {}
+
+    @cached_property
+    def relaxed(self) -> dict[EffectPlace, Relaxation]:
+        """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
+        rows = self.readings.rows(self.centre.point)
+        untold = [place for place in self.classes.places if untold_readings([place], rows).any()]
+        bent = [place for place in self.places if not is_linear(place) and place not in self.additive]
+        return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
+
+    @cached_property
+    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting]]]:
+        return {}
+
+    @cached_property
+    def _problems(self) -> dict[tuple[object, ...], Problem]:
+        """Searches beside a centre by their candidates: they are the same beside every choice of relaxed effects."""
+        return {}
+
+    def candidates(self, size: int, work: Work) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
+        if np.abs(self.centre.point).max() > LARGEST_OF_BENCH:
+            return
+        if size > 1:
+            limit, rows = 1.0 + self.slack(self.centre), self.readings.rows_with(self.centre)
+            for wander in wanders(self.centre, rows, limit, work, proven=size == PROVEN_WANDER):
+                yield (wander,)
+        free = [place for place in self.classes.places if place not in self.relaxed]
+        for count in range(min(size, len(self.relaxed)) + 1):
+            for chosen in combinations(self.relaxed.values(), count):
+                beside = tuple(mine.place for mine in chosen)
+                seen: dict[tuple[EffectPlace, ...], set[int]] = {}
+                for linear, ways in self._linear_sets(self.centre, free, chosen, size - count, work):
+                    places = (*sorted(linear, key=lambda place: place.title), *beside)
+                    if places not in seen and not ways:
+                        yield places
+                    seen.setdefault(places, set()).update(ways)
+                # An effect's other ways count for what is possible with it: it waits for all of them.
+                for places, ways in seen.items():
+                    if ways:
+                        self._open_ways[frozenset(places)] = sorted(ways)
+                        yield places
+
+    def acting(self, places: Sequence[EffectPlace]) -> dict[EffectPlace, Sequence[int]]:
+        """The ways in which effects of a set that are not linear can act, as far as no bound refuses them."""
+        known = frozenset(self.classes.whole_class(place)[0] for place in places)
+        bent: dict[EffectPlace, Sequence[int]] = {}
+        for place in places:
+            if place in self.additive:
+                bent[place] = self._open_ways.get(known, range(len(self.additive[place])))
+            elif place in self.relaxed and (count := self.relaxed[place].ways):
+                bent[place] = range(count)
+        return bent
+
+    def _linear_sets(
+        self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
+    ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
+        """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
+
+        With each the way of the effect in it that only adds columns, if there is one.
+        """
+        free = [place for place in places if place not in centre.places]
+        steps = tuple(self.ways) if size > 0 else ()
+        if size > 0 and self.slack(centre) > TOO_MUCH:
+            if centre.places not in self._anchors:
+                work.add(2 * MOST_ANCHORS * ROUNDS * model_work(self.readings))
+                self._anchors[centre.places] = self.anchors(centre, free), self.settings(centre)
+            more, settings = self._anchors[centre.places]
+            for one in more:
+                yield from self._linear_sets(one, places, chosen, size - 1, work)
+            for setting in settings:
+                yield from self._sets_of(setting, free, chosen, size, work)
+            free = [place for place in free if place not in {one.places[-1] for one in more}]
+            standing = {place for setting in settings for place, _ in setting.steps}
+            steps = [step for step in steps if step[0] not in standing]
+            # Others have no time told, but for the gaps that are nearest to what they look like.
+            steps = tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
+        yield from self._sets_of(Setting(centre, self.slack(centre), steps), free, chosen, size, work)
+
+    def _sets_of(
+        self, setting: Setting, free: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
+    ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
+        """As `_linear_sets`, in one setting, of so many of the effects that are free and of its steps."""
+        steps, places = setting.steps, setting.centre.places
+        problem = self.problem(setting.centre, free, steps)
+        part, kept = self._without(problem, chosen)
+        for candidate in sets_of_size(part, size, setting.slack, work=work):
+            outliers = [int(kept[row]) for row in candidate.outliers]
+            if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + setting.slack:
+                continue
+            own = [steps[i - len(free)] for i in candidate.effects if i >= len(free)]
+            found = (
+                *places,
+                *(free[i] for i in candidate.effects if i < len(free)),
+                *(place for place, _ in own),
+                *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
+            )
+            yield frozenset(found), tuple(way for _, way in own)
+
+    def settings(self, centre: Fit) -> list[Setting]:
+        """Where the bench is with each effect that only adds columns and stands out, beside those of a centre.
+
+        With about its time told the bench is known, so that all of its ways can be judged there.
+        """
+        found: dict[EffectPlace, Setting] = {}
+        for k in most_helpful(self.problem(centre, [], self.ways)):
+            place, way = self.ways[k]
+            if place in found:
+                continue
+            cast = Cast((*centre.places, place), {place: way})
+            one = centre_of(self.readings, cast, self.start, centre)
+            steps = tuple(step for step in self.ways if step[0] == place)
+            found[place] = Setting(without_last(self.readings, one), self.slack(one), steps)
+            if usual_misfit(one) > STANDS_OUT * usual_misfit(centre):
+                found[place] = replace(found[place], steps=())
+            if len(found) == MOST_ANCHORS:
+                break
+        return [setting for setting in found.values() if setting.steps]
+
+    def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
+        """Centres with one effect more that stands out, the most helpful first."""
+        helpful = [places[k] for k in most_helpful(self.problem(centre, places))]
+        more = [
+            centre_of(self.readings, Cast((*centre.places, place)), self.start, centre)
+            for place in helpful[:MOST_ANCHORS]
+        ]
+        return [one for one in more if usual_misfit(one) <= STANDS_OUT * usual_misfit(centre)]
+
+    def problem(
+        self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[tuple[EffectPlace, int]] = ()
+    ) -> Problem:
+        """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
+        key = (centre, tuple(places), tuple(ways))
+        if key in self._problems:
+            return self._problems[key]
+        rows, bound = self.readings.rows_with(centre), self.readings.bound[:, None]
+        blocks = [signature_columns([place], rows) / bound for place in places]
+        blocks += [self.additive[place][way].columns.reshape(len(bound), -1) / bound for place, way in ways]
+        found = Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
+        return self._problems.setdefault(key, found)
+
+    def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
+        """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
+        if not chosen:
+            return problem, np.arange(len(problem.residual))
+        nominal = np.hstack([problem.nominal, *(mine.columns / self.readings.bound[:, None] for mine in chosen)])
+        widened = self.readings.bound + sum(mine.widening for mine in chosen)
+        kept = np.flatnonzero(~np.any([mine.touched for mine in chosen], axis=0))
+        shrunk = (self.readings.bound / widened)[kept]
+        columns = problem.columns[kept] * shrunk[:, None]
+        nominal, residual = nominal[kept] * shrunk[:, None], problem.residual[kept] * shrunk
+        return replace(problem, residual=residual, nominal=nominal, columns=columns), kept
+
+    def _paid_radius(
+        self,
+        problem: Problem,
+        chosen: Sequence[Relaxation],
+        effects: Sequence[int],
+        outliers: Sequence[int],
+        work: Work,
+    ) -> float:
+        """A lower bound of the radius of a set, in which what is not told of effects is paid for by their sizes.
+
+        The set has effects of the problem, outliers at some readings, and those that are `chosen`; 0 where each of
+        these is told, or bounded as well by `_without`.
+        """
+        untold = [mine for mine in chosen if not mine.ways]
+        if not untold:
+            return 0.0
+        bent = [mine for mine in chosen if mine.ways]
+        kept = ~np.any([np.zeros(len(self.readings.bound), dtype=bool), *(mine.touched for mine in bent)], axis=0)
+        kept[outliers] = False
+        own = [problem.columns[:, problem.blocks[effect]] for effect in effects]
+        jacobian = np.hstack([problem.nominal, *own, *(mine.columns / self.readings.bound[:, None] for mine in untold)])
+        columns = {mine.place: jacobian.shape[1] - len(untold) + k for k, mine in enumerate(untold)}
+        rate = np.zeros(jacobian.shape)
+        for mine in untold:
+            rate[:, columns[mine.place]] = mine.rate / self.readings.bound
+        bound = 1.0 + sum(mine.widening for mine in bent) / self.readings.bound
+        growths = growths_of(Paid.of(columns, rate[kept]), rate[kept], np.zeros(jacobian.shape[1]))
+        work.programme(*jacobian.shape)
+        return least_radius(jacobian[kept], problem.residual[kept], bound[kept], growths)[0]
+
+
+def most_helpful(problem: Problem) -> list[int]:
+    """Candidates by what each takes off the robust sum of squares, the most helpful first."""
+    projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)))
+    spaces = [column_space(projection.columns[:, block]) for block in problem.blocks]
+    gains = [float(np.sum((space.T @ projection.residual) ** 2)) for space in spaces]
+    return [k for k in np.argsort(-np.array(gains), kind="stable").tolist() if spaces[k].shape[1]]
