@@ -16,11 +16,10 @@ from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
 from .deciding import understood
-from .labview import is_labview, labview_sheet
 from .layout import has_table
 from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
-from .sheet import LARGEST, Sheet, decoded, lines_of, text_sheet
+from .sheet import LARGEST, Sheet, decoded, is_labview, labview_sheet, lines_of, text_sheet
 from .understanding import Understanding
 from .workbook import sheet_of_workbook, workbook_sheets
 

@@ -29,6 +29,10 @@ FEWEST_NUMBERS = 3
 SEPARATORS = {"tab": "\t", ";": ";", "|": "|", ",": ",", "blanks": " "}
 """What may stand between fields, the least likely to stand inside them first."""
 ENCODINGS = ("utf-8", "utf-16", "cp1252", "cp1251", "cp1250", "latin-1", "cp437", "cp850", "mac-roman", "shift-jis")
+LABVIEW = "LabVIEW Measurement"
+END_OF_HEADER = "***End_of_Header***"
+KEPT_OF_HEADER = ("Operator", "Project", "Description", "Date", "Time", "Notes")
+"""What of a header of LabVIEW is about the measurement; the rest is about the file."""
 Row = tuple[int, list[str]]
 """A row: its line, as an editor counts, and its texts."""
 
@@ -198,3 +202,52 @@ def _worth(sheet: Sheet) -> tuple[int, int]:
     width = widths.most_common(1)[0][0] if rows else 0
     whole = [texts for texts in rows if len(texts) == width]
     return len(whole), -sum(not is_missing(text) and not is_value(text) for texts in whole for text in texts)
+
+
+# LabVIEW's measurement files (.lvm): a header says separator, decimal mark, units and period
+
+
+def is_labview(lines: list[str]) -> bool:
+    """Whether lines of text are a measurement file."""
+    return lines[0].strip().startswith(LABVIEW)
+
+
+def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
+    """A measurement file as a sheet that knows what its header says; an InputError where that says no table."""
+    ends = [line for line, text in enumerate(lines, 1) if text.strip().startswith(END_OF_HEADER)]
+    if len(ends) != 2:
+        what = "no end of its header" if not ends else f"{len(ends) - 1} parts with a header; one is read"
+        raise InputError(f"{path}: is a LabVIEW measurement file with {what}")
+    separator = "," if any(text.strip() == "Separator,Comma" for text in lines[: ends[0]]) else "\t"
+    rows = [text.split(separator) for text in lines[: ends[1]]]
+    header: dict[str, list[str]] = {}
+    for cells in rows:
+        header.setdefault(cells[0].strip(), [cell.strip() for cell in cells[1:]])
+    decimal = _first_behind(header, "Decimal_Separator") or "."
+    if decimal not in (".", ","):
+        raise InputError(f"{path}: Decimal_Separator {decimal!r}: is neither a point nor a comma")
+    names = next((line for line, text in enumerate(lines[ends[1] :], ends[1] + 1) if text.strip()), 0)
+    seconds = _first_behind(header, "X_Dimension") in ("", "Time")
+    period = number(_first_behind(header, "Delta_X"), decimal)
+    kept = [
+        text if any(text.startswith(f"{key}{separator}") for key in KEPT_OF_HEADER) else "" for text in lines[: ends[0]]
+    ]
+    stated = Stated(
+        decimal=decimal,
+        header_row=names,
+        units=("s" if seconds else "", *header.get("Y_Unit_Label", ())),
+        first_row=names + 1,
+        time=f"{period!r} s" if seconds and period and _first_behind(header, "X_Columns") == "No" else "",
+    )
+    return Sheet(
+        path,
+        [*kept, *[""] * (ends[1] - ends[0]), *lines[ends[1] :]],
+        encoding=encoding,
+        separator="tab" if separator == "\t" else ",",
+        stated=stated,
+    )
+
+
+def _first_behind(header: dict[str, list[str]], key: str) -> str:
+    """The first text behind a key; "" where there is none."""
+    return next(iter(header.get(key, ())), "")
