@@ -21,8 +21,6 @@ LEAST_TURN = 0.01
 """Smaller turns in a window tell nothing [rad]; in degrees they are larger."""
 FEWEST_WINDOWS = 30
 """Fewer windows of moves tell nothing."""
-UNITS = (1.0, RADIANS)
-"""Of the rates [rad/s] that are tried; the first changes nothing."""
 LEAST_SHARE = 0.5
 """Part of the turns, squared, that gyros must show before anything is believed."""
 LEAST_MISS, BETTER = 0.1, 0.1
@@ -78,7 +76,9 @@ def check_turning(
     between = np.diff(time_s[blocks].reshape(pieces, size).mean(axis=1))
     turn = 0.5 * (mean[1:] + mean[:-1]) * between[:, None]
     change, level = np.diff(middle, axis=0), 0.5 * (middle[1:] + middle[:-1])
-    least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), LEAST_TURN)
+    # rates that were read as degrees and are none turn the block so much less
+    smallest = LEAST_TURN / max(1.0, _units(before)[1])
+    least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), smallest)
     moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
     if broken is not None:
         spoilt = np.flatnonzero(broken[blocks].reshape(pieces, size).any(axis=1))
@@ -105,10 +105,15 @@ def check_turning(
     return beside_gravity(matrix, uncertain, before)
 
 
+def _units(before: Channels | None) -> tuple[float, float]:
+    """Units of the rates that are tried, beside that in which they were read: as they are, and the other one."""
+    return (1.0, 1.0 / RADIANS if before is not None and before.degrees else RADIANS)
+
+
 def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> TurningCheck:
     """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
-    costs = []
-    for unit in UNITS:
+    costs, units = [], _units(before)
+    for unit in units:
         weights = np.linalg.inv(uncertain / unit**2 + USUAL**2 * np.eye(9))
         apart = (matrix / unit - np.array(PERMUTATIONS)).reshape(-1, 9)
         costs.append(np.einsum("wi,ij,wj->w", apart, weights, apart))
@@ -116,13 +121,13 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
     ways: list[tuple[Channels, str]] = []
     of_forces: list[tuple[Channels, str]] = []
     for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
-        own, degrees = PERMUTATIONS[permutation], UNITS[number] != 1.0
+        own, degrees = PERMUTATIONS[permutation], number > 0
         ways.append((Channels(gyros=reading_of(own.T), degrees=degrees), ""))
         # Accelerometers that are turned see gravity turn as turned gyros do; that all are reversed does not show.
         if np.linalg.det(own) > 0.0 and permutation:
             of_forces += [(Channels(reading_of(sign * own), degrees=degrees), "") for sign in (1.0, -1.0)]
     if ways:
-        said = f"{_words(ways[0][0], 'the accelerometers')}: read it with {advice([*ways, *of_forces], before)}"
+        said = f"{_words(ways[0][0], 'the accelerometers', before)}: read it with {advice([*ways, *of_forces], before)}"
         others = advice(of_forces, before) if of_forces else ""
         return TurningCheck(matrix=matrix, said=(said,), of_forces=others)
     size = float(np.median(np.abs(matrix).max(axis=1)))
@@ -141,9 +146,9 @@ def beside_truth(
     says that they stand as they are, `before` is `Channels()`, only that way is looked at.
     """
     target = true.as_matrix()
-    missed = []
+    missed, units = [], _units(before)
     none = float(np.square(target - np.eye(3)).sum(axis=(1, 2)).mean())
-    for unit in UNITS:
+    for unit in units:
         # A permutation that turns is a turn of what was carried; one that mirrors, of what the reversed gyros carry.
         forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
         for own in PERMUTATIONS:
@@ -158,8 +163,8 @@ def beside_truth(
     same = same[np.argsort(shares[same], kind="stable")]
     ways = []
     for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
-        ways.append((Channels(gyros=reading_of(PERMUTATIONS[permutation].T), degrees=UNITS[number] != 1.0), ""))
-    return (f"{_words(ways[0][0], 'the true attitude')}: read it with {advice(ways, before)}",), best
+        ways.append((Channels(gyros=reading_of(PERMUTATIONS[permutation].T), degrees=number > 0), ""))
+    return (f"{_words(ways[0][0], 'the true attitude', before)}: read it with {advice(ways, before)}",), best
 
 
 def carried(increments: NDArray, windows: NDArray) -> Rotation:
@@ -172,9 +177,10 @@ def carried(increments: NDArray, windows: NDArray) -> Rotation:
     return found
 
 
-def _words(channels: Channels, reference: str) -> str:
-    """What is wrong with gyros that are to be read so."""
-    said = ["the rates are probably in degrees per second"] if channels.degrees else []
+def _words(channels: Channels, reference: str, before: Channels | None) -> str:
+    """What is wrong with gyros that are to be read so, beside how they were read."""
+    now = "rad/s, not degrees per second" if before is not None and before.degrees else "degrees per second"
+    said = [f"the rates are probably in {now}"] if channels.degrees else []
     for axis, channel in enumerate(channels.gyros, start=1):
         if abs(channel) != axis:
             said.append(f"what turns about axis {axis} of {reference} is read by gyro {abs(channel)}")

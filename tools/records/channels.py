@@ -112,7 +112,8 @@ class Channels:
             self.alpha * before.alpha,
             self.beta * before.beta,
             self.radians or before.radians,
-            self.degrees or before.degrees,
+            # said once more it is taken back
+            self.degrees != before.degrees,
         )
 
 

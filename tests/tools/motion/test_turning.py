@@ -70,6 +70,18 @@ def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
     assert "read it with --channels w=deg" in said_of(replace(clean, rate=np.degrees(clean.rate)))
 
 
+@pytest.mark.parametrize("order", [(1, 2, 3), (2, 1, -3)])
+def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
+    """Beside gravity and beside a true attitude: what was said wrongly is to be taken back, and nothing else."""
+    for record in (clean, filmed(1, speed=2.0)):
+        said = Channels(gyros=order, degrees=True)
+        read = replace(record, rate=record.rate @ said.of_gyros.T, channels=said)
+        found = inspect_record(read)
+        lines = truth_check(found) or found.turning.said
+        assert "the rates are probably in rad/s, not degrees per second" in lines[0]
+        assert "read it with no --channels" in lines[0]
+
+
 def test_exchanged_accelerometers_are_listed_beside_gyros(clean):
     for matrix in PERMUTATIONS[1:]:
         said = said_of(replace(clean, specific_force=clean.specific_force @ matrix.T))
