@@ -292,6 +292,7 @@ def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     result = diagnosed_evidence(bench_evidence(walking(8, 24, 1.1e-5), noise_bound=NOISE_BOUND), most_work=2e6)
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 2)
     assert not result.causes
+    assert result.not_named
     assert all("would do; others may that were not tried, and, as simple, a function" in s for s in result.not_named)
     said = told_lines(result)
     assert said[0] == "unexplained: the model is falsified and nothing that can be named mends it"
