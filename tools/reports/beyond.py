@@ -10,7 +10,7 @@ from ..document.blocks import Section, Table
 from ..document.notation import Cell, sentence, unit_of, unit_text
 from ..evidence.pairs import in_words
 from ..rounding import digits, interval, residual, upwards
-from .pictures.band import BandDrawn, band_picture
+from .pictures.residuals import BandDrawn, band_picture
 
 ARCSECONDS = math.degrees(1.0) * 3600.0
 ANGLES = {"alpha": "α, outer axis", "beta": "β, inner axis"}
