@@ -30,7 +30,7 @@ def rows_of(force: np.ndarray, *beside: Sequence[object]) -> list[list[object]]:
     ]
 
 
-def imported(folder: Path, text: str, answers: dict[str, str] | None = None, **options: object) -> Imported:
+def imported(folder: Path, text: str, answers: dict[str, str] | None = None, **options: Path) -> Imported:
     path = folder / "lab.csv"
     path.write_text(text, encoding="utf-8")
     return th.import_record(path, answers=answers, **options)
@@ -174,7 +174,7 @@ def test_units_that_change_behind_numbers_are_refused(tmp_path: Path):
 
 def test_minutes_and_seconds_with_decimals(tmp_path: Path):
     """10:15.5 can be nothing but minutes and seconds."""
-    rows = [[*row[:1], f"{int(row[1] // 60)}:{row[1] % 60:04.1f}", *row[2:]] for row in rows_of(FORCE)]
+    rows = [[k + 1, f"{int(TIME[k] // 60)}:{TIME[k] % 60:04.1f}", *row[2:]] for k, row in enumerate(rows_of(FORCE))]
     record = imported(tmp_path, table(["Pos;time;alpha [deg];beta [deg];ax [g];ay [g];az [g]"], rows)).record
     assert record.time_s == pytest.approx(TIME)
 
