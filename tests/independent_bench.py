@@ -277,7 +277,7 @@ STRAPDOWN_KINDS = (
 )
 WITH_TRUTH = ("rate-cubed", "fast-latency", "scale-drift", "late-latency")
 GYRO_NAMES = {
-    "rate-cubed": "rate-cubed",
+    "rate-cubed": "gyro-rate-cubed",
     "gyro-step": "gyro-bias-step",
     "gyro-sine": "gyro-bias-wander",
     "fast-latency": "latency",
