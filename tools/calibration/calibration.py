@@ -71,7 +71,7 @@ MAX_POSITIONS = 24
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a calibration: the options of `library.calibrate`.
+    """What is asked of a calibration: the options of `trihedron.calibrate`.
 
     σ is a fraction of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings are a preset, the
     path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those of the convention,

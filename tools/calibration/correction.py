@@ -258,7 +258,7 @@ class Application(Result):
 def apply_calibration(
     calibration: str | Path | Calibration, record: Path, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
 ) -> Application:
-    """Correct the readings of a record by a calibration or its file; arguments and errors as of `library.apply`.
+    """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
 
     The noise bound is that of the averaged readings' own errors [g], for what remains after the correction.
     """

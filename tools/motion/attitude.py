@@ -192,7 +192,7 @@ def attitude_of_record(
     Parameters
     ----------
     algorithm, rates, gyro_bias, rate_divisor, bridge_gaps
-        as of `library.attitude_of_record`: rates are "instantaneous" (integrated by the trapezoid rule) or "averaged"
+        as of `trihedron.attitude_of_record`: rates are "instantaneous" (integrated by the trapezoid rule) or "averaged"
         (means over the interval before each row); `rate_at_rest(record)`, say, is taken out of them [rad/s]
     run
         out, progress of `orchestrator.simulate`

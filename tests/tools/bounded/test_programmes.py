@@ -113,15 +113,15 @@ def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
         low, high = np.full((2, 5), np.inf) * [[-1.0], [1.0]]
         low[4], high[4] = sorted((0.0, sign * largest))
         matrix = np.column_stack((jacobian, column + moved * change))
-        return matrix, residual, bound, Growth(np.zeros(30), rows, low, high)
+        return (matrix, residual, bound), Growth(np.zeros(30), rows, low, high)
 
     for sign in (1.0, -1.0):
-        *given, growth = programme(0.0, sign)
+        given, growth = programme(0.0, sign)
         radius, _, duals = chebyshev_radius(*given, growth=growth)
         assert proven_radius(*given, growth, duals) == pytest.approx(radius, rel=1e-8)
         for moved in (0.01, 0.1, 0.5, 3.0):
             for largest in (0.2, 3.0):
-                *given, growth = programme(moved, sign, largest)
+                given, growth = programme(moved, sign, largest)
                 least = chebyshev_radius(*given, growth=growth)[0]
                 assert proven_radius(*given, growth, duals) <= least + 1e-9
                 if moved == 0.01 and largest == 3.0:

@@ -16,7 +16,7 @@ from page_text import clean, shown, text_of
 from planning_tasks import planned, stored, tables_task
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
 from strapdown_records import drawn_motion, strapdown_record
-from trihedron.tools import library
+from trihedron.tools import library, measured
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.campaign.store import open_result
 from trihedron.tools.document.page import html
@@ -118,8 +118,8 @@ def test_a_format_by_hand_is_found(source):
 
 
 KINDS: dict[str, Callable[[], Result]] = {
-    "inspection": lambda: library.inspect(strapdown_record()),
-    "attitude": lambda: library.attitude_of_record(strapdown_record()),
+    "inspection": lambda: measured.inspect(strapdown_record()),
+    "attitude": lambda: measured.attitude_of_record(strapdown_record()),
     "positions": lambda: plan(),
     "setting": lambda: setting(),
     "one-sided": lambda: calibrate(clean(), noise_bound=NOISE_BOUND * 0.9, baseline="symmetric"),
@@ -191,7 +191,7 @@ def test_a_small_attitude_error_has_its_digits_and_its_unit():
     small = {"rms": 3.9e-7, "maximum": 1.2345e-6, "final": 5e-8, "drift": -2e-10, "bridged_bound": 7.77e-7}
     *motion, attitude = drawn_motion(np.random.default_rng(3), moves=2)
     true = attitude.as_quat()[:, [3, 0, 1, 2]]
-    run = library.attitude_of_record(strapdown_record(motion, attitude=true)).model_copy(update=small)
+    run = measured.attitude_of_record(strapdown_record(motion, attitude=true)).model_copy(update=small)
     lines = document_of(run).lines
     shown = figures(r"(\S+) deg rms, (\S+) deg at most, (\S+) deg at the end, drift (\S+) deg/min", lines)
     wanted = np.degrees([small["rms"], small["maximum"], small["final"], 60.0 * small["drift"]])
@@ -212,7 +212,7 @@ def test_levelling_is_told_in_arcseconds_rounded_up():
 
 
 def test_bounds_of_means_at_rest_are_told_in_their_units_rounded_up():
-    found = library.inspect(strapdown_record())
+    found = measured.inspect(strapdown_record())
     assert found.rests.force_bound is not None
     assert found.rests.rate_bound is not None
     shown = figures(r"3 Allan deviations: (\S+) g, (\S+) deg/s", document_of(found).lines)
