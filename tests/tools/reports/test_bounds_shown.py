@@ -37,6 +37,7 @@ SHOWN = ("reports", "document", "cli")
 NUMERIC = re.compile(r"[^{}]*[eEfFgGn%]")
 DATA = {
     "rounding.py",
+    "foreign/workbook.py",
     "records/kinds.py",
     "papers/reproduction.py",
     "document/notation.py",
