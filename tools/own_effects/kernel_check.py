@@ -45,7 +45,7 @@ STAGES = {
     ("AccelerometerBlock", "reading_effects"): (ACCELEROMETERS, 3),
     ("AccelerometerBlock", "final_effects"): (ACCELEROMETERS, 3),
     ("TurntableMotion", "encoder_effects"): ((*AXES, "base"), 2),
-    ("TurntableMotion", "geometry_effects"): ((*AXES, "base"), 4),
+    ("TurntableMotion", "geometry_effects"): ((*AXES, "base", "mounting"), 7),
     ("GyroBlock", "reading_effects"): ((GYRO_BLOCK,), 3),
     ("GyroBlock", "final_effects"): ((GYRO_BLOCK,), 3),
     ("AttitudeComputer", "increment_effects"): (("attitude-computer",), 3),
@@ -217,7 +217,7 @@ def rows_in_motion() -> MotionRows:
 
 
 def added_by(place: EffectPlace, effect: Effect, values: Sequence[float], rows: Any) -> NDArray[np.float64]:
-    """What the kernel makes of rows (N, 3), or of turns (N, 4) for an effect on the table."""
+    """What the kernel makes of rows (N, 3), or of turns (N, 4) for an effect on the table, (N, 7) of its mounting."""
     assert effect.kernel is not None
     size = STAGES[(str(effect.component), str(effect.stage))][1]
     shown = np.zeros((ROWS, size))
@@ -230,6 +230,9 @@ def added_by(place: EffectPlace, effect: Effect, values: Sequence[float], rows: 
         turns = np.zeros((ROWS, 4))
         turns[:, 1::2] = -shown
         return turns
+    if effect.stage == "geometry_effects" and place.where != "mounting":
+        # The last three are of the mounting.
+        return shown[:, :4]
     if effect.component == "AttitudeComputer":
         # The computer adds what the readings lack.
         return -shown / rows.step[:, None]

@@ -449,7 +449,9 @@ def test_a_line_and_a_wave_come_apart(period: float, phase: float, drift: tuple,
         split = split_error(time, error, given_period)
         assert split.period == pytest.approx(period, rel=1e-3)
         np.testing.assert_allclose(split.rate, drift, rtol=0, atol=5e-5 * amplitude)
-        np.testing.assert_allclose(split.amplitude, [amplitude, 0.3 * amplitude], rtol=5e-3)
+        # The crest may lie between two samples.
+        crest = float(np.abs(wave).max())
+        np.testing.assert_allclose(split.amplitude, [crest, 0.3 * crest], rtol=5e-3)
         np.testing.assert_allclose(split.slow + split.periodic, error, rtol=0, atol=1e-12)
 
 
