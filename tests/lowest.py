@@ -9,8 +9,10 @@ from pathlib import Path
 def lowest(project: str) -> list[str]:
     """Each dependency of a pyproject.toml at the version that it names."""
     named = tomllib.loads(project)["project"]["dependencies"]
-    found = [re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named]
-    return [f"{match[1]}=={match[2]}" for match in found if match]
+    found = {text: re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named}
+    if unknown := [text for text, match in found.items() if match is None]:
+        raise SystemExit(f"pyproject.toml: {unknown[0]!r} names no least version as 'name>=version'")
+    return [f"{match[1]}=={match[2]}" for match in found.values() if match]
 
 
 if __name__ == "__main__":
