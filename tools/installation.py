@@ -3,9 +3,7 @@
 import os
 import platform
 import sys
-import tempfile
 from importlib import metadata
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Literal
 
@@ -15,6 +13,7 @@ from ..fmus.cache import cache_folder, others_can_write
 from ..fmus.native.compile import PLATFORMS, compiles, has_prebuilt, host_compiler, host_name, zig_version
 from .calibration import calibrate
 from .document.page import converter
+from .locks import own_folder
 from .orchestrator.load import usual_flavour
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import read_scenario
@@ -29,7 +28,7 @@ CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
     *("matplotlib", "numba", "llvmlite", "joblib", "lazy-loader", "python-calamine"),
 )
-EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed")}
+EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed", "cryptography")}
 """What each extra of the package installs."""
 POSITIONS, DWELL_S = 12, 2.0
 """Of the run that is tried."""
@@ -145,8 +144,8 @@ def _run() -> Finding:
     """A run of the whole chain, on a template's scenario."""
     subject = "a run"
     try:
-        with tempfile.TemporaryDirectory(prefix="trihedron-doctor-", ignore_cleanup_errors=True) as folder:
-            scenario = new("scenario", Path(folder) / "bench.toml", positions=POSITIONS)[0]
+        with own_folder() as folder:
+            scenario = new("scenario", folder / "bench.toml", positions=POSITIONS)[0]
             text = scenario.read_text(encoding="utf-8")
             scenario.write_text(text.replace("dwell_s = 20.0", f"dwell_s = {DWELL_S}"), encoding="utf-8")
             begin = perf_counter()

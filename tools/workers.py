@@ -22,6 +22,7 @@ from typing import Any, Protocol, TypeVar
 from joblib.externals.loky import ProcessPoolExecutor
 
 from .errors import InputError, nearest
+from .locks import own_folder
 
 ENGINES = ("local", "dask")
 MOST_JOBS = 1024
@@ -194,8 +195,8 @@ class _Processes:
 
 @contextlib.contextmanager
 def _processes(jobs: int) -> Iterator[_Processes]:
-    with tempfile.TemporaryDirectory(prefix="trihedron-workers-", ignore_cleanup_errors=True) as folder:
-        processes = _Processes(jobs, folder)
+    with own_folder() as folder:
+        processes = _Processes(jobs, str(folder))
         whole = False
         try:
             with warnings.catch_warnings():
@@ -261,14 +262,23 @@ class _Cluster:
 def _cluster(jobs: int, scheduler: str | None) -> Iterator[_Cluster]:
     try:
         from dask import config
-        from distributed import Client, LocalCluster
+        from distributed import Client, LocalCluster, Security
     except ImportError as error:
         raise InputError("--engine dask: needs the extra 'cluster' (pip install 'trihedron[cluster]')") from error
     # A call whose worker ends comes back at once; what is done about it is the same as for local processes.
     quiet = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "10s"}
     with config.set(quiet), _silent_logs(), contextlib.ExitStack() as stack:
         if scheduler is None:
-            options: dict[str, Any] = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
+            # Its servers of pages cannot be left out, but have none, at whatever port is free.
+            stack.enter_context(config.set({f"distributed.{who}.http.routes": [] for who in ("scheduler", "worker")}))
+            security = None
+            with contextlib.suppress(ImportError):
+                # Needs cryptography: who has not the key, which no file holds, is not listened to.
+                security = Security.temporary()
+            folder = str(stack.enter_context(own_folder()))
+            pages = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+            options: dict[str, Any] = {"host": "127.0.0.1", "silence_logs": logging.CRITICAL, "security": security}
+            options |= {"scheduler_kwargs": pages, "local_directory": folder, "env": {"TMPDIR": folder}}
             cluster: Any = LocalCluster(n_workers=jobs, threads_per_worker=1, **options)
             stack.callback(_close, cluster)
             client = stack.enter_context(Client(cluster))

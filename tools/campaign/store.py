@@ -21,12 +21,13 @@ import polars as pl
 from ... import fmus, models
 from ..errors import InputError
 from ..files import LARGEST, LARGEST_TEXT, bytes_of, json_text, made_folder, said_writable, whole_file, write_text
+from ..locks import Taken, locked
 from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign
 from .kinds import Output
 
 SCHEMA = "trihedron.campaign-result/1"
-MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", ".lock"
+MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", "campaign.lock"
 SUMMARY, PAGE, DIGESTS = "summary.json", "index.html", "SHA256SUMS"
 """`sha256sum -c SHA256SUMS` checks a folder, too."""
 RUNS, RECORDS = "runs", "records"
@@ -235,7 +236,7 @@ class Store:
         write_text(self.folder / DIGESTS, "".join(f"{digest}  {name}\n" for name, digest in sorted(there.items())))
         for folder in (self.folder, self.folder / RUNS, self.folder / RECORDS):
             for path in folder.glob(".*") if folder.is_dir() else ():
-                if path.name != LOCK and path.is_file():
+                if path.is_file():
                     path.unlink(missing_ok=True)
 
 
@@ -311,7 +312,7 @@ def opened(
     """
     made_folder(folder / RUNS, folder)
     store = Store(folder, campaign)
-    with locked(folder):
+    with _alone(folder):
         manifest = manifest_of(order, campaign, columns, content)
         written = (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
         if (folder / MANIFEST).exists():
@@ -343,23 +344,12 @@ def _check_same(folder: Path, order: Order, *, resume: bool) -> None:
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep others out of a folder; the lock goes with the process, however that ends."""
-    try:
-        import fcntl
-    except ImportError:
-        # No such locks here; two campaigns in one folder write the same files with the same bytes.
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep others out of a folder."""
+    with contextlib.ExitStack() as held:
+        try:
+            with said_writable(folder / LOCK):
+                held.enter_context(locked(folder / LOCK))
+        except Taken:
+            raise InputError(f"--out {folder}: another process works there") from None
         yield
-        return
-    with (folder / LOCK).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(f"--out {folder}: another process works there") from error
-        except OSError:
-            # A file system without locks.
-            pass
-        try:
-            yield
-        finally:
-            (folder / LOCK).unlink(missing_ok=True)

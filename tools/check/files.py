@@ -2,7 +2,6 @@
 
 import csv
 import json
-import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
@@ -26,6 +25,7 @@ from ..diagnosis import Diagnosis
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..errors import InputError, nearest
 from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, bytes_of
+from ..locks import own_folder
 from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
 from ..orchestrator.load import (
@@ -146,9 +146,9 @@ def _check_toml(found: Findings, text: str) -> None:
 def _check_fmu(found: Findings) -> None:
     """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
     found.kind = "FMU"
-    with tempfile.TemporaryDirectory(prefix="trihedron-check-") as folder, found.of():
+    with own_folder() as folder, found.of():
         # Before anything else opens the archive: this refuses what is not safe to unpack.
-        described = unpack(found.path, str(found.path), lambda _: Path(folder) / "fmu").description
+        described = unpack(found.path, str(found.path), lambda _: folder / "fmu").description
         interface = interface_of("fmu", str(found.path), described)
         for text in validate_fmu(str(found.path)):
             found.add(" ".join(text.split()))

@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -18,6 +17,7 @@ from markupsafe import Markup, escape
 
 from ..errors import InputError
 from ..files import ordinary_file, whole_file, write_text
+from ..locks import own_folder
 from .blocks import Page, Table
 from .notation import look, plain, typeset, written
 
@@ -146,10 +146,8 @@ def write_html(path: Path, page: str) -> None:
     if program is None:
         report_file(path)
         return
-    # The browser's helpers may still write into its profile when it has ended: what they leave is not our fault.
-    scratch = tempfile.TemporaryDirectory(prefix="trihedron-", ignore_cleanup_errors=True)
-    with scratch as folder, whole_file(path) as beside:
-        source, made = Path(folder) / "page.html", Path(folder) / "page.pdf"
+    with own_folder() as folder, whole_file(path) as beside:
+        source, made = folder / "page.html", folder / "page.pdf"
         source.write_text(page, encoding="utf-8", newline="\n")
         _print(program, source, made, path)
         beside.write_bytes(without_times(made.read_bytes()))

@@ -4,7 +4,6 @@ The simulation, FMUs of gyro block and attitude computer, carries the attitude t
 ends of moves or windows is the evidence.
 """
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
+from ..locks import own_folder
 from ..motion.carry import GyroModel, carried_attitude, carried_scenario, reads
 from ..motion.increments import starting_attitude
 from ..motion.norm import LARGEST, NAMES
@@ -354,9 +354,9 @@ class Carried(CarriedRun):
         made = self.with_onsets(fit)
         folds, results = made.folds(FOLDS if len(made.motion) <= LONG else FOLDS_OF_LONG), []
         of_rows = made.of_rows(folds)
-        with tempfile.TemporaryDirectory(prefix="trihedron-extended-", ignore_cleanup_errors=True) as name:
+        with own_folder() as scratch:
             for number, places in enumerate(((), fit.places)):
-                folder = Path(name) / str(number)
+                folder = scratch / str(number)
                 folder.mkdir()
                 fmus = extended_fmus(places, folder, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
                 matrix = made.matrix(places)

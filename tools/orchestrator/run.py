@@ -9,7 +9,6 @@ import ctypes
 import platform
 import shutil
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -25,6 +24,7 @@ from pydantic import Field
 
 from ..errors import InputError, one_line
 from ..files import json_text, make_folders, said_writable, whole_folder
+from ..locks import own_folder
 from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
@@ -56,7 +56,6 @@ WHOLE_BYTES = 256 << 20
 """A record of at most so many bytes is written in one go."""
 ROW_GROUP = 1 << 18
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")
-_FOLDER_PREFIX = "trihedron-run-"
 
 
 class Simulation(Result):
@@ -201,9 +200,10 @@ class PreparedScenario:
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A folder for unpacked FMUs; what their scripts left of it in Python's search path and modules goes too."""
-    with tempfile.TemporaryDirectory(prefix=_FOLDER_PREFIX, ignore_cleanup_errors=True) as name:
+    with own_folder() as folder:
+        name = str(folder)
         try:
-            yield Path(name)
+            yield folder
         finally:
             sys.path[:] = [entry for entry in sys.path if not str(entry).startswith(name)]
             for module, loaded in list(sys.modules.items()):

@@ -3,7 +3,6 @@
 import io
 import json
 import re
-import tempfile
 import zipfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from xml.etree.ElementTree import Element
 from ...fmus.units import Unit
 from ..errors import InputError, one_line
 from ..files import bytes_of
+from ..locks import own_folder
 from ..orchestrator.fmu import DAMAGE, check_members, unpack
 from ..orchestrator.interface import Interface, Value, interface_of
 from ..orchestrator.scenario import Scenario, read_scenario
@@ -96,9 +96,7 @@ def scenario_of_ssp(
 
     An InputError for an archive that is damaged or unsafe, or what is not supported, by its name.
     """
-    with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as name:
-        folder = Path(name) / "unpacked"
-        folder.mkdir()
+    with own_folder() as folder:
         _unpack(path, folder)
         try:
             imported = _scenario(path, folder, step, coupling)

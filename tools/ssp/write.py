@@ -4,7 +4,6 @@ Position programmes become components, constants become parameters, so that no s
 """
 
 import re
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -22,6 +21,7 @@ from ...models.effects import place_from_mapping
 from ...models.table_commands import POSITIONS
 from ..errors import InputError, said_of
 from ..files import json_text, whole_file
+from ..locks import own_folder
 from ..orchestrator.interface import Interface, Value, Variable, spread
 from ..orchestrator.load import (
     Loaded,
@@ -91,8 +91,8 @@ def export_ssp(
     try:
         if flavour == "native":
             chosen_platforms(platform)
-        with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as scratch:
-            members = _members(scenario, flavour, platform, Path(scratch))
+        with own_folder() as scratch:
+            members = _members(scenario, flavour, platform, scratch)
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
     except InputError as error:
@@ -108,8 +108,8 @@ def self_contained(scenario: Scenario) -> Scenario:
 
     An InputError for timed rows, which no component carries, or a programme of too many positions.
     """
-    with tempfile.TemporaryDirectory(prefix="trihedron-ssp-", ignore_cleanup_errors=True) as folder:
-        loaded = load(scenario, Sources(scenario.base_folder), Path(folder))
+    with own_folder() as folder:
+        loaded = load(scenario, Sources(scenario.base_folder), folder)
     interfaces = interfaces_of(loaded)
     written = scenario.model_dump(by_alias=True, exclude_none=True, exclude={"stimuli", "base_folder", "source"})
     fmus, connections = dict(written["fmus"]), list(written["connections"])

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from trihedron.tools import cli
 from trihedron.tools.campaign import runs
 from trihedron.tools.campaign.kinds import CalibrationRuns, Given
 from trihedron.tools.campaign.runs import KILLED, run_campaign
+from trihedron.tools.campaign.store import LOCK
 from trihedron.tools.errors import InputError
 from trihedron.tools.workers import AHEAD, Killed, completed, started
 
@@ -262,13 +264,22 @@ def test_results_and_workers_of_other_code_are_refused(tmp_path, workers, monkey
 
 
 def test_two_processes_do_not_work_in_one_folder(tmp_path, workers):
-    fcntl = pytest.importorskip("fcntl")
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
-    out.mkdir()
-    with (out / ".lock").open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="another process works there"):
-            run_campaign(path, out)
+    first = []
+
+    def another_resumes(*_):
+        """While the first one works."""
+        if not first:
+            first.append((out / LOCK).stat().st_ino)
+            with pytest.raises(InputError, match=f"^--out {re.escape(str(out))}: another process works there$"):
+                run_campaign(path, out, resume=True)
+        return False
+
+    workers.fate = another_resumes
+    run_campaign(path, out)
+    # Who waits at a file that is taken away holds the lock of nothing.
+    run_campaign(path, out, resume=True)
+    assert first == [(out / LOCK).stat().st_ino]
 
 
 def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbroken, workers, monkeypatch, capsys):

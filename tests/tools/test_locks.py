@@ -1,0 +1,103 @@
+"""Locks hold, and stay; what a killed process left is taken away by the next, and nothing else is."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from trihedron.tools.locks import LOCK, PREFIX, Taken, locked, own_folder
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from trihedron.tools.locks import locked, own_folder
+with {what} as folder:
+    print(folder, flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where temporary files go, of this process and of those that it starts."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("TMPDIR", str(folder))
+    return folder
+
+
+def holder(what: str) -> subprocess.Popen[str]:
+    """Another process within a block; its first line is what the block gives."""
+    return subprocess.Popen([sys.executable, "-c", HOLDER.format(what=what)], stdout=subprocess.PIPE, text=True)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_a_lock_keeps_others_out_until_its_process_is_killed_and_its_file_stays(tmp_path: Path) -> None:
+    path = tmp_path / "here.lock"
+    with holder(f"locked(Path({str(path)!r}))") as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        file = path.stat().st_ino
+        with pytest.raises(Taken), locked(path):
+            pass
+        other.send_signal(signal.SIGKILL)
+    for _ in range(2):
+        with locked(path):
+            pass
+    assert path.stat().st_ino == file
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_the_folder_of_a_killed_process_is_taken_away_by_the_next(base: Path) -> None:
+    with holder("own_folder()") as living, holder("own_folder()") as killed:
+        assert living.stdout is not None
+        assert killed.stdout is not None
+        kept, left = (Path(process.stdout.readline().strip()) for process in (living, killed))
+        (left / "file").write_text("large")
+        killed.send_signal(signal.SIGKILL)
+        killed.wait()
+        assert left.exists()
+        with own_folder() as mine:
+            assert sorted(base.iterdir()) == sorted([kept.parent, mine.parent])
+            (mine / "file").write_text("mine")
+        assert kept.exists()
+        living.send_signal(signal.SIGKILL)
+    with own_folder():
+        pass
+    assert list(base.iterdir()) == []
+
+
+def test_what_is_not_left_by_such_a_process_is_let_alone(base: Path) -> None:
+    """A user's own folder with that beginning has no lock; one whose process did not get so far is empty, and goes."""
+    mine = base / f"{PREFIX}results"
+    mine.mkdir()
+    (mine / "result.json").write_text("{}")
+    other = base / "trihedron-results"
+    other.mkdir()
+    (other / LOCK).write_text("")
+    (base / f"{PREFIX}unborn").mkdir()
+    with own_folder():
+        pass
+    assert sorted(path.name for path in base.iterdir()) == sorted([mine.name, other.name])
+    assert (mine / "result.json").exists()
+
+
+def test_a_folder_taken_away_before_it_is_locked_is_made_again(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process takes the new folder for one that was left."""
+    make, made = tempfile.mkdtemp, []
+
+    def robbed(**named: str) -> str:
+        made.append(make(**named))
+        if len(made) == 1:
+            Path(made[0]).rmdir()
+        return made[-1]
+
+    monkeypatch.setattr(tempfile, "mkdtemp", robbed)
+    with own_folder() as folder:
+        assert str(folder.parent) == made[1]
+    assert list(base.iterdir()) == []

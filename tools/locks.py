@@ -1,0 +1,82 @@
+"""What one process has to itself: a lock, which goes with the process however that ends, and a folder.
+
+The folder of a process that was killed is taken away by the next one that makes one.
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+PREFIX, LOCK = "trihedron-scratch-", "lock"
+
+
+class Taken(Exception):
+    """Another process has the lock."""
+
+
+@contextmanager
+def locked(path: Path, *, make: bool = True) -> Iterator[None]:
+    """Hold the lock of a file, which stays: a lock that is taken away while it is held would not keep anybody out.
+
+    Without `make` the file has to be there. Taken where another process holds it; on a file system that knows no locks
+    nobody is kept out.
+    """
+    with path.open("ab" if make else "r+b") as file:
+        try:
+            if sys.platform == "win32":
+                file.seek(0)
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            raise Taken(path) from None
+        except OSError:
+            pass
+        yield
+
+
+@contextmanager
+def own_folder() -> Iterator[Path]:
+    """A folder for temporary files of this process and of those that it starts; it goes when the block ends."""
+    _take_away_left(Path(tempfile.gettempdir()))
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+        inside = folder / "files"
+        with ExitStack() as held:
+            # Another process may have taken it for one that is left, until the lock is held.
+            with suppress(Taken, FileNotFoundError):
+                held.enter_context(locked(folder / LOCK))
+                inside.mkdir()
+            if not inside.is_dir():
+                continue
+            try:
+                yield inside
+            finally:
+                shutil.rmtree(inside, ignore_errors=True)
+                # Where an open file cannot be taken away, the lock goes first.
+                held.close()
+                shutil.rmtree(folder, ignore_errors=True)
+        return
+
+
+def _take_away_left(base: Path) -> None:
+    """Take away folders whose processes are gone; those of other users are left alone."""
+    for folder in base.glob(f"{PREFIX}*"):
+        with suppress(OSError, Taken):
+            if hasattr(os, "geteuid") and folder.lstat().st_uid != os.geteuid():
+                continue
+            if not (folder / LOCK).exists():
+                # Killed before it had its lock: nothing is in it.
+                folder.rmdir()
+                continue
+            with locked(folder / LOCK, make=False):
+                shutil.rmtree(folder, ignore_errors=True)
