@@ -1,8 +1,11 @@
-"""Excel workbooks as laboratories write them, by two libraries that only write."""
+"""Workbooks as laboratories write them: .xlsx and .xls by libraries that only write, .xlsb and .ods byte by byte."""
 
 import io
+import struct
+import zipfile
 from collections.abc import Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
+from xml.sax.saxutils import escape
 
 import numpy as np
 import xlsxwriter
@@ -60,6 +63,82 @@ def xls(sheets: dict[str, Cells]) -> bytes:
     return kept.getvalue()
 
 
+def _part(kind: int, data: bytes = b"") -> bytes:
+    """A record of the binary format: its kind and length seven bits at a time, lowest first."""
+    head = bytes([kind]) if kind < 128 else bytes([kind & 0x7F | 0x80, kind >> 7])
+    length, size = len(data), b""
+    while length > 127:
+        size, length = size + bytes([length & 0x7F | 0x80]), length >> 7
+    return head + size + bytes([length]) + data
+
+
+def _wide(text: str) -> bytes:
+    return struct.pack("<I", len(text)) + text.encode("utf-16-le")
+
+
+def _binary_sheet(rows: Cells) -> bytes:
+    made = _part(129) + _part(148, struct.pack("<4I", 0, len(rows) - 1, 0, max(map(len, rows)) - 1)) + _part(145)
+    for k, row in enumerate(rows):
+        made += _part(0, struct.pack("<IIHBBBI", k, 0, 300, 0, 0, 0, 0))
+        for j, value in enumerate(row):
+            cell = struct.pack("<II", j, 0)
+            number = isinstance(value, int | float)
+            made += _part(5, cell + struct.pack("<d", value)) if number else _part(6, cell + _wide(str(value)))
+    return made + _part(146) + _part(130)
+
+
+def xlsb(sheets: dict[str, Cells]) -> bytes:
+    """A workbook of the binary kind, numbers and texts."""
+    kept = io.BytesIO()
+    office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+    package = "http://schemas.openxmlformats.org/package/2006"
+    related = f'<Relationships xmlns="{package}/relationships">{{}}</Relationships>'
+    one = f'<Relationship Id="rId{{0}}" Type="{office}/{{1}}" Target="{{2}}"/>'
+    kind = "application/vnd.ms-excel.sheet.binary.macroEnabled.main"
+    types = f'<Types xmlns="{package}/content-types"><Default Extension="bin" ContentType="{kind}"/></Types>'
+    named = b"".join(
+        _part(156, struct.pack("<II", 0, k) + _wide(f"rId{k}") + _wide(name)) for k, name in enumerate(sheets, 1)
+    )
+    with zipfile.ZipFile(kept, "w") as made:
+        made.writestr("[Content_Types].xml", types)
+        made.writestr("_rels/.rels", related.format(one.format(1, "officeDocument", "xl/workbook.bin")))
+        parts = [one.format(k, "worksheet", f"worksheets/sheet{k}.bin") for k in range(1, len(sheets) + 1)]
+        made.writestr("xl/_rels/workbook.bin.rels", related.format("".join(parts)))
+        made.writestr("xl/workbook.bin", _part(131) + _part(143) + named + _part(144) + _part(132))
+        for k, rows in enumerate(sheets.values(), 1):
+            made.writestr(f"xl/worksheets/sheet{k}.bin", _binary_sheet(rows))
+    return kept.getvalue()
+
+
+def _open_cell(value: object) -> str:
+    if isinstance(value, int | float):
+        kind, shown = f'float" office:value="{value!r}', f"{value:.2f}"
+    elif isinstance(value, datetime):
+        kind, shown = f'date" office:date-value="{value.isoformat()}', "a day"
+    else:
+        kind, shown = "string", escape(str(value))
+    return f'<table:table-cell office:value-type="{kind}"><text:p>{shown}</text:p></table:table-cell>'
+
+
+def ods(sheets: dict[str, Cells]) -> bytes:
+    """A workbook of LibreOffice, with the empty cells up to the sheet's end that it writes."""
+    space = "urn:oasis:names:tc:opendocument:xmlns:"
+    end = '<table:table-row table:number-rows-repeated="{}"><table:table-cell table:number-columns-repeated="16384"/>'
+    tables = ""
+    for name, rows in sheets.items():
+        cells = "".join(f"<table:table-row>{''.join(map(_open_cell, row))}</table:table-row>" for row in rows)
+        tables += f'<table:table table:name="{name}">{cells}{end.format((1 << 20) - len(rows))}</table:table-row>'
+        tables += "</table:table>"
+    names = " ".join(f'xmlns:{name}="{space}{name}:1.0"' for name in ("office", "table", "text"))
+    body = f"<office:body><office:spreadsheet>{tables}</office:spreadsheet></office:body>"
+    kept = io.BytesIO()
+    with zipfile.ZipFile(kept, "w") as made:
+        made.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        made.writestr("content.xml", f"<office:document-content {names}>{body}</office:document-content>")
+        made.writestr("META-INF/manifest.xml", f'<manifest:manifest xmlns:manifest="{space}manifest:1.0"/>')
+    return kept.getvalue()
+
+
 def workbook_files(bench: Bench) -> list[LabFile]:
     """Workbooks of a position record."""
     head: Cells = [list(row) for row in HEAD]
@@ -96,6 +175,10 @@ def workbook_files(bench: Bench) -> list[LabFile]:
             suffix=".xlsx",
         ),
         LabFile("xlsx, cells missing", xlsx({"Data": [list(PLAIN), *holes]}), suffix=".xlsx", rows=keep),
+        LabFile("xlsb with a head", xlsb({"Data": titled}), suffix=".xlsb", keeps=KEPT),
+        LabFile("xlsb, two tables", xlsb({"A": titled, "B": titled}), needs={"sheet": "B"}, suffix=".xlsb"),
+        LabFile("ods with a head", ods({"Data": titled}), suffix=".ods", keeps=KEPT),
+        LabFile("ods, dates", ods({"Info": [["x", 1.0]], "Data": [times, *dated]}), suffix=".ods"),
         LabFile("xls with a head", xls({"Data": titled}), suffix=".xls", keeps=KEPT),
         LabFile("xls, dates", xls({"Data": [times, *dated]}), suffix=".xls"),
         LabFile("xls that is text", tab, suffix=".xls"),

@@ -19,7 +19,7 @@ from .deciding import understood
 from .layout import has_table
 from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
-from .sheet import LARGEST, Sheet, decoded, is_labview, labview_sheet, lines_of, text_sheet
+from .sheet import LARGEST, Sheet, decoded, is_labview, labview_sheet, lines_of, refuse_other, text_sheet, unpacked
 from .understanding import Understanding
 from .workbook import sheet_of_workbook, workbook_sheets
 
@@ -141,7 +141,9 @@ def sheets_of(file: Path, given: Mapping) -> list[Sheet]:
     data = bytes_of(file, "a measured file is needed", most=LARGEST)
     if not data:
         raise InputError(f"{file}: is empty; a table of measured data is needed")
+    data = unpacked(file, data)
     if not is_workbook(data):
+        refuse_other(file, data)
         text, encoding = decoded(file, data, given.encoding)
         lines = lines_of(file, text)
         if is_labview(lines):

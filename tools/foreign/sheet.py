@@ -5,6 +5,7 @@ A sheet knows how it was written as far as the file says so itself (a marker of 
 
 import csv
 import re
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ from itertools import islice
 from pathlib import Path
 
 from ..errors import InputError
+from ..records.read import PACKED
 from .numbers import bare, date_of, has_degree_mark, is_clock, is_missing, number
 
 LARGEST = 400_000_000
@@ -29,6 +31,22 @@ FEWEST_NUMBERS = 3
 SEPARATORS = {"tab": "\t", ";": ";", "|": "|", ",": ",", "blanks": " "}
 """What may stand between fields, the least likely to stand inside them first."""
 ENCODINGS = ("utf-8", "utf-16", "cp1252", "cp1251", "cp1250", "latin-1", "cp437", "cp850", "mac-roman", "shift-jis")
+OTHERS = {
+    r"PK": "is a ZIP archive; unpack it and give the file in it",
+    r"BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\(\xb5/\xfd": "is a packed archive; unpack it and give the file in it",
+    r"%PDF-": "is a PDF; export the table as CSV",
+    r"PAR1": "is Parquet; with the columns of a record it is one as it is: trihedron check FILE",
+    r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
+    r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
+}
+"""How files begin that are no text with a table (bytes as Latin-1), what they are and what would be right."""
+MARKERS = {
+    b"\xef\xbb\xbf": "utf-8-sig",
+    b"\xff\xfe\0\0": "utf-32",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}
+"""What a text may begin with, and its encoding."""
 LABVIEW = "LabVIEW Measurement"
 END_OF_HEADER = "***End_of_Header***"
 KEPT_OF_HEADER = ("Operator", "Project", "Description", "Date", "Time", "Notes")
@@ -129,19 +147,50 @@ def is_data(texts: Sequence[str]) -> bool:
     return values >= FEWEST_NUMBERS and values > words
 
 
+def unpacked(path: Path, data: bytes) -> bytes:
+    """The bytes of a file that gzip packed; others as they are. An InputError where they are too many, or corrupt."""
+    if not data.startswith(PACKED):
+        return data
+    parts, length = list[bytes](), 0
+    while data.strip(b"\0"):
+        reader = zlib.decompressobj(wbits=31)
+        try:
+            parts.append(reader.decompress(data, LARGEST + 1 - length))
+        except zlib.error as error:
+            raise InputError(f"{path}: is packed by gzip and cannot be unpacked ({error})") from error
+        length += len(parts[-1])
+        if length > LARGEST:
+            raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
+        if not reader.eof:
+            raise InputError(f"{path}: is packed by gzip and ends too early; copy it again")
+        data = reader.unused_data
+    return b"".join(parts)
+
+
+def refuse_other(path: Path, data: bytes) -> None:
+    """Refuse a file that is no text with a table, by what it begins with, and say what would be right."""
+    begins = data[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
+    for pattern, said in OTHERS.items():
+        if re.match(pattern, begins):
+            raise InputError(f"{path}: {said}")
+
+
 def decoded(path: Path, data: bytes, encoding: str = "") -> tuple[str, str]:
     """Text and encoding of a file: by its marker, as UTF-8 where it is that, as Windows writes it where it is not."""
-    for mark, name in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+    for mark, name in MARKERS.items():
         if data.startswith(mark) and not encoding:
             return _decoded(path, data, name), name
     if encoding:
         return _decoded(path, data, encoding), encoding
+    if 0 not in data.rstrip(b"\0"):
+        # loggers fill up their last block with zeros
+        data = data.rstrip(b"\0")
     zeros = data[:2000].count(0)
     if zeros:
         for name, at in (("utf-16-le", 1), ("utf-16-be", 0)):
             if data[at:2000:2].count(0) == zeros and 3 * zeros > len(data[:2000]):
                 return _decoded(path, data, name), name
-        raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or an Excel workbook is needed")
+        raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or a workbook is needed")
     try:
         return data.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:
@@ -160,7 +209,7 @@ def _decoded(path: Path, data: bytes, encoding: str) -> str:
 def lines_of(path: Path, text: str) -> list[str]:
     """The lines of a text, as an editor counts them; an InputError where there are too many, or they are too long."""
     if "\0" in text:
-        raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or an Excel workbook is needed")
+        raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or a workbook is needed")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if len(lines) > MOST_ROWS:
         raise InputError(f"{path}: has {len(lines)} rows; at most {MOST_ROWS} are read")

@@ -1,4 +1,4 @@
-"""Excel workbooks as sheets of texts: .xlsx and .xls, checked before anything reads them, read by another process.
+"""Workbooks as sheets of texts: .xlsx, .xlsb, .xls, .ods, checked before anything reads them, read by another process.
 
 What reads them (calamine, in Rust) is not trusted to end well with a corrupt or a malicious one: it gets a ZIP archive
 of nothing but the parts that a table needs, as large as they say, and no more memory than tables take.
@@ -25,7 +25,10 @@ MOST_CELLS = 12_000_000
 """Cells of a sheet: rows times columns up to its last."""
 MEMORY = 6 << 30
 """Bytes that the process that reads a workbook may take, where the system can limit it."""
-NEEDED = re.compile(r"\[Content_Types\]\.xml|_rels/.*|xl/(workbook|styles|sharedStrings)\.xml|xl/(_rels|worksheets)/.*")
+NEEDED = re.compile(
+    r"\[Content_Types\]\.xml|_rels/.*|xl/(workbook|styles|sharedStrings)\.(xml|bin)|xl/(_rels|worksheets)/.*"
+    r"|mimetype|content\.xml|styles\.xml|META-INF/manifest\.xml"
+)
 """Parts that hold tables: no pictures, no macros, no links."""
 
 _REFERENCE = re.compile(rb'<(?:\w+:)?(?:c|row)\b[^>]*?\br="([A-Za-z]{0,3})(\d{1,10})"')
@@ -70,7 +73,7 @@ except BaseException as error:
     if isinstance(error, SystemExit):
         raise
     reason = (str(error).strip() or type(error).__name__).splitlines()[0][:120]
-    print(f"is no readable workbook, .xlsx or .xls ({{reason}})")
+    print(f"is no readable workbook, .xlsx, .xlsb, .xls or .ods ({{reason}})")
     sys.exit(3)
 """
 
@@ -126,6 +129,9 @@ def _repacked(path: Path, data: bytes) -> bytes:
 
 def _refuse_content(path: Path, name: str, content: bytes) -> None:
     """Refuse XML that declares a document type, and a sheet that has cells far away: it would be held whole."""
+    if name.endswith(".bin"):
+        # cells far away in these meet the limit of memory
+        return
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{path}: {name} declares a DOCTYPE, or is not UTF-8; not read")
     if not name.startswith("xl/worksheets/"):

@@ -57,6 +57,10 @@ ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""
 OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 """What an Excel workbook of the old kind (.xls) begins with."""
+OPEN_DOCUMENT = b"META-INF/manifest.xml"
+"""A part that documents of LibreOffice have (.ods is the one with tables)."""
+PACKED = b"\x1f\x8b"
+"""What a file that gzip has packed begins with."""
 
 
 Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
@@ -163,7 +167,9 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     """
     try:
         if is_workbook(data):
-            raise RecordError(path, None, None, "is an Excel workbook")
+            raise RecordError(path, None, None, "is a workbook")
+        if data.startswith(PACKED):
+            raise RecordError(path, None, None, "is packed by gzip")
         if data.startswith(MAGIC):
             columns = _read_parquet(path, data, kinds, trusted=trusted)
         else:
@@ -177,14 +183,15 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
 
 
 def is_workbook(data: bytes) -> bool:
-    """Whether bytes are those of an Excel workbook, of the new kind (.xlsx, a ZIP archive) or the old."""
-    return data.startswith(OLD_WORKBOOK) or (data.startswith(b"PK") and b"xl/workbook" in data)
+    """Whether bytes are those of a workbook: of a new kind (.xlsx, .xlsb, .ods: ZIP archives) or the old (.xls)."""
+    archive = data.startswith(b"PK") and (b"xl/workbook" in data or OPEN_DOCUMENT in data)
+    return archive or data.startswith(OLD_WORKBOOK)
 
 
 def _with_import(error: RecordError, path: Path, data: bytes) -> RecordError:
     """What is wrong with a file that is no record, and the command that makes one of what a laboratory wrote."""
-    text = is_workbook(data) or data[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" not in data
-    if not text or data.startswith(MAGIC) or not data.strip() or "no rows follow" in error.what:
+    read = is_workbook(data) or data[:2] in (PACKED, b"\xff\xfe", b"\xfe\xff") or b"\0" not in data
+    if not read or data.startswith(MAGIC) or not data.strip() or "no rows follow" in error.what:
         return error
     name = shlex.quote(str(path))
     what = f"{error.what}; a laboratory's own file becomes a record by: trihedron import {name} --out RECORD.csv"

@@ -1,4 +1,4 @@
-"""Excel workbooks as laboratories write them, and such as nobody should open."""
+"""Workbooks as laboratories write them, and such as nobody should open."""
 
 import io
 import re
@@ -17,7 +17,7 @@ pytest.importorskip("python_calamine", reason="python-calamine is not installed"
 pytest.importorskip("xlsxwriter", reason="xlsxwriter is not installed")
 pytest.importorskip("xlwt", reason="xlwt is not installed")
 
-from laboratory_workbooks import rows_of, workbook_files, xls, xlsx
+from laboratory_workbooks import ods, rows_of, workbook_files, xls, xlsb, xlsx
 
 
 def bench_of(count: int) -> Bench:
@@ -53,10 +53,10 @@ def test_a_workbook_is_imported_or_asks_for_what_is_missing(name: str, tmp_path:
 
 def test_check_and_diagnose_propose_the_import_of_a_workbook(tmp_path: Path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for suffix, make in ((".xlsx", xlsx), (".xls", xls)):
+    for suffix, make in ((".xlsx", xlsx), (".xls", xls), (".xlsb", xlsb), (".ods", ods)):
         path = Path(f"lab{suffix}")
         path.write_bytes(make({"Data": [NAMES, *rows_of(BENCH)]}))
-        said = f"is an Excel workbook; a laboratory's own file becomes a record by: trihedron import {path} --out"
+        said = f"is a workbook; a laboratory's own file becomes a record by: trihedron import {path} --out"
         assert said in str(th.check(path))
         assert cli.main(["diagnose", str(path)]) == 2
         assert said in capsys.readouterr().err
@@ -81,6 +81,11 @@ SHEET = "xl__worksheets__sheet1.xml"
 XML = zipfile.ZipFile(io.BytesIO(GOOD)).read(SHEET.replace("__", "/"))
 FAR = XML.replace(b"</sheetData>", b'<row r="1048576"><c r="XFD1048576"><v>1</v></c></row></sheetData>')
 LAUGHS = b'<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>' + XML.partition(b"?>")[2]
+OPEN = ods({"Data": [NAMES, *rows_of(BENCH)]})
+CONTENT = zipfile.ZipFile(io.BytesIO(OPEN)).read("content.xml")
+BINARY = xlsb({"Data": [NAMES, *rows_of(BENCH)]})
+FIRST = b"<table:table-row><table:table-cell"
+MANY = b'<table:table-row table:number-rows-repeated="1000000"><table:table-cell table:number-columns-repeated="16384"'
 OLD = xls({"Data": [NAMES, *rows_of(BENCH)]})
 HOSTILE = {
     "a bomb": (changed(GOOD, **{SHEET: XML + b" " * 3_000_000}), "unpacks to more than"),
@@ -90,6 +95,9 @@ HOSTILE = {
     "no sheet": (changed(GOOD, **{SHEET: None}), "no sheet has rows"),
     "no list of sheets": (changed(GOOD, **{"xl__workbook.xml": b"<workbook"}), "no "),
     "cut": (GOOD[: len(GOOD) // 2] + b"xl/workbook", "no readable workbook"),
+    "rows that repeat": (changed(OPEN, **{"content.xml": CONTENT.replace(FIRST, MANY, 1)}), "no readable workbook"),
+    "entities in an open one": (changed(OPEN, **{"content.xml": LAUGHS}), "declares a DOCTYPE"),
+    "a binary one that is cut": (changed(BINARY, **{"xl__worksheets__sheet1.bin": b"\x81\x01"}), "no sheet has rows"),
     "an old one that is none": (OLD[:8] + bytes(2000), "no readable workbook"),
     "an old one that is cut": (OLD[:3000], "no "),
 }

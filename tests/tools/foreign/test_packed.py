@@ -1,0 +1,85 @@
+"""Files that are packed, filled up or no table: read where nothing is doubtful, else it is said what would be right."""
+
+import bz2
+import gzip
+import io
+import lzma
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from laboratory_files import PLAIN, table
+from trihedron.tools.foreign import sheet
+
+ROWS = [["1", "0", "20", "25", "1.4", "3.0", "9.2"], ["2", "60", "110", "25", "4.1", "8.3", "-3.4"]]
+LAB = table(PLAIN, list(zip(*ROWS, strict=True)))
+PACKED = gzip.compress(LAB, mtime=0)
+FORCE = [[1.4, 3.0, 9.2], [4.1, 8.3, -3.4]]
+
+
+def archive() -> bytes:
+    kept = io.BytesIO()
+    with zipfile.ZipFile(kept, "w") as made:
+        made.writestr("lab.csv", LAB)
+    return kept.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("packed.csv.gz", PACKED),
+        ("two parts.csv.gz", gzip.compress(LAB[:50], mtime=0) + gzip.compress(LAB[50:], mtime=0)),
+        ("filled up.csv", LAB + bytes(100)),
+        ("wide.csv", LAB.decode().encode("utf-32")),
+    ],
+    ids=["packed", "in parts", "filled up", "utf-32"],
+)
+def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tmp_path: Path):
+    (tmp_path / name).write_bytes(content)
+    assert th.import_record(tmp_path / name).record.specific_force == pytest.approx(np.array(FORCE))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (PACKED[:-20], "ends too early"),
+        (PACKED[:-8] + b"junkjunk", "cannot be unpacked"),
+        (bz2.compress(LAB), "is a packed archive; unpack it"),
+        (lzma.compress(LAB), "is a packed archive; unpack it"),
+        (archive(), "is a ZIP archive; unpack it"),
+        (b"\xef\xbb\xbf<html><table><tr><td>1</td></tr></table></html>", "is HTML or XML"),
+        (b'<?xml version="1.0"?><Workbook/>', "is HTML or XML"),
+        (b'{"a": 1, "b": [1, 2, 3]}', "is JSON"),
+        (b"[\n  [1, 2, 3],\n  [1, 2, 3]\n]", "is JSON"),
+        (b"%PDF-1.4", "is a PDF"),
+        (b"PAR1PAR1", "is Parquet"),
+    ],
+    ids=["cut", "corrupt", "bz2", "xz", "zip", "html", "xml", "json", "json lists", "pdf", "parquet"],
+)
+def test_what_holds_none_is_told_what_would_be_right(content: bytes, said: str, tmp_path: Path):
+    path = tmp_path / "lab.csv"
+    path.write_bytes(content)
+    with pytest.raises(th.InputError) as refused:
+        th.import_record(path)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(sheet, "LARGEST", 100_000)
+    path = tmp_path / "lab.csv.gz"
+    path.write_bytes(gzip.compress(bytes(1_000_000)))
+    with pytest.raises(th.InputError, match="unpacks to more than 100000 bytes"):
+        th.import_record(path)
+
+
+def test_check_and_diagnose_propose_the_import_of_a_packed_file(tmp_path: Path):
+    path = tmp_path / "lab.csv.gz"
+    path.write_bytes(PACKED)
+    said = f"is packed by gzip; a laboratory's own file becomes a record by: trihedron import {path} --out RECORD.csv"
+    assert said in str(th.check(path))
+    with pytest.raises(th.InputError, match="trihedron import"):
+        th.diagnose(path)
