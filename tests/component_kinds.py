@@ -24,6 +24,7 @@ GYRO_EFFECTS = [
         "lag",
         "gyro-bias-step",
         "gyro-scale-step",
+        "gyro-warm-up",
         "latency-step",
         "jitter",
     )

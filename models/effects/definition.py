@@ -209,6 +209,9 @@ class Effect:
     sets_in : bool
         it acts from a time on, its last parameter "start" [h], which is found; its signature is that of what it does
         from then on, and its linear coefficients are the other parameters
+    fades : bool
+        it fades with time as exp(-t/T), T [h] being its last parameter, which is found; its signature is that of what
+        it does at the beginning, and its linear coefficients are the other parameters
     contains : tuple of str
         names of effects at the same place that it can be, with some values of its parameters: where one of them
         stands, it is no rival
@@ -236,6 +239,7 @@ class Effect:
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
     sets_in: bool = False
+    fades: bool = False
 
     def at(self, place: EffectPlace) -> "Effect":
         """The effect as it is at one of its places."""
@@ -249,7 +253,7 @@ class Effect:
     @property
     def linear_parameters(self) -> tuple[EffectParameter, ...]:
         """The parameters of an effect without variants that its linear coefficients give."""
-        return self.parameters[: len(self.parameters) - self.sets_in]
+        return self.parameters[: len(self.parameters) - (self.sets_in or self.fades)]
 
     def kernel_at(self, stage: str) -> Callable[..., None] | None:
         """Its kernel that joins a hook of the component: at its stage, or where the component keeps what it needs."""

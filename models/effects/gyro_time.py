@@ -4,6 +4,8 @@ gyro_scale_drift
     scale factors grow with time
 gyro_bias_step, gyro_scale_step, latency_step
     biases, scale factors, the lag of the gyros are others from a time on
+gyro_warm_up
+    biases settle as an exponential of time
 lag
     each gyro follows its rate through a low-pass of the first order
 """
@@ -61,6 +63,35 @@ BIAS_STEP = gyro_effect(
     sets_in=True,
     contains=("gyro-bias",),
     formula="Δω = ({size_1}, {size_2}, {size_3}) 'rad/s from' t = {start} 'h on'",
+)
+
+
+def gyro_warm_up(
+    context: Vector, rate: Vector, size_1: float, size_2: float, size_3: float, time_constant: float, added: Vector
+) -> None:
+    """Add to each gyro's reading a bias [rad/s] that fades with a time constant [h]."""
+    if time_constant > 0.0:
+        part = math.exp(-context[HOURS] / time_constant)
+        gyro_bias(context, rate, size_1 * part, size_2 * part, size_3 * part, added)
+
+
+def warm_up_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
+    """Sizes, and the time constant in seconds."""
+    *sizes, time = values.values()
+    return f"the biases of the gyros settle from {listed(sizes)} rad/s with a time constant of {3600.0 * time:.4g} s"
+
+
+WARM_UP = gyro_effect(
+    gyro_warm_up,
+    (
+        *of_each_gyro("size", "rad/s", "bias at the beginning", 0.2),
+        EffectParameter("time_constant", "h", "of the exponential", LAST_HOUR, smallest=0.0),
+    ),
+    BIAS.signature,
+    warm_up_sentence,
+    fades=True,
+    contains=("gyro-bias", "gyro-bias-drift"),
+    formula="Δω = ({size_1}, {size_2}, {size_3}) e^(−t / ({time_constant} 'h')) 'rad/s'",
 )
 
 
@@ -145,4 +176,4 @@ LAG = gyro_effect(
     formula="ω_read + ({time_1}, {time_2}, {time_3}) 's' dω_read/dt = ω",
 )
 
-EFFECTS = (SCALE_DRIFT, BIAS_STEP, SCALE_STEP, LATENCY_STEP, LAG)
+EFFECTS = (SCALE_DRIFT, BIAS_STEP, SCALE_STEP, LATENCY_STEP, WARM_UP, LAG)

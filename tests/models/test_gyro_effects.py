@@ -34,7 +34,9 @@ CONTRACT = {
 SETTING_IN = {"gyro-bias-step": (3, "rad/s"), "gyro-scale-step": (3, "1"), "latency-step": (1, "s")}
 """The same of those that act from a time on, without that."""
 IN_GYROS = [p for effect in STRAPDOWN_EFFECTS.values() if effect.component == "GyroBlock" for p in effect.places]
-LINEAR = [place for place in IN_GYROS if (e := place.definition).variants is None and not e.sets_in]
+FADING = {"gyro-warm-up": (3, "rad/s")}
+"""The same of those that fade with a time constant, without that."""
+LINEAR = [p for p in IN_GYROS if (e := p.definition).variants is None and not (e.sets_in or e.fades)]
 
 
 def test_the_catalogue_is_the_contracts():
@@ -46,7 +48,10 @@ def test_the_catalogue_is_the_contracts():
     for name, (count, unit) in SETTING_IN.items():
         *sizes, start = STRAPDOWN_EFFECTS[name].parameters
         assert ([p.unit for p in sizes], start.name, start.unit) == ([unit] * count, "start", "h")
-    assert set(STRAPDOWN_EFFECTS) == {*CONTRACT, *SETTING_IN, "undersampling"}
+    for name, (count, unit) in FADING.items():
+        *sizes, constant = STRAPDOWN_EFFECTS[name].parameters
+        assert ([p.unit for p in sizes], constant.name, constant.unit) == ([unit] * count, "time_constant", "h")
+    assert set(STRAPDOWN_EFFECTS) == {*CONTRACT, *SETTING_IN, *FADING, "undersampling"}
     assert not set(STRAPDOWN_EFFECTS) & set(POSITION_EFFECTS)
 
 
@@ -155,6 +160,18 @@ def test_what_sets_in_does_nothing_before_its_time_and_then_what_its_signature_s
     assert np.abs(change[:begun]).max() < 1e-14
     assert np.abs(expected[:begun]).max() > 1e-5
     assert change[begun:] == pytest.approx(expected[begun:], abs=1e-13)
+
+
+@pytest.mark.parametrize("constant", [1e-6, 3e-4, 0.2])
+def test_biases_that_settle_are_an_exponential_of_the_time_since_the_first_row(constant):
+    rows, sizes = lively_motion(even=True), np.array([1e-3, -2e-3, 3e-3])
+    place = EffectPlace("gyro-warm-up", "gyro-block")
+    change = gyro_readings([(place, [*sizes, constant])], rows) - rows.rate
+    assert change == pytest.approx(np.outer(np.exp(-rows.hours / constant), sizes), abs=1e-14)
+    at_first = place.definition.signature(place, rows) @ sizes
+    assert change == pytest.approx(np.exp(-rows.hours / constant)[:, None] * at_first, abs=1e-14)
+    # A time constant of zero stands for none.
+    assert gyro_readings([(place, [*sizes, 0.0])], rows) == pytest.approx(rows.rate, abs=1e-15)
 
 
 def test_effects_of_gyros_add_up_in_any_order():

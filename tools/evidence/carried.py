@@ -47,6 +47,7 @@ SHOWN_BY = {
     "gyro-rate-cubed": "turns about each axis, slow and fast",
     "gyro-scale-drift": "the same turns about each axis at the beginning and at the end of a longer record",
     "gyro-bias-step": "rests throughout the record",
+    "gyro-warm-up": "rests throughout the record, most of them soon after it is switched on",
     "gyro-scale-step": "the same turns about each axis throughout the record",
     "latency-step": "the same fast turns to and fro throughout the record, compared with the true attitude",
     "lag": "fast turns to and fro about each axis, compared with the true attitude while they last",

@@ -98,7 +98,12 @@ def carried_evidence(
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
     """Places of those effects that are linear and whose circumstances the record tells."""
     told = [e for e in effects if "temperature" not in e.needs or motion.temperature is not None]
-    return [place for effect in told if effect.variants is None and not effect.sets_in for place in effect.places]
+    return [
+        place
+        for effect in told
+        if effect.variants is None and not (effect.sets_in or effect.fades)
+        for place in effect.places
+    ]
 
 
 def linear_evidence(
@@ -142,7 +147,7 @@ def linear_evidence(
         names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
         whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
-        setting_in = [p for e in STRAPDOWN_EFFECTS.values() if e.sets_in for p in e.places]
+        setting_in = [p for e in STRAPDOWN_EFFECTS.values() if e.sets_in or e.fades for p in e.places]
         starting = tuple(setting_in) if tried and len(motion) <= LONG else ()
         return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest, starting=starting)
 
@@ -226,7 +231,8 @@ def about_main_onset(made: Carried) -> Carried:
 
 def nearest_onset(made: Carried, place: EffectPlace) -> tuple[float, EffectPlace, Carried]:
     """What an effect that sets in leaves by least squares, where it leaves about the least; with the evidence then."""
-    edges, step = made.onsets.edges, max(1, len(made.onsets.edges) // MOST_ONSETS)
+    edges = made.onsets.edges_of(made.acting[place])
+    step = max(1, len(edges) // MOST_ONSETS)
     low, high = 0, len(edges)
     while True:
         tried = [made.with_onset(place, int(row)) for row in edges[low:high:step]]

@@ -18,13 +18,17 @@ from ..motion.inspect import Inspection
 from .carried_pairs import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count, coefficient_limits
-from .onsets import ROUNDS, STRETCHES, Acting, Onsets, refused
+from .onsets import ROUNDS, STRETCHES, TIMES_AT_ONCE, Acting, Fading, Onsets, refused
 from .pairs import Pair
 from .references import Gravity, Truth, has_truth
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 LONG = 1_000_000
 """A record of more rows is long."""
+SLICES = 7
+"""Time constants of those that stand at which the sizes of what fades are stated, at least."""
+EVERY, CLOSE = 3, 8
+"""Of so many stretches one is tried; the ends of the time constants that stand are found but for so many of them."""
 MOST_WITH_ONSET = 1
 """Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
 
@@ -72,7 +76,7 @@ class CarriedRun(CarriedRecord):
     `own` is the gyros' part of the model's parameters; about `model` the rows are linear, and `attitude` (N, 4) was
     carried with it. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s], None
     where the bias is free. `starting` are effects that set in at a time, which can be tried too; of those among
-    `places` `set_in` has the row.
+    `places` `set_in` has the time, or the time constant [h].
     """
 
     own: tuple[EffectPlace, ...]
@@ -82,7 +86,7 @@ class CarriedRun(CarriedRecord):
     reference: Gravity | Truth
     at_rest: NDArray[np.float64] | None
     starting: tuple[EffectPlace, ...] = ()
-    set_in: Mapping[EffectPlace, int] = field(default_factory=dict)
+    set_in: Mapping[EffectPlace, float] = field(default_factory=dict)
 
     @property
     def of_forces(self) -> int:
@@ -133,9 +137,14 @@ class CarriedRun(CarriedRecord):
         )
 
     @cached_property
-    def acting(self) -> dict[EffectPlace, Acting]:
+    def acting(self) -> dict[EffectPlace, Acting | Fading]:
         """What each effect that sets in does from each row on."""
         return {place: self.onsets.acting(place) for place in self.starting}
+
+    @cached_property
+    def stretches(self) -> dict[tuple[EffectPlace, int, int], NDArray[np.float64]]:
+        """Columns of the stretches that were tried."""
+        return {}
 
     def with_onset(self, place: EffectPlace, row: int) -> Self:
         """The evidence with an effect that sets in after a row, as one more that can be tried."""
@@ -145,7 +154,7 @@ class CarriedRun(CarriedRecord):
             for part, mine in zip(self.parts, columns, strict=True)
         )
         at_rest = None if self.at_rest is None else np.hstack([self.at_rest, mean])
-        set_in = {**self.set_in, place: row}
+        set_in = {**self.set_in, place: self.onsets.value(self.acting[place], row)}
         return replace(self, parts=parts, places=(*self.places, place), at_rest=at_rest, set_in=set_in)
 
     def with_onsets(self, fit: Fit) -> Self:
@@ -153,17 +162,13 @@ class CarriedRun(CarriedRecord):
         made = self
         for place, values in zip(fit.places, fit.values(), strict=True):
             if place in self.starting:
-                made = made.with_onset(place, int(np.searchsorted(self.onsets.hours, values[-1])) - 1)
+                made = made.with_onset(place, self.onsets.number(self.acting[place], values[-1]))
         return made
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
         """Values of the parameters of some effects by a solution (P + k,); those that set in have their times."""
         found = super().values_of(places, solution)
-        return {p: (*v, self._start(self.set_in[p])) if p in self.set_in else v for p, v in found.items()}
-
-    def _start(self, row: int) -> float:
-        """A time after a row and before the next [h]."""
-        return 0.5 * float(self.onsets.hours[row] + self.onsets.hours[row + 1])
+        return {p: (*v, self.set_in[p]) if p in self.set_in else v for p, v in found.items()}
 
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
@@ -183,32 +188,86 @@ class CarriedRun(CarriedRecord):
         if not setting_in:
             return super().mended(places, work)
         (place,) = setting_in
-        others, found = [p for p in places if p != place], []
+        others, acting = [p for p in places if p != place], self.acting[place]
+        ends, found = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, others, work)
+        if not found:
+            return []
+        start, end = self.onsets.ends(acting, *ends)
+        best = sorted(found, key=lambda one: one[0].radius)
+        first, *also = (setting_in_at(fit, place, self.onsets.value(acting, row), (start, end)) for fit, row in best)
+        return [replace(first, also=tuple(also))]
+
+    def _setting_in(
+        self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
+    ) -> tuple[tuple[int, int], list[tuple[Fit, int]]]:
+        """Ends of the rows at which an effect beside others can set in, and fits at some of them."""
+        found = []
         for begin, end in self._stretches(place, others, work):
             fit, row = self._within(place, others, (begin, end), work)
             if fit.radius <= self.limit:
                 found.append((fit, row, begin, end))
         if not found:
-            return []
-        hours = self.onsets.hours
-        always = self.with_onset(place, 0).refit(places).radius <= self.limit
+            return (0, 0), []
+        # One that acts from the first row on would do as well.
+        always = self.with_onset(place, 0).refit([*others, place]).radius <= self.limit
         earliest = 0 if always else min(begin for *_, begin, _ in found)
-        ends = float(hours[earliest]), float(hours[max(end for *_, end in found)])
-        best = sorted(found, key=lambda one: one[0].radius)
-        first, *also = (setting_in_at(fit, place, self._start(row), ends) for fit, row, *_ in best)
-        return [replace(first, also=tuple(also))]
+        return (earliest, max(end for *_, end in found)), [(fit, row) for fit, row, *_ in found]
+
+    def _fading(
+        self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
+    ) -> tuple[tuple[int, int], list[tuple[Fit, int]]]:
+        """Numbers of time constants next to all with which an effect beside others can fade, and fits evenly between.
+
+        The sizes of what fades depend on its time constant: the hull of all that are possible takes several of them.
+        More stretches are not refused than stand, so some are tried, and the neighbourhood of the best is searched.
+        """
+        tried: dict[int, Fit] = {}
+
+        def stands(number: int) -> bool:
+            if number not in tried:
+                work.programme(len(self.residual), self.nominal.shape[1] + 3 * (1 + len(others)))
+                tried[number] = self.with_onset(place, number).refit([*others, place])
+            return tried[number].radius <= self.limit
+
+        stretches = list(self._stretches(place, others, work))
+        if not stretches:
+            return (0, 0), []
+        least, most = min(begin for begin, _ in stretches), max(end for _, end in stretches)
+        standing = [
+            number
+            for begin, end in (stretches[EVERY // 2 :: EVERY] or stretches)
+            if stands(number := (begin + end) // 2)
+        ]
+        step = EVERY * TIMES_AT_ONCE // 2
+        while not standing and step:
+            best = min(tried, key=lambda number: tried[number].radius)
+            near = (max(least, best - step), min(most, best + step))
+            standing, step = [number for number in near if stands(number)], step // 2
+        if not standing:
+            return (0, 0), []
+        reached = []
+        for inner, end in ((min(standing), least), (max(standing), most)):
+            failed = [number for number in tried if (number - inner) * (end - inner) > 0 and not stands(number)]
+            outer = min((*failed, end), key=lambda number: abs(number - inner))
+            while abs(outer - inner) > CLOSE:
+                middle = (outer + inner) // 2
+                outer, inner = (outer, middle) if stands(middle) else (middle, inner)
+            reached.append((outer, inner))
+        (before, first), (after, last) = reached
+        if sum(map(stands, tried)) < SLICES:
+            standing += [n for n in map(int, np.linspace(first, last, SLICES).round()) if stands(n)]
+        return (before, after), [(fit, number) for number, fit in tried.items() if stands(number)]
 
     def _stretches(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
-        edges, matrix = self.onsets.edges, self.matrix(others)
-        if len(edges) < 2:
+        if len(self.onsets.edges) < 2:
             return
+        edges, matrix = self.onsets.edges_of(self.acting[place]), self.matrix(others)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
         left = list(pairwise(starts.tolist()))[::-1]
         while left:
             low, high = left.pop()
-            within = self.onsets.within(self.acting[place], int(edges[low]), int(edges[high]))
-            more = np.concatenate([rows_over(c, part.bound) for c, part in zip(within, self.parts, strict=True)])
+            more = self._of_stretch(place, int(edges[low]), int(edges[high]))
             kept = np.isfinite(more).all(axis=1)
             columns = np.hstack([matrix, more])[kept]
             work.add(ROUNDS * (300.0 + 0.1 * columns.size))
@@ -219,6 +278,15 @@ class CarriedRun(CarriedRecord):
             else:
                 middle = (low + high) // 2
                 left += [(middle, high), (low, middle)]
+
+    def _of_stretch(self, place: EffectPlace, begin: int, end: int) -> NDArray[np.float64]:
+        """Columns (M, L) that hold an effect in a stretch of its times, over the bounds; kept for the next set."""
+        known = self.stretches.get((place, begin, end))
+        if known is None:
+            within = self.onsets.within(self.acting[place], begin, end)
+            known = np.concatenate([rows_over(c, part.bound) for c, part in zip(within, self.parts, strict=True)])
+            self.stretches[place, begin, end] = known
+        return known
 
     def _within(
         self, place: EffectPlace, others: Sequence[EffectPlace], rows: tuple[int, int], work: Work

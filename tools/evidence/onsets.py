@@ -4,8 +4,12 @@ What such an effect does to a piece of the record depends on its time only where
 times pieces that begin or end within it are left out, those that hold all of it gain a turn of any size, the same one
 for all of them, and the others are the same for each time: what is refused then is refused for each time. Stretches
 that are not refused are halved, down to those in which no piece begins or ends.
+
+Effects that fade have a time constant in place of that time: columns of a few in and about a stretch hold those of each
+within it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ...models.effects.last_stage import LAST_HOUR
 from ..bounded.sets import sharpened
 from ..motion.carry import GyroModel, Motion
 from .evidence import Part, Pieces
@@ -24,6 +29,12 @@ STRETCHES = 16
 """Stretches of times that are tried first."""
 ROUNDS = 6
 """Rounds of Lawson's algorithm before a stretch is handed to a linear programme."""
+RATIO, SHORTEST, LONGEST = 1.002, 0.05, 10.0
+"""Of neighbouring time constants; the shortest is a part of the first pieces, the longest so many times the record."""
+TIMES_AT_ONCE = 80
+"""Time constants of the least stretches."""
+SPACING, LEAST_SIZE = 40, 1e-6
+"""Of the time constants of a stretch that hold all others; what is less, relatively, is left away."""
 FEWEST = 2
 """So many moves, or windows of the least length, are wholly before an onset, and so many after."""
 
@@ -45,6 +56,31 @@ class Acting:
 
     integral: NDArray[np.float64]
     at_rest: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fading:
+    """What an effect does that fades with one of many time constants `times` (J,) [h], near each other.
+
+    `turning` (N - 1, 3, K): C (I + Γ)⁻¹ δω dt of each row at the beginning of the effect, and `resting` (N - 1, 3, K)
+    its part of the mean over all rests.
+    """
+
+    times: NDArray[np.float64]
+    hours: NDArray[np.float64]
+    turning: NDArray[np.float64]
+    resting: NDArray[np.float64]
+
+    @cached_property
+    def samples(self) -> dict[int, list[NDArray[np.float64]]]:
+        """Columns of each part with some of the time constants."""
+        return {}
+
+    def at(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The integral (N, 3, K) up to each row with a time constant, and its part of the mean at rest (3, K)."""
+        part = np.exp(-self.hours[1:] / self.times[number])[:, None, None]
+        grown = np.cumsum(self.turning * part, axis=0)
+        return np.concatenate([np.zeros_like(grown[:1]), grown]), (self.resting * part).sum(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,31 +121,70 @@ class Onsets:
         every = np.unique(np.concatenate([rows for p in self.pieces for rows in (p.first, p.last)]))
         return every[(every >= last) & (every <= first)]
 
-    def acting(self, place: EffectPlace) -> Acting:
-        """What an effect does from each row on."""
+    def edges_of(self, acting: Acting | Fading) -> NDArray[np.int_]:
+        """Ends of the least stretches: rows of an onset, or numbers of time constants."""
+        return self.edges if isinstance(acting, Acting) else np.arange(0, len(acting.times), TIMES_AT_ONCE)
+
+    def value(self, acting: Acting | Fading, number: int) -> float:
+        """A time after a row and before the next, or a time constant [h]."""
+        if isinstance(acting, Fading):
+            return float(acting.times[number])
+        return 0.5 * float(self.hours[number] + self.hours[number + 1])
+
+    def number(self, acting: Acting | Fading, value: float) -> int:
+        """The row, or the number of the time constant, that has such a value [h]."""
+        if isinstance(acting, Fading):
+            return int(np.abs(acting.times - value).argmin())
+        return int(np.searchsorted(self.hours, value)) - 1
+
+    def ends(self, acting: Acting | Fading, begin: int, end: int) -> tuple[float, float]:
+        """The values at both ends of a stretch [h].
+
+        What stands with the shortest or longest time constant that is sought is not told from what is beyond.
+        """
+        if not isinstance(acting, Fading):
+            return float(self.hours[begin]), float(self.hours[end])
+        low = float(acting.times[begin]) if begin > 0 else 0.0
+        return low, float(acting.times[end]) if end < len(acting.times) - 1 else LAST_HOUR
+
+    def acting(self, place: EffectPlace) -> Acting | Fading:
+        """What an effect does from each row on, or with each time constant."""
         rows = np.arange(len(self.motion))
         integral = integrals(self.motion, self.model, self.attitude, [place], rows)
-        at_rest = np.zeros_like(integral)
+        counted = np.zeros_like(integral)
         if self.bias is not None:
             seen = self.motion.rows(1, len(rows), self.model.inverse, self.model.bias)
-            counted = place.definition.signature(place, seen) * self.rests[1:, None, None]
-            at_rest[1:] = np.cumsum(counted, axis=0) / max(int(self.rests[1:].sum()), 1)
-        return Acting(integral, at_rest)
+            counted[1:] = place.definition.signature(place, seen) * self.rests[1:, None, None]
+            counted /= max(int(self.rests[1:].sum()), 1)
+        if not place.definition.fades:
+            return Acting(integral, np.cumsum(counted, axis=0))
+        low, high = SHORTEST * self.hours[self.edges[0]], LONGEST * self.hours[-1]
+        count = TIMES_AT_ONCE * max(1, math.ceil(math.log(high / low) / math.log(RATIO) / TIMES_AT_ONCE)) + 1
+        return Fading(np.geomspace(low, high, count), self.hours, np.diff(integral, axis=0), counted[1:])
 
-    def columns(self, acting: Acting, row: int) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
-        """Columns (S, d, K) of each part of an effect that sets in after a row; its part (3, K) of the mean at rest."""
-        mean, found = acting.at_rest[-1] - acting.at_rest[row], []
+    def columns(self, acting: Acting | Fading, row: int) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+        """Columns (S, d, K) of each part of an effect that sets in after a row; its part (3, K) of the mean at rest.
+
+        Of one that fades with the time constant of that number.
+        """
+        found = []
+        if isinstance(acting, Fading):
+            (integral, mean), row = acting.at(row), 0
+        else:
+            integral, mean = acting.integral, acting.at_rest[-1] - acting.at_rest[row]
         for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            after, before = (acting.integral[np.maximum(rows, row)] for rows in (pieces.last, pieces.first))
+            after, before = (integral[np.maximum(rows, row)] for rows in (pieces.last, pieces.first))
             mine = turns @ (after - before)
             found.append(mine if self.bias is None else mine - self.bias[k] @ mean)
         return found, mean
 
-    def within(self, acting: Acting, begin: int, end: int) -> list[NDArray[np.float64]]:
+    def within(self, acting: Acting | Fading, begin: int, end: int) -> list[NDArray[np.float64]]:
         """Columns (S, d, L) of each part that hold what the effect does whenever it sets in from one row to another.
 
-        NaN where a piece begins or ends between.
+        NaN where a piece begins or ends between. Of one that fades what it does with any time constant between.
         """
+        if isinstance(acting, Fading):
+            return self._faded(acting, begin, end)
         found, none = self.columns(acting, end)[0], np.zeros((3, 0))
         rested = self.bias is not None and self.rests[begin : end + 1].any()
         for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
@@ -120,6 +195,27 @@ class Onsets:
             mean = self.bias[k] if rested and self.bias is not None else turns @ none
             found[k] = np.concatenate([found[k], turn, mean], axis=2)
         return found
+
+    def _sample(self, acting: Fading, number: int) -> list[NDArray[np.float64]]:
+        """Columns with a time constant, kept for the stretches that share it."""
+        known = acting.samples.get(number)
+        if known is None:
+            known = acting.samples[number] = self.columns(acting, number)[0]
+        return known
+
+    def _faded(self, acting: Fading, begin: int, end: int) -> list[NDArray[np.float64]]:
+        """A few columns that hold, to a part of 1e-6, those of every time constant between two numbers.
+
+        Exponentials of time are analytic in the logarithm of their time constant: a few of them hold those between.
+        """
+        first, last = max(0, begin - TIMES_AT_ONCE), min(len(acting.times) - 1, end + TIMES_AT_ONCE)
+        every = [self._sample(acting, number) for number in range(first, last + 1, SPACING)]
+        stacked = np.concatenate([np.concatenate([c.reshape(-1, c.shape[2]) for c in one]) for one in every], axis=1)
+        basis, sizes, _ = np.linalg.svd(stacked, full_matrices=False)
+        held = (basis * sizes)[:, sizes > LEAST_SIZE * sizes[0]]
+        ends = np.cumsum([c[..., 0].size for c in every[0]])[:-1]
+        parts = zip(np.split(held, ends), every[0], strict=True)
+        return [mine.reshape(*c.shape[:2], held.shape[1]) for mine, c in parts]
 
 
 def refused(matrix: NDArray, residual: NDArray, limit: float) -> bool:

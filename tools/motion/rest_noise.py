@@ -27,6 +27,8 @@ BY_CHANCE = 0.25
 """Probability that the rests show less wandering than is taken for it."""
 UNSTEADY = 1e-3
 """Probability that noise alone makes the means of rests differ as much as those that are called unsteady."""
+SETTLING = 60
+"""Time constants with which biases may settle, from the shortest rest to the record's length."""
 SPARE = 4
 """So many rests more than terms are wanted."""
 OCTAVES, SHORTEST = 4, 0.1
@@ -45,7 +47,8 @@ class RestNoise:
     freedom; `wander` (3,): mean square of what the means at rest differ by from one rest to the next beside white
     noise [rad²/s²], NaN where it is not known or no noise; `span`: length of the record [s]; `unsteady`: of each gyro
     whose means differ by more than noise makes, its number, by how much, and what noise makes, rms [rad/s]; `jumps`:
-    whether they differ by no more where the biases change once, between two rests; what wanders is beside that.
+    whether they differ by no more where the biases change once, between two rests, or settle as an exponential of time;
+    what wanders is beside that.
     """
 
     white: NDArray[np.float64]
@@ -95,7 +98,7 @@ class RestNoise:
             f"gyro {gyro} by {digits(found, 2)} rad/s rms, where noise makes {digits(made, 2)}"
             for gyro, found, made in self.unsteady
         )
-        once = "; a change of the biases between two rests explains that" if self.jumps else ""
+        once = "; biases that change once, or settle, explain that" if self.jumps else ""
         return (
             "the gyros are not constant at rest: beside what time, temperature and gravity explain, their means differ "
             f"from rest to rest, {gyros}{once}"
@@ -128,8 +131,11 @@ def gyro_noise(
     if not judged.unsteady:
         return judged
     # Beside the rests before and after it a change at one of them could be anything.
-    changes = (rest_scatter(rests, up, k) for k in range(2, len(rests) - 1))
-    others = [noise.judged(*found, lengths) for found in changes if found is not None]
+    time = rests.time_s - rests.time_s[0]
+    changes = [(time >= time[k]).astype(float) for k in range(2, len(rests) - 1)]
+    changes += [np.exp(-time / constant) for constant in np.geomspace(lengths.min(), time[-1] + lengths[-1], SETTLING)]
+    scatters = (rest_scatter(rests, up, column) for column in changes)
+    others = [noise.judged(*found, lengths) for found in scatters if found is not None]
     steady = [other for other in others if not other.unsteady]
     if not steady:
         return judged
@@ -180,15 +186,17 @@ def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
     return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
 
 
-def rest_scatter(rests: Rests, up: NDArray | None, change: int | None = None) -> tuple[NDArray[np.float64], int] | None:
+def rest_scatter(
+    rests: Rests, up: NDArray | None, change: NDArray | None = None
+) -> tuple[NDArray[np.float64], int] | None:
     """Mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if it cannot be told.
 
     Everything that an effect could do at rest is fitted and taken away: what grows with time, with temperature, with
-    gravity and, where there are enough rests, with its products; a change before rest number `change`, where given.
+    gravity and, where there are enough rests, with its products; and a column `change` (K,), where given.
     """
     columns = [np.ones(len(rests)), rests.time_s - rests.time_s[0]]
     if change is not None:
-        columns.append((np.arange(len(rests)) >= change).astype(float))
+        columns.append(change)
     if rests.temperature is not None:
         columns.append(rests.temperature)
     if up is not None:

@@ -294,8 +294,9 @@ def _check_signature(place: EffectPlace, effect: Effect, refuse: Refusal) -> Non
         if len(values) != count:
             raise refuse("from_coefficients", f"gives {len(values)} values for {count} parameters")
         with said_of_field(refuse, "kernel"):
-            # What sets in at a time acts on all of these rows.
-            seen = added_by(place, effect, (*values, *[-1.0] * effect.sets_in), rows)
+            # What sets in at a time acts on all of these rows, and what fades has hardly begun to.
+            shape = (*[-1.0] * effect.sets_in, *[math.inf] * effect.fades)
+            seen = added_by(place, effect, (*values, *shape), rows)
         if not np.isfinite(seen).all():
             raise refuse("kernel", "does not give a finite number on some rows")
         return seen

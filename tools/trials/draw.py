@@ -62,6 +62,9 @@ BASELINE = {"gravity": "calibrated", "truth": "nominal"}
 """What the diagnosis of a moved block takes for known, by the record's reference."""
 MIDDLE_OF_RECORD = 0.2, 0.8
 """Parts of the times at which an effect may set in."""
+SHORT_OF_RECORD = 0.02, 0.4
+"""Parts of the record's length between which time constants are, evenly in their logarithm; of longer ones hardly more
+than a drift shows."""
 UNSEEN_BETWEEN_RESTS = ("lag", "latency", "latency-step")
 """A lag turns nothing from one rest to the next."""
 
@@ -377,8 +380,14 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
         places = [place for place in every if place.effect == name]
         place = places[rng.integers(len(places))]
         # What sets in at a time does so at any, but near the ends, where it shows in hardly any piece.
-        low, high = np.quantile(evidence.onsets.edges, MIDDLE_OF_RECORD)
-        here = evidence.with_onset(place, int(rng.integers(low, high))) if place in evidence.starting else evidence
+        here = evidence
+        if place in evidence.starting:
+            onsets, acting = evidence.onsets, evidence.acting[place]
+            if place.definition.fades:
+                low, high = (onsets.number(acting, part * float(onsets.hours[-1])) for part in SHORT_OF_RECORD)
+            else:
+                low, high = np.quantile(onsets.edges, MIDDLE_OF_RECORD)
+            here = evidence.with_onset(place, int(rng.integers(low, high)))
         wanted = float(rng.uniform(*options.sizes))
         effect = place.definition
         if effect.component == "AttitudeComputer" and not block.instruments.increments:
@@ -406,8 +415,12 @@ def evidence_of(case: Case) -> Carried | None:
 
 
 def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) -> float:
-    """The size, along a direction of the coefficients, from which the record surely disproves the model."""
-    return _sure_size(evidence.nominal, evidence.columns_of([place]) @ direction, 1.0)
+    """The size, along a direction of the coefficients, from which the record surely disproves the model.
+
+    Beside what the effect contains: where that does as well, it is what is named.
+    """
+    contained = [p for p in evidence.places if p.effect in place.definition.contains and p.where == place.where]
+    return _sure_size(evidence.matrix(contained), evidence.columns_of([place]) @ direction, 1.0)
 
 
 def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:

@@ -72,6 +72,11 @@ def step_of_the_bias(time, rate, rng):
     return rate + np.where(time[:, None] > rng.uniform(0.35, 0.65) * time[-1], size, 0.0)
 
 
+def settling_bias(time, rate, rng):
+    size = rng.uniform(1e-2, 2e-2, 3) * rng.choice([-1.0, 1.0], 3)
+    return rate + size * np.exp(-time[:, None] / (rng.uniform(0.1, 0.25) * time[-1]))
+
+
 def swinging_bias(time, rate, rng):
     size, turn = rng.uniform(1e-3, 3e-3, 3), 2.0 * np.pi * time / rng.uniform(25.0, 50.0)
     return rate + size * np.sin(turn[:, None] + rng.uniform(0.0, 2.0 * np.pi, 3))
@@ -157,6 +162,7 @@ CATALOGUE = {
     "lag": low_passed,
     "latency-step": late_from_the_middle_on,
     "gyro-bias-step": step_of_the_bias,
+    "gyro-warm-up": settling_bias,
 }
 
 
