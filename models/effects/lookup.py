@@ -1,8 +1,8 @@
 """A function of one quantity at one place, by a table: what no catalogue lists, as an effect like any other.
 
 Its law is written as ``[factor times] quantity at knots``, ``... around knots`` of an angle that goes round, or ``...
-jumps at knot``: "n1 at -1 0 1", "n2 times hours at 0 0.5 1", "tilt times alpha around 0 2 4", "hours jumps at 0.3". At
-a knot in parentheses the function is zero: "n1 at (-1) -0.5 0 0.5 (1)".
+jumps at knot``: "n1 at -1 0 1", "n2 times hours at 0 0.5 1", "sin alpha times beta around 0 2 4", "tilt times alpha
+around 0 2 4", "hours jumps at 0.3". At a knot in parentheses the function is zero: "n1 at (-1) -0.5 0 0.5 (1)".
 """
 
 import math
@@ -21,8 +21,14 @@ from .rows import MotionRows, Rows
 
 TURN = 2.0 * math.pi
 KINDS = ("at", "around", "jumps at")
-TILT = "tilt"
-"""In place of a factor: κ depends on the outer angle, ε on the inner one, not the turn about the axis."""
+ANGLES = ("alpha", "beta")
+OF_ANGLES = {f"{wave} {angle}": (wave, angle) for wave in ("sin", "cos") for angle in ANGLES}
+"""Factors that are functions of an angle."""
+BASE = "base"
+TILT, OUTER_TILT = "tilt", "outer tilt"
+TILTS = (TILT, OUTER_TILT)
+"""In place of a factor: the table does not turn about the axis itself. It tilts by κ or the inner axis by ε; or the
+inner axis tilts about the outer one."""
 FROM = {"temperature": NOMINAL_TEMPERATURE}
 """From where factors count that do not count from zero."""
 MOST_KNOTS = 128
@@ -49,7 +55,18 @@ IN_MOTION = {
     **{name: AT_REST[name] for name in ("n1", "n2", "n3", "hours", "temperature")},
 }
 """The same of a record in motion."""
-FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", TILT)
+OF_TABLE = {
+    **{angle: (f"angles[{axis}]", "rad") for axis, angle in enumerate(ANGLES)},
+    **{name: AT_REST[name] for name in ("hours", "temperature")},
+}
+"""The same of what the table does."""
+PLACES = {
+    **dict.fromkeys(ACCELEROMETERS, ("g", AT_REST)),
+    **dict.fromkeys((*AXES, BASE), ("rad", OF_TABLE)),
+    GYRO_BLOCK: ("rad/s", IN_MOTION),
+}
+"""Of each place the unit of what a table adds there, and the quantities that are known."""
+FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", *OF_ANGLES, *TILTS)
 
 
 @dataclass(frozen=True)
@@ -69,9 +86,8 @@ class Table:
     @staticmethod
     def of(law: str) -> "Table":
         """A table from its law; a ValueError says what would be right."""
-        words = law.split()
-        factor = words[0] if words[1:2] == ["times"] else ""
-        quantity, *rest = words[2:] if factor else words or [""]
+        factor, _, function = " ".join(law.split()).rpartition(" times ")
+        quantity, *rest = function.split() or [""]
         kind = next((kind for kind in KINDS if " ".join(rest).startswith(kind + " ")), None)
         written = rest[len(kind.split()) if kind else 0 :]
         zero = tuple(k for k, word in enumerate(written) if word.startswith("(") and word.endswith(")"))
@@ -141,6 +157,9 @@ def values_of(name: str, rows: Any) -> NDArray[np.float64]:
     """A quantity (N,) of rows at rest or in motion; a ValueError where they have none."""
     if "*" in name:
         return np.prod([values_of(factor, rows) for factor in name.split("*")], axis=0)
+    if name in OF_ANGLES:
+        wave, angle = OF_ANGLES[name]
+        return np.asarray(getattr(np, wave)(values_of(angle, rows)))
     if name[0] == "n" or name[0] == "w":
         axis = int(name[1]) - 1
         if isinstance(rows, MotionRows):
@@ -156,13 +175,14 @@ def values_of(name: str, rows: Any) -> NDArray[np.float64]:
 def lookup_at(place: EffectPlace) -> Effect:
     """The table of a place's law as an effect; a ValueError says what would be right."""
     table = Table.of(place.law)
-    home = _home(place, table)
-    quantities = IN_MOTION if place.where == GYRO_BLOCK else AT_REST
+    if place.where not in PLACES:
+        raise ValueError(f"law {place.law!r} has no place {place.where!r}; places: {', '.join(PLACES)}")
+    _, known = PLACES[place.where]
     for name in (table.quantity, table.factor):
-        if name and name != TILT and name not in quantities:
-            raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(quantities)}")
-    jump = table.kind == "jumps at"
-    unit = "rad" if place.where in AXES else _unit(place, table)
+        if name and name not in TILTS and not _read(name, known):
+            raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(known)}")
+    home = _home_of_turn(place, table) if known is OF_TABLE else _home_of_reading(place, table)
+    jump, unit = table.kind == "jumps at", _unit(place, table)
     parameters = tuple(
         EffectParameter(f"value_{k + 1}", unit, "size of the jump" if jump else f"value at {table.knots[k]!r}", LARGEST)
         for k in table.entries
@@ -171,83 +191,85 @@ def lookup_at(place: EffectPlace) -> Effect:
     return Effect("lookup", (), parameters, _said, needs=needs, **home)
 
 
-def _home(place: EffectPlace, table: Table) -> dict[str, Any]:
-    """Where the effect joins the components, and its signature."""
-    factor, tilted = table.factor, table.factor == TILT
+def _read(name: str, known: dict[str, tuple[str, str]]) -> str:
+    """How a kernel reads a quantity or a factor; empty where it is none that is known."""
+    wave, quantity = OF_ANGLES.get(name, ("", name))
+    text = known.get(quantity, ("", ""))[0]
+    text = f"({text} - {FROM[name]!r})" if text and name in FROM else text
+    return f"math.{wave}({text})" if wave and text else text
 
-    def columns(rows: Any) -> NDArray[np.float64]:
-        own = table.columns(values_of(table.quantity, rows))
-        if not factor or tilted:
-            return own
-        return own * (values_of(factor, rows) - FROM.get(factor, 0.0))[:, None]
 
-    if place.where in AXES:
-        if factor and not tilted:
-            raise ValueError(f"law {place.law!r}: of an axis the only factor is {TILT}")
-        axis = place.index
-        at = 2 * axis if tilted else 2 * axis + 1
+def _columns(table: Table, rows: Any) -> NDArray[np.float64]:
+    """What each entry adds (N, K), with the factor."""
+    own = table.columns(values_of(table.quantity, rows))
+    if not table.factor or table.factor in TILTS:
+        return own
+    return own * (values_of(table.factor, rows) - FROM.get(table.factor, 0.0))[:, None]
 
-        def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-            small = np.zeros((len(rows.hours), 4, len(table.entries)))
-            # The true angle is the reading less what an encoder errs by.
-            small[:, at] = columns(rows) if tilted else -columns(rows)
-            return small
 
-        quantity = f"angles[{('alpha', 'beta').index(table.quantity)}]" if table.quantity in ("alpha", "beta") else ""
-        if table.quantity == "hours":
-            quantity = AT_REST["hours"][0]
-        stage, target = ("geometry_effects", f"turns[{at}]") if tilted else ("encoder_effects", f"added[{axis}]")
-        own = {"signature": lambda place, rows: turned(rows, turns(place, rows)), "turns": turns}
-        kernel = _kernel(place, table, ("context: Vector", "angles: Vector"), quantity, target)
-        return own | {"component": "TurntableMotion", "stage": stage, "kernel": kernel}
-    if tilted:
-        raise ValueError(f"law {place.law!r}: only an axis has a {TILT}")
+def _home_of_turn(place: EffectPlace, table: Table) -> dict[str, Any]:
+    """Where a turn of the table, or the error of an encoder, joins the components, and its signature."""
+    tilted, axis = table.factor in TILTS, 0 if place.where == BASE else place.index
+    if table.factor == OUTER_TILT and place.where != AXES[1]:
+        raise ValueError(f"law {place.law!r}: only the {AXES[1]} has an {OUTER_TILT}")
+    if place.where == BASE and not tilted:
+        raise ValueError(f"law {place.law!r}: of the {BASE} only a {TILT} is a function")
+    at = 1 if table.factor == OUTER_TILT else 2 * axis if tilted else 2 * axis + 1
+
+    def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+        small = np.zeros((len(rows.hours), 4, len(table.entries)))
+        # The true angle is the reading less what an encoder errs by.
+        small[:, at] = _columns(table, rows) if tilted else -_columns(table, rows)
+        return small
+
+    stage, target = ("geometry_effects", f"turns[{at}]") if tilted else ("encoder_effects", f"added[{axis}]")
+    own = {"signature": lambda place, rows: turned(rows, turns(place, rows)), "turns": turns}
+    kernel = _kernel(place, table, ("context: Vector", "angles: Vector"), OF_TABLE, target)
+    return own | {"component": "TurntableMotion", "stage": stage, "kernel": kernel}
+
+
+def _home_of_reading(place: EffectPlace, table: Table) -> dict[str, Any]:
+    """Where the error of an accelerometer or a gyro joins the components, and its signature."""
+    if table.factor in TILTS:
+        raise ValueError(f"law {place.law!r}: only an axis has a {table.factor}")
     in_motion = place.where == GYRO_BLOCK
     if in_motion and len(place.axes) != 1:
         raise ValueError(f"law {place.law!r}: needs the gyro as its one axis")
-    if not in_motion and place.where not in ACCELEROMETERS:
-        known = ", ".join((*ACCELEROMETERS, *AXES, GYRO_BLOCK))
-        raise ValueError(f"law {place.law!r} has no place {place.where!r}; places: {known}")
     p = place.axes[0] - 1 if in_motion else place.index
 
     def signature(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
-        own = columns(rows)
+        own = _columns(table, rows)
         found = np.zeros((len(own), 3, own.shape[1]))
         found[:, p] = own
         return found
 
-    known = IN_MOTION if in_motion else AT_REST
-    quantity = known.get(table.quantity, ("", ""))[0]
-    times = known.get(factor, ("", ""))[0]
-    times = f"({times} - {FROM[factor]!r})" if times and factor in FROM else times
-    target = f"added[{p}]"
     seen = ("context: Vector", "rate: Vector" if in_motion else "n: Vector")
-    kernel = _kernel(place, table, seen, quantity, target, times)
+    kernel = _kernel(place, table, seen, IN_MOTION if in_motion else AT_REST, f"added[{p}]")
     component = "GyroBlock" if in_motion else "AccelerometerBlock"
     own = {"signature": signature, "kernel": kernel, "in_motion": in_motion}
     return own | {"component": component, "stage": "reading_effects"}
 
 
 def _kernel(
-    place: EffectPlace, table: Table, seen: tuple[str, str], quantity: str, target: str, times: str = ""
-) -> Callable[..., None] | None:
-    """The kernel of a table; None where its component does not know the quantity."""
-    if not quantity:
-        return None
+    place: EffectPlace, table: Table, seen: tuple[str, str], known: dict[str, tuple[str, str]], target: str
+) -> Callable[..., None]:
+    """The kernel of a table."""
     values = ", ".join(f"value_{k + 1}: float" for k in table.entries)
-    last = target.split("[")[0]
+    last, factor = target.split("[")[0], _read(table.factor, known)
     name = f"lookup_{name_of_law(f'{place.where} {place.axes} {place.law}')}"
-    body = [*table.source(quantity), f"{target} = {target} + f" + (f" * {times}" if times else "")]
+    # A quantity counts as it is, a factor from where it does nothing.
+    body = table.source(known[table.quantity][0])
+    body.append(f"{target} = {target} + f" + (f" * {factor}" if factor else ""))
     head = f"def {name}({', '.join(seen)}, {values}, {last}: Vector) -> None:"
     return written("\n".join([head, f'    """{place.law}"""', *(f"    {line}" for line in body)]) + "\n")
 
 
 def _unit(place: EffectPlace, table: Table) -> str:
-    """Unit of the values of a table of an accelerometer or a gyro."""
-    own, known = ("rad/s", IN_MOTION) if place.where == GYRO_BLOCK else ("g", AT_REST)
-    if not table.factor:
+    """Unit of the values of a table."""
+    own, known = PLACES[place.where]
+    if table.factor not in known:
         return own
-    by = known.get(table.factor, ("", "1"))[1]
+    by = known[table.factor][1]
     return "1" if by == own else f"{own}/{by}".replace("degC", "K")
 
 

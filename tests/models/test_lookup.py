@@ -26,6 +26,13 @@ LAWS = (
     ("inner-axis", "hours at 0.0 0.5"),
     ("inner-axis", "tilt times beta around -1.0 1.0 3.0"),
     ("outer-axis", "tilt times alpha around 0.0 1.0 3.0 5.0"),
+    ("inner-axis", "sin alpha times beta around 0.0 1.5 3.0 5.0"),
+    ("outer-axis", "cos beta times hours at 0.0 0.5"),
+    ("inner-axis", "outer tilt times beta around 0.0 1.5 4.0"),
+    ("accelerometer-1", "sin beta times n2 at -1.0 0.1 1.0"),
+    ("accelerometer-3", "cos alpha times temperature at 0.0 20.0 40.0"),
+    ("outer-axis", "temperature at 0.0 20.0 40.0"),
+    ("base", "tilt times hours at 0.0 0.5"),
 )
 
 
@@ -48,6 +55,11 @@ def test_its_signature_is_the_derivative_of_what_the_components_read(where, law)
         slope = (readings({place: tuple(unit)}) - readings({place: tuple(-unit)})).ravel() / (2.0 * size)
         assert np.abs(slope - columns[:, k])[kept].max() < 2e-7
     assert np.abs(columns).max() > 0.0
+
+
+@pytest.mark.parametrize("law", [law for _, law in LAWS])
+def test_a_law_is_read_as_it_is_written(law):
+    assert Table.of(law).law == law
 
 
 def test_a_table_is_straight_between_its_knots_and_goes_round():
@@ -107,7 +119,13 @@ def test_its_entry_names_it_again_and_its_variables_are_its_own():
         ("accelerometer-1", "n1 at (0.0 1.0", "must be"),
         ("accelerometer-1", "", "must be"),
         ("accelerometer-1", "tilt times n1 at 0.0 1.0", "only an axis"),
-        ("outer-axis", "n1 times alpha at 0.0 1.0", "the only factor"),
+        ("outer-axis", "n1 times alpha at 0.0 1.0", "has no n1"),
+        ("outer-axis", "n1 at 0.0 1.0", "has no n1"),
+        ("outer-axis", "outer tilt times alpha at 0.0 1.0", "only the inner-axis"),
+        ("base", "hours at 0.0 1.0", "only a tilt"),
+        ("inner-axis", "tan alpha times beta at 0.0 1.0", "must be"),
+        ("inner-axis", "sin hours times beta at 0.0 1.0", "must be"),
+        ("inner-axis", "times beta at 0.0 1.0", "must be"),
         ("gyro-block", "w1 at 0.0 1.0", "its one axis"),
         ("nowhere", "n1 at 0.0 1.0", "places"),
     ],

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
 from ...models.effects.definition import AXES
-from ...models.effects.lookup import MOST_KNOTS, TURN, Table
+from ...models.effects.lookup import MOST_KNOTS, TILTS, TURN, Table
 from ..bounded.functions import Band, Functions, Unknown
 from ..evidence.evidence import Evidence
 from ..evidence.pairs import Pair
@@ -101,7 +101,7 @@ class Possible:
     @property
     def sign(self) -> float:
         """A function of a turn about an axis is what its encoder reads too much: the table turns by as much less."""
-        return -1.0 if self.pair.where in AXES and self.pair.factor != "tilt" else 1.0
+        return -1.0 if self.pair.where in AXES and self.pair.factor not in TILTS else 1.0
 
     def hats(self, knots: NDArray) -> NDArray[np.float64]:
         """What the value at each knot (K,) has to do with the function at each value (N, K) of the quantity."""

@@ -16,7 +16,7 @@ from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, Gain
-from ..evidence.pairs import LEAST_AROUND, PIECES, QUANTITIES, Form, Pair, in_words
+from ..evidence.pairs import LEAST_AROUND, PIECES, Form, Pair, in_words
 from ..rounding import digits
 from .band import BandOfFunctions, Possible
 from .cause import Cause, Number, SizedParameter
@@ -26,8 +26,6 @@ MOST_LAWS = 8
 """So many laws are told."""
 MOST_NAMED = 5
 """So many are named in a sentence."""
-ACTING = {"sin alpha": "the sine of the outer angle"}
-"""Factors that are no quantities, in words; of a tilt the function itself is what the axis does."""
 NARROW = 0.5
 """A band is narrow where it reaches nowhere farther from a law than this part of the law's own size."""
 TELLS = 0.05
@@ -211,8 +209,8 @@ class Beyond:
     def in_words(self) -> str:
         """Place, quantity, and the size of the function that bends least."""
         pair, least = self.pair, self.possible.band.least
-        times = in_words(pair.factor) if set(pair.factor.split()) <= set(QUANTITIES) else ACTING.get(pair.factor)
-        of = f"{times} times a function" if pair.factor and times else "a function"
+        times = in_words(pair.factor)
+        of = f"{times} times a function" if times else "a function"
         unit = "rad" if pair.where.endswith("axis") or pair.where == "base" else "g"
         return (
             f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(np.ptp(least))} {unit} in all"
@@ -243,15 +241,26 @@ class Beyond:
         cause = Cause.found(fit.places[0], (), inside, ends)
         return {name: getattr(cause, name) for name in cause.model_fields_set}
 
+    def _folds(self, fit: Fit) -> dict[int, float]:
+        """Errors of readings that were left out, over their bounds, by their numbers; of those that are predicted."""
+        trial = next(iter(self.evidence.trials(fit)), None)
+        if trial is None or trial.folds is None or trial.rows is None:
+            return {}
+        return dict(zip(trial.rows.tolist(), np.abs(trial.folds[1]) / float(np.median(fit.bound)), strict=True))
+
     def _left_out(self, fit: Fit) -> dict[str, Any]:
         """Radius, and errors of positions that were left out, over their bounds."""
-        trial = next(iter(self.evidence.trials(fit)), None)
-        folds = trial.folds if trial is not None else None
+        errors = np.array(list(self._folds(fit).values()))
         told: dict[str, Any] = {"radius": fit.radius, "left_out_rms": None, "left_out_max": None}
-        if folds is None:
+        if not len(errors):
             return told
-        errors = np.abs(folds[1]) / float(np.median(fit.bound))
-        return told | {"left_out_rms": float(np.sqrt(np.mean(errors**2))), "left_out_max": float(errors.max())}
+        return told | {"left_out_rms": _rms(errors), "left_out_max": float(errors.max())}
+
+    def _errors_alike(self, fits: Sequence[Fit]) -> list[float]:
+        """Errors, root mean square over their bounds, of the left-out readings that all of some fits predict."""
+        folds = [self._folds(fit) for fit in fits]
+        alike = set.intersection(*(set(own) for own in folds if own)) if any(folds) else set()
+        return [_rms(np.array([own[row] for row in sorted(alike)])) if own and alike else np.inf for own in folds]
 
     def extension(self, rerun: bool) -> BeyondCatalogue | None:
         """What extends the model: the formula that predicts best what was left out, or a table where it does so better.
@@ -263,8 +272,7 @@ class Beyond:
             fits.append(self.table)
         if not fits:
             return None
-        told = [self._left_out(fit) for fit in fits]
-        errors = [np.inf if one["left_out_rms"] is None else one["left_out_rms"] for one in told]
+        errors = self._errors_alike(fits)
         # Formulas stand before the table: of those that predict about as well the first is the simplest.
         chosen = next(k for k, error in enumerate(errors) if error <= AS_GOOD * min(errors))
         fit = fits[chosen].centred(self.evidence.room(fits[chosen]), self.evidence.most_rows)
@@ -275,7 +283,11 @@ class Beyond:
         if cause["effect"] == "lookup" and (knots := _knots_of(cause["law"], cause["parameters"])):
             own["knots"] = knots
         gain = self.evidence.gain(fit) if rerun else None
-        return BeyondCatalogue(**cause, **told[chosen], **own, gain=gain, fit=fit)
+        return BeyondCatalogue(**cause, **self._left_out(fits[chosen]), **own, gain=gain, fit=fit)
+
+
+def _rms(errors: NDArray) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot, ...]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.formula import Formula
+from ...models.effects.lookup import OF_ANGLES, TILTS
 from ..bounded.programmes import (
     Growth,
     SolverError,
@@ -54,6 +55,12 @@ SURELY = 1.0 + 1e-6
 MOST_WORK = 3e6
 """The work of all laws of a pair, after which no more are tried."""
 TEMPERATURE = "(temperature-20)"
+TIMES = {
+    **{name: name for name in (*INPUTS, "hours")},
+    "temperature": TEMPERATURE,
+    **{name: f"{wave}({angle})" for name, (wave, angle) in OF_ANGLES.items()},
+}
+"""How a formula writes a factor."""
 SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 LEFT = {
     **{(f"accelerometer-{p}", ""): f"f{p}" for p in (1, 2, 3)},
@@ -180,16 +187,15 @@ class Laws:
         None where the place, or its factor, knows none, or the quantity is a sense, whose two values no formula orders.
         """
         pair = self.pair
-        tilted = "tilt" if pair.factor == "tilt" else ""
+        tilted = pair.factor if pair.factor in TILTS else ""
         left = LEFT.get((pair.where, tilted))
         factor = "" if tilted else pair.factor
-        if left is None or pair.told or (factor and factor not in (*INPUTS, "hours", "temperature")):
+        if left is None or pair.told or (factor and factor not in TIMES):
             return None
-        factor = factor.replace("temperature", TEMPERATURE)
         y = pair.quantity.replace(" ", "*")
         names = {"x": y.replace("temperature", TEMPERATURE), "y": y}
         written = re.sub(r"\b[xy]\b", lambda found: names[found[0]], text)
-        return Formula.of(f"{left} += {factor}*({written})" if factor else f"{left} += {written}").place
+        return Formula.of(f"{left} += {TIMES[factor]}*({written})" if factor else f"{left} += {written}").place
 
     def of_size(self, size: int) -> Iterator[Law]:
         """Formulas with so many unknown numbers that stand."""

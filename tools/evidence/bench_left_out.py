@@ -126,7 +126,8 @@ def trials(
     left = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]
     worst = max(left, key=lambda one: one.error / one.allowed, default=None)
     tried = [left.with_effects for left in shuffled]
-    yield Trial(places, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst)
+    rows = folds and folds.readings
+    yield Trial(places, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst, rows=rows)
     several = [(place, block) for place, block, _ in fit.ways if place.effect != "outlier"]
     for place, block in several if folds and fit.linear and len(several) > 1 else ():
         own = np.zeros(len(fit.at), dtype=bool)

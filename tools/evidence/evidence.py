@@ -135,7 +135,8 @@ class Trial:
     """What readings that were left out say of some effects of a fit.
 
     `folds` and `blocks` are errors (R,) of what was left out, without and with the effects: parts of the evidence in
-    turn, and blocks in time; None where that is not possible. `shuffled` are the errors of the folds with the effects'
+    turn, and blocks in time; None where that is not possible; `rows` (R,) those of the folds, where they are numbered.
+    `shuffled` are the errors of the folds with the effects'
     signatures moved to where they do not belong. `jointly`: of the whole set, not of each of its effects; then `worst`
     is the error that is farthest beyond what noise makes of it, of both.
     """
@@ -146,6 +147,7 @@ class Trial:
     shuffled: Iterable[NDArray[np.float64]] = ()
     jointly: bool = False
     worst: "Worst | None" = None
+    rows: NDArray[np.int_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

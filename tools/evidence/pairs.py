@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects.lookup import OF_ANGLES, TILTS
+
 TURN = 2.0 * math.pi
 Spread = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Functions (n, K) of a quantity on the rows (M, K) of evidence."""
@@ -177,7 +179,11 @@ class Pair:
 
 
 GYROS = ("gyro-1", "gyro-2", "gyro-3")
-FACTORS = {"sin alpha": "the sine of the outer angle", "tilt": "", "outer tilt": "", "": ""}
+SINES = {"sin": "sine", "cos": "cosine"}
+FACTORS = {
+    **{name: f"the {SINES[wave]} of {QUANTITIES[angle]}" for name, (wave, angle) in OF_ANGLES.items()},
+    **dict.fromkeys((*TILTS, ""), ""),
+}
 """What is no quantity, in words; a tilt is a way to act, no factor."""
 
 
@@ -198,6 +204,6 @@ def function_in_words(where: str, quantity: str, factor: str | None) -> str:
     """Place, quantity and factor in words: "a function of the outer angle at the outer axis"."""
     said = in_words(factor or "")
     times = f"{said} times a function" if said else "a function"
-    tilt = ", as a tilt," if factor and "tilt" in factor else ""
+    tilt = ", as a tilt," if factor in TILTS else ""
     article = "" if where[-1].isdigit() else "the "
     return f"{times} of {in_words(quantity)}{tilt} at {article}{where.replace('-', ' ')}"

@@ -9,11 +9,14 @@ import pytest
 
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
+from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
+from trihedron.models.effects.lookup import Table
 from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
+from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import dependence
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.bench import Bench, bench_evidence
 from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord
@@ -87,6 +90,57 @@ def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
     assert len(laws) > 1
     (caution,) = beyond.caution
     assert "n2⁵" in caution
+
+
+@cache
+def with_temperature() -> Bench:
+    """A clean record with temperatures."""
+    rng, reading, alpha, beta = bench_of(12)
+    record = dataclasses.replace(position_record(reading, alpha, beta), temperature=rng.uniform(15.0, 30.0, COUNT))
+    return bench_evidence(record, noise_bound=NOISE_BOUND)
+
+
+def test_what_the_search_can_prove_a_table_says_with_a_kernel():
+    """Of every place and quantity, with its factor; what a sense does is in the catalogue."""
+    evidence = with_temperature()
+    pairs = [pair for pair in evidence.pairs() if not pair.told]
+    assert {pair.factor for pair in pairs} >= {"sin alpha", "outer tilt", "tilt", "hours", "temperature", "n1", ""}
+    for pair in pairs:
+        possible = Possible(evidence, pair)
+        knots = np.linspace(possible.knots[0], possible.knots[-1], 5)
+        kind = "around" if pair.circle else "at"
+        table = Table(pair.quantity.replace(" ", "*"), kind, tuple(knots.tolist()), pair.factor)
+        place = EffectPlace("lookup", pair.where, law=table.law)
+        own, proven = evidence.columns_of([place]), possible.functions(knots).unknown.columns
+        # A search takes factors over their largest value.
+        scale = np.vdot(own, proven) / np.vdot(own, own)
+        assert scale > 0.0
+        assert np.abs(scale * own - proven).max() < 1e-9 * np.abs(proven).max()
+        assert pair.factor in ("hours", "temperature") or scale == pytest.approx(1.0)
+        assert place.definition.kernel is not None
+
+
+def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_the_model(tmp_path: Path):
+    """An elastic turn about the inner axis that goes with the load, twice a turn: a law that the catalogue has not."""
+    _, _, alpha, beta = bench_of(2)
+    bench = random_bench(np.random.default_rng(2))
+    turned = beta + 1.5e-4 * np.sin(alpha) * np.sin(2.0 * beta + 1.0)
+    noise = np.random.default_rng(9).uniform(-NOISE_BOUND, NOISE_BOUND, (COUNT, 3))
+    record = position_record(simulated(bench, alpha, turned, noise).specific_force / GRAVITY, alpha, beta)
+    result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
+    assert result.proven is not None
+    assert (result.proven.place, result.proven.on) == ("inner-axis", "sin alpha times beta")
+    found = result.extension
+    assert found is not None
+    assert found.kind == "formula"
+    assert found.law == "beta += sin(alpha) * (a * cos(2 * beta) + b * sin(2 * beta))"
+    assert Formula.of(found.law).law == found.law
+    # What an encoder reads too much turns the table too little.
+    for (low, high), part in zip(found.intervals, (np.sin(1.0), np.cos(1.0)), strict=True):
+        assert low <= -1.5e-4 * part <= high
+    export_extended(result, tmp_path)
+    again = simulate_table(read_scenario(tmp_path / "scenario.toml")).position_record()
+    assert np.abs(again.specific_force - record.specific_force).max() <= GRAVITY * NOISE_BOUND * result.evidence.limit
 
 
 def test_without_a_proof_there_is_no_band():
