@@ -47,6 +47,9 @@ TYPE_NAMES = {
 }
 """Elements of the types in each version of FMI."""
 
+FMI2_CAPABILITIES = {"canGetAndSetFMUState": "canGetAndSetFMUstate", "canSerializeFMUState": "canSerializeFMUstate"}
+"""What FMI 2.0 spells otherwise than FMI 3.0."""
+
 
 def start_text(variable: Variable, value: float) -> str:
     """A start value as its type writes it."""
@@ -154,15 +157,16 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
         "generationTool": f"Trihedron {version('trihedron')}",
         "variableNamingConvention": "structured",
     }
-    can = {"modelIdentifier": component.name, "canHandleVariableCommunicationStepSize": "true"}
     if fmi == 2:
         root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **said, "numberOfEventIndicators": "0"})
-        can |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
-        can["canNotUseMemoryManagementFunctions"] = "true"
+        spelt = {"canNotUseMemoryManagementFunctions": "true"}
     else:
         root = Element("fmiModelDescription", {"fmiVersion": "3.0", **said, "instantiationToken": ""})
-        can |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
-    interface = SubElement(root, "CoSimulation", {**can, "needsExecutionTool": "false"})
+        spelt = {}
+    for name, can in component.capabilities.items():
+        spelt[FMI2_CAPABILITIES.get(name, name) if fmi == 2 else name] = str(can).lower()
+    about = {"modelIdentifier": component.name, "needsExecutionTool": "false"}
+    interface = SubElement(root, "CoSimulation", about | spelt)
     if sources and fmi == 2:
         files = SubElement(interface, "SourceFiles")
         for name in sources:

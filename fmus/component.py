@@ -123,6 +123,8 @@ class Component:
         the effects that it is extended with; their parameters stand last
     undoes : str
         name of the component whose inverse it is: effects that add to that one's readings extend it too
+    any_step : bool
+        whether steps of any lengths may follow one another
     """
 
     name: str
@@ -136,6 +138,16 @@ class Component:
     stop_time: float = 60.0
     effects: tuple[EffectPlace, ...] = ()
     undoes: str = ""
+    any_step: bool = True
+
+    @property
+    def capabilities(self) -> dict[str, bool]:
+        """What its FMUs of every flavour can do, as FMI 3.0 names it."""
+        return {
+            "canHandleVariableCommunicationStepSize": self.any_step,
+            "canGetAndSetFMUState": True,
+            "canSerializeFMUState": True,
+        }
 
     @property
     def kernels(self) -> dict[str, Callable[..., int | None]]:

@@ -292,11 +292,13 @@ ATTITUDE_COMPUTER = Component(
         work("turned", "quaternion of the step", 4),
         state("before", "the increment before", 3),
         work("added", "what effects add to an increment", 3),
+        state("sample", "increment of the part of a sample that has passed", 3),
     ),
     model=(computer.initialise, computer.step),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
-        "the communication step is not the sample period: one increment for each sample is needed",
+        "the communication step is not the sample period: it goes past the end of a sample, and each sample needs an "
+        "increment of its own; steps over parts of a sample add up",
         f"increment is not finite or longer than half a turn ({math.pi:.6f} rad): its direction would be ambiguous",
         "increment is beyond the valid range of the algorithm; longest [rad]: "
         + ", ".join(f"{a.name} {a.max_increment:.3g}" for a in ALGORITHMS),
@@ -308,4 +310,5 @@ ATTITUDE_COMPUTER = Component(
         "(25): λ* = (cos(φ/2), φ sin(φ/2)/|φ|), φ = Σ γ + coning correction; (7.18): φ = γ",
     ),
     source="Chelnokov, Perelyaev, Chelnokova 2016",
+    any_step=False,
 )

@@ -53,17 +53,21 @@ class {name}(Fmi2Slave):
         super().__init__(**kwargs)
         kernels = {{name: globals()[name] for name in ARGUMENTS}}
         self.model = Instance(VARIABLES, kernels, ARGUMENTS, EFFECTS)
-        self.start_time = 0.0
+        self.start_time = None
 
     def setup_experiment(self, start_time, stop_time=None, tolerance=None):
         self.start_time = self.model.time = start_time
+
+    def enter_initialization_mode(self):
+        if self.start_time is None:
+            self.refuse("fmi2SetupExperiment has to come before fmi2EnterInitializationMode")
 
     def exit_initialization_mode(self):
         self.check(self.model.initialise(self.start_time))
 
     def do_step(self, current_time, step_size):
-        if not (current_time - current_time == 0.0 and 0.0 <= step_size < math.inf):
-            text = f"{{self.instance_name}}: a step of {{step_size!r}} s from {{current_time!r}} s is not one in time"
+        if not (current_time - current_time == 0.0 and 0.0 < step_size < math.inf):
+            text = f"{{self.instance_name}}: a step of {{step_size!r}} s from {{current_time!r}} s is not positive"
             self.log(text, Fmi2Status.error, "logStatusError")
             return False
         return self.report(self.model.do_step(current_time, step_size))
@@ -74,8 +78,12 @@ class {name}(Fmi2Slave):
         return message == 0
 
     def check(self, message):
-        if not self.report(message):
-            raise ValueError(MESSAGES[message - 1])
+        if message:
+            self.refuse(MESSAGES[message - 1])
+
+    def refuse(self, reason):
+        self.log(f"{{self.instance_name}}: {{reason}}", Fmi2Status.error, "logStatusError")
+        raise ValueError(reason)
 
     def get_real(self, references):
         return [self.model.get(reference) for reference in references]

@@ -58,6 +58,7 @@ def check_time(subject: Subject) -> None:
     assert library.enter(instance, 1.0, 2.0) == OK
     assert library.leave(instance) == OK
     for time, step in (
+        (1.0, 0.0),
         (1.0, -0.1),
         (math.nan, 0.1),
         (1.0, math.inf),
@@ -76,7 +77,6 @@ def check_time(subject: Subject) -> None:
         library.get(instance, e.kind, e.references, e.count) for e in shown if e.variability == "discrete"
     ] == before
     if library.fmi == 3:
-        assert "not positive" in subject.refused(lambda: library.step(instance, 2.0, 0.0))
         places = [ct.c_bool(True), None, None, None, None]
         assert "no place" in subject.refused(
             lambda: library.call("DoStep", instance, ct.c_double(2.0), ct.c_double(0.1), *places)
@@ -135,12 +135,23 @@ def check_states(subject: Subject) -> None:
 
 
 def check_logging(subject: Subject) -> None:
-    """Known categories are taken, unknown and missing ones refused; FMI 3.0 is silent with logging off."""
+    """Told is what is of a chosen category; unknown ones are refused; FMI 3.0 is silent with logging off."""
     library = subject.library
     instance = subject.new()
     yes, no = (ct.c_bool(True), ct.c_bool(False)) if library.fmi == 3 else (1, 0)
-    known = (ct.c_char_p * 1)(b"logStatusError")
-    assert library.call("SetDebugLogging", instance, yes, ct.c_size_t(1), known) == OK
+    for names, told in (
+        ((b"logStatusWarning",), False),
+        ((b"logStatusError",), True),
+        ((b"logStatusWarning", b"logStatusError"), True),
+        ((b"logStatusWarning", b"logAll"), True),
+        ((b"logStatusWarning",), False),
+        ((), True),
+    ):
+        known = (ct.c_char_p * len(names))(*names)
+        assert library.call("SetDebugLogging", instance, yes, ct.c_size_t(len(names)), known) == OK
+        before = len(library.log)
+        assert library.step(instance, 0.0, 0.1) == ERROR
+        assert len(library.log) == before + told, names
     for wrong in ((ct.c_char_p * 1)(b"logNothing"), (ct.c_char_p * 1)(None), None):
         subject.refused(lambda w=wrong: library.call("SetDebugLogging", instance, yes, ct.c_size_t(1), w))
     assert library.call("SetDebugLogging", instance, no, ct.c_size_t(0), None) == OK

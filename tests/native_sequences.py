@@ -143,6 +143,20 @@ def check_every_call_in_every_phase(subject: Subject) -> None:
             library.free(instance)
 
 
+def check_that_the_experiment_is_set_up(subject: Subject) -> None:
+    """FMI 2.0 has no start time before fmi2SetupExperiment, nor after a reset."""
+    library = subject.library
+    if library.fmi == 3:
+        return
+    instance = subject.new()
+    assert "SetupExperiment" in subject.refused(lambda: library.call("EnterInitializationMode", instance))
+    assert library.enter(instance) == OK
+    assert library.call("Reset", instance) == OK
+    assert "SetupExperiment" in subject.refused(lambda: library.call("EnterInitializationMode", instance))
+    library.start(instance)
+    library.free(instance)
+
+
 def check_instances(subject: Subject) -> None:
     """A hundred at once, each with a memory of its own; again after they are freed; a missing one is an error."""
     library = subject.library

@@ -52,6 +52,9 @@ HALF_TABLE_SIZE = (WINDOW + EXTRA_NODES + 1) * (WINDOW // 2 + EXTRA_NODES)
 WORK_SIZE = 4 * (MOST_INCREMENTS + EXTRA_NODES)
 """Length of each of the working arrays `differences`, `rates`, `values`, `slopes`."""
 
+SAMPLE_TOLERANCE = 1e-3
+"""How far the end of a step may be off that of a sample [samples]: hosts add up rounded times."""
+
 
 def prepare_update(algorithm: float, table: Vector, half_table: Vector) -> None:
     """Write the tables that an algorithm needs; called once, before the first update.
@@ -178,6 +181,7 @@ def initialise(
     table: Vector,
     half_table: Vector,
     before: Vector,
+    sample: Vector,
 ) -> int:
     """Begin at the initial attitude; returns 0 or the number of a message."""
     square = 0.0
@@ -195,6 +199,7 @@ def initialise(
     known[0] = 0.0
     for i in range(3):
         before[i] = 0.0
+        sample[i] = 0.0
     for i in range(STEP_SIZE):
         collected[i] = 0.0
         previous[i] = 0.0
@@ -230,39 +235,47 @@ def step(
     turned: Vector,
     before: Vector,
     added: Vector,
+    sample: Vector,
 ) -> int:
     """Take the increment over (time, time + step] and update the attitude when a step of the algorithm is full.
 
-    Samples are counted in whole numbers; a step of 1e-14 s, with which some masters end, is no sample. Returns 0 or
-    the number of a message.
+    Samples are counted in whole numbers; increments over parts of a sample add up to it. A step of 1e-14 s, with which
+    some masters end, is no sample. Returns 0 or the number of a message.
     """
     if period[0] <= 0.0:
         period[0] = step
     if step <= 1e-9 * period[0]:
         return 0
-    elapsed = (time + step - start[0]) / period[0]
-    if not math.fabs(elapsed - (samples[0] + 1.0)) <= 1e-3:
+    missing = samples[0] + 1.0 - (time + step - start[0]) / period[0]
+    if not missing >= -SAMPLE_TOLERANCE:
         return 2
-    size = 0.0
-    for i in range(3):
-        size = size + increment[i] * increment[i]
+    x = sample[0] + increment[0]
+    y = sample[1] + increment[1]
+    z = sample[2] + increment[2]
+    size = x * x + y * y + z * z
     if not size <= MAX_INCREMENT * MAX_INCREMENT:
         return 3
     chosen = int(algorithm) - 1
     if size > longest_increment[chosen] * longest_increment[chosen]:
         return 4
+    updated[0] = 0.0
+    sample[0] = x
+    sample[1] = y
+    sample[2] = z
+    if missing > SAMPLE_TOLERANCE:
+        return 0
     if samples[0] == 0.0:
         # Before the first step the body turned as in it.
         for i in range(3):
-            before[i] = increment[i]
-    increment_effects(before, increment, effect, added)
+            before[i] = sample[i]
+    increment_effects(before, sample, effect, added)
     at = 3 * int(waiting[0])
     for i in range(3):
-        collected[at + i] = increment[i] + added[i]
-        before[i] = increment[i]
+        collected[at + i] = sample[i] + added[i]
+        before[i] = sample[i]
+        sample[i] = 0.0
     samples[0] = samples[0] + 1.0
     waiting[0] = waiting[0] + 1.0
-    updated[0] = 0.0
     if waiting[0] == samples_of_update[chosen]:
         failed = update(
             algorithm,

@@ -13,6 +13,11 @@ static const char *const PHASE_NAMES[PHASES] = {
     "before the initialisation", "during the initialisation", "between steps", "after a failed call",
     "after the termination"};
 
+/* Those of the model description. */
+enum { WARNINGS, ERRORS, ALL, CATEGORY_COUNT };
+static const char *const CATEGORIES[CATEGORY_COUNT] = {"logStatusWarning", "logStatusError", "logAll"};
+#define ONLY(category) (1u << (category))
+
 #if defined(TRIHEDRON_UCRT_ONLY)
 /* Linked with nothing but the C library that Windows has: vsnprintf is a function of its headers. */
 int _fltused = 0;
@@ -42,7 +47,9 @@ int say(const Listener *listener, const char *format, ...)
             *at = '/';
         }
     }
-    emit(listener, ERROR, "logStatusError", text);
+    if (!(listener->muted & ONLY(ERRORS))) {
+        emit(listener, ERROR, CATEGORIES[ERRORS], text);
+    }
     return ERROR;
 }
 
@@ -61,7 +68,7 @@ int may(Component *c, const char *call, unsigned phases)
 
 void reset(Component *c)
 {
-    c->state.time = 0.0;
+    c->state.time = NAN; /* until the experiment is set up */
     c->state.stop = INFINITY;
     c->state.phase = INSTANTIATED;
     c->state.stale = 0;
@@ -139,8 +146,8 @@ int finish_initialisation(Component *c, const char *call)
 int do_step(Component *c, const char *call, double time, double step)
 {
     State *state = &c->state;
-    if (!finite_number(time) || !finite_number(step) || !(step >= 0.0)) {
-        return refuse(c, "%s: a step of %.17g s from %.17g s is not one in time", call, step, time);
+    if (!finite_number(time) || !finite_number(step) || !(step > 0.0)) {
+        return refuse(c, "%s: a step of %.17g s from %.17g s is not positive", call, step, time);
     }
     double tolerance = 1e-9 * (1.0 + fabs(time)) + 1e-6 * step;
     if (!(fabs(time - state->time) <= tolerance)) {
@@ -162,19 +169,22 @@ int do_step(Component *c, const char *call, double time, double step)
 
 int set_logging(Component *c, const char *call, int logging, size_t count, const char *const *categories)
 {
-    static const char *const known[] = {"logStatusWarning", "logStatusError", "logAll"};
+    /* No categories are all of them. */
+    unsigned muted = logging && count ? ~0u : 0u;
     if (count && !categories) {
         return refuse(c, "%s: the array of categories is missing", call);
     }
     for (size_t i = 0; i < count; i++) {
-        int found = 0;
-        for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
-            found = found || (categories[i] && strcmp(categories[i], known[k]) == 0);
+        int k = 0;
+        while (k < CATEGORY_COUNT && !(categories[i] && strcmp(categories[i], CATEGORIES[k]) == 0)) {
+            k++;
         }
-        if (!found) {
+        if (k == CATEGORY_COUNT) {
             return refuse(c, "%s: there is no log category %s", call, categories[i] ? categories[i] : "(missing)");
         }
+        muted &= k == ALL ? 0u : ~ONLY(k);
     }
     c->listener.logging = logging;
+    c->listener.muted = muted;
     return OK;
 }

@@ -65,6 +65,7 @@ typedef struct {
     void *environment;
     void (*logger)(void);
     int logging;
+    unsigned muted; /* a bit for each category of messages that is not told */
 } Listener;
 
 typedef struct {

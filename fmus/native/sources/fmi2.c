@@ -45,7 +45,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     if (!functions) {
         return NULL;
     }
-    Listener listener = {instanceName, functions->componentEnvironment, (void (*)(void))functions->logger, loggingOn};
+    Listener listener = {instanceName, functions->componentEnvironment, (void (*)(void))functions->logger, loggingOn, 0};
     Component *c = create(fmuGUID, &listener);
     if (c && fmuType != fmi2CoSimulation) {
         refuse(c, "%s: this FMU is for co-simulation only", __func__);
@@ -72,6 +72,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component instance, fmi2Boolean toleranceDefi
 fmi2Status fmi2EnterInitializationMode(fmi2Component instance)
 {
     CALL(IN(INSTANTIATED))
+    if (!finite_number(c->state.time)) {
+        return refuse(c, "%s: fmi2SetupExperiment has to come first: there is no start time", __func__);
+    }
     c->state.phase = INITIALISING;
     return fmi2OK;
 }

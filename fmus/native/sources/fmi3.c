@@ -35,7 +35,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
     resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
     fmi3LogMessageCallback logMessage)
 {
-    Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn};
+    Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn, 0};
     (void)instantiationToken;
     (void)resourcePath;
     (void)visible;
@@ -55,7 +55,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     (void)requiredIntermediateVariables;
     (void)nRequiredIntermediateVariables;
     (void)intermediateUpdate;
-    Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn};
+    Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn, 0};
     Component *c = create(instantiationToken, &listener);
     if (c && eventModeUsed) {
         refuse(c, "%s: the FMU has no event mode", __func__);
@@ -70,7 +70,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate, fmi3LockPreemptionCallback lockPreemption,
     fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn};
+    Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn, 0};
     (void)instantiationToken;
     (void)resourcePath;
     (void)visible;
@@ -226,9 +226,6 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     *terminateSimulation = fmi3False;
     *earlyReturn = fmi3False;
     *lastSuccessfulTime = c->state.time;
-    if (!(communicationStepSize > 0.0)) {
-        return refuse(c, "%s: a step of %.17g s is not positive", __func__, communicationStepSize);
-    }
     int status = do_step(c, __func__, currentCommunicationPoint, communicationStepSize);
     *lastSuccessfulTime = c->state.time;
     return status;

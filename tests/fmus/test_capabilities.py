@@ -1,0 +1,145 @@
+"""What the model description says an FMU can do is tried, for every component and both versions of FMI."""
+
+import random
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from fmpy.fmi1 import FMICallException
+
+from component_kinds import all_kinds, draw_inputs, outputs_of, setter_of, title
+from native_driver import OK
+from native_model import Model, open_fmu
+from trihedron.fmus import build, components
+from trihedron.fmus.component import Component
+from trihedron.fmus.native.compile import host_compiler
+
+needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
+
+TRIED = {
+    "canHandleVariableCommunicationStepSize",
+    # By the sequences of calls in test_native_conformance, and for Python in test_components.
+    *("canGetAndSetFMUstate", "canSerializeFMUstate", "canGetAndSetFMUState", "canSerializeFMUState"),
+    # The instances here are given no functions of memory.
+    "canNotUseMemoryManagementFunctions",
+}
+OVER_A_STEP = ("increment", "increment_reading")
+UNIT = [0.02] * 50
+UNEVEN = [0.005, 0.02, 0.1, 0.0123, 0.3, 0.0027, 0.25, 0.06, 0.24, 0.01]
+"""Two ways through a second; the last step is a short one."""
+PROGRAMME = {"positions": [3.0], "alpha": [0.1 * i for i in range(128)], "dwell_time": [0.2] * 128, "period": [0.01]}
+
+
+def claims(path: Path) -> dict[str, bool]:
+    """The flags of the model description's co-simulation."""
+    with zipfile.ZipFile(path) as archive:
+        interface = ElementTree.fromstring(archive.read("modelDescription.xml")).find("CoSimulation")
+    assert interface is not None
+    return {name: value == "true" for name, value in interface.attrib.items() if value in ("true", "false")}
+
+
+class Driven:
+    """A native instance or one of the Python flavour with the same inputs at every step, increments by its length."""
+
+    def __init__(self, component: Component, path: Path, folder: Path, slaves=None) -> None:
+        self.component = component
+        rng = random.Random(component.name)
+        self.inputs = draw_inputs(component, rng)
+        self.slave = slaves(path) if slaves else None
+        self.model = None if slaves else Model.of(open_fmu(path, folder), component)
+        self.put(PROGRAMME if component.name == "PositionProgramme" else {})
+        if self.slave is not None:
+            self.slave.setupExperiment(startTime=0.0)
+            self.slave.enterInitializationMode()
+            self.slave.exitInitializationMode()
+        elif self.model is not None:
+            self.model.library.start(self.model.instance)
+
+    def put(self, values: dict[str, list[float]]) -> None:
+        if self.slave is not None:
+            known = {v.name: v for v in self.component.interface}
+            elements = {
+                e: x for name, every in values.items() for e, x in zip(known[name].elements, every, strict=True)
+            }
+            setter_of(self.slave, self.component)(elements)
+        elif self.model is not None:
+            assert all(self.model.set(name, every) == OK for name, every in values.items()), self.model.library.log
+
+    def step(self, time: float, length: float) -> bool:
+        """Whether the step was done."""
+        values = {}
+        for v in self.component.interface:
+            if v.causality == "input":
+                share = length / 0.02 if v.name in OVER_A_STEP else 1.0
+                values[v.name] = [share * self.inputs[e] for e in v.elements]
+        self.put(values)
+        if self.model is not None:
+            return self.model.library.step(self.model.instance, time, length) == OK
+        assert self.slave is not None
+        try:
+            self.slave.doStep(time, length)
+        except FMICallException:
+            return False
+        return True
+
+    def outputs(self) -> dict[str, list[float]]:
+        every = iter(self.model.outputs() if self.model is not None else outputs_of(self.slave, self.component))
+        return {v.name: [next(every) for _ in v.elements] for v in self.component.interface if v.causality == "output"}
+
+    def second(self, lengths: Sequence[float]) -> dict[str, list[float]]:
+        """Outputs after a second in steps of these lengths; of increments their sums."""
+        time, sums = 0.0, {}
+        for length in lengths:
+            assert self.step(time, length)
+            time += length
+            for name, values in self.outputs().items():
+                if name in OVER_A_STEP:
+                    sums[name] = [a + b for a, b in zip(sums.get(name, [0.0] * 9), values, strict=False)]
+        assert time == pytest.approx(1.0)
+        return self.outputs() | sums
+
+
+@pytest.mark.parametrize("flavour", ["native 2", "native 3", "python 2"])
+@pytest.mark.parametrize("component", all_kinds(), ids=title)
+def test_every_declared_capability_is_there(component, flavour, tmp_path, slaves):
+    kind, fmi = flavour.split()
+    if kind == "native" and host_compiler() is None:
+        pytest.skip("skipped: no C compiler")
+    path = build(component.name, tmp_path, component.effects, flavour=kind, fmi=int(fmi))
+    said = claims(path)
+    assert {name for name, value in said.items() if value} <= TRIED
+    extra = (slaves,) if kind == "python" else ()
+    driven = Driven(component, path, tmp_path / "a", *extra)
+    if said["canHandleVariableCommunicationStepSize"]:
+        even, uneven = driven.second(UNIT), Driven(component, path, tmp_path / "b", *extra).second(UNEVEN)
+        for name, values in even.items():
+            assert uneven[name] == pytest.approx(values, rel=1e-9, abs=1e-9), name
+    else:
+        # It takes its sample period, and no longer step.
+        assert driven.step(0.0, 0.02)
+        assert not driven.step(0.02, 0.03)
+
+
+@needs_compiler
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_attitude_computer_takes_a_sample_in_parts(fmi, tmp_path):
+    """What the gyros turn over the parts of a sample adds up, also where the last step of a run is a short one."""
+    component = components()["AttitudeComputer"]
+    path = build(component.name, tmp_path, flavour="native", fmi=fmi)
+    whole = Driven(component, path, tmp_path / "a")
+    parts = Driven(component, path, tmp_path / "b")
+    time = 0.0
+    for k, lengths in enumerate([[0.02], [0.02], [0.01, 0.01], [0.005, 0.015], [0.02], [0.0025] * 8]):
+        assert whole.step(0.02 * k, 0.02)
+        for n, length in enumerate(lengths):
+            assert parts.step(time, length)
+            time += length
+            if n < len(lengths) - 1:
+                assert parts.outputs()["updated"] == [0.0]
+        assert parts.outputs()["updated"] == whole.outputs()["updated"]
+        assert parts.outputs()["attitude"] == pytest.approx(whole.outputs()["attitude"], abs=1e-15)
+    before = parts.outputs()["attitude"]
+    assert parts.step(time, 0.004)
+    assert parts.outputs() == {"attitude": before, "updated": [0.0]}
