@@ -51,6 +51,9 @@ WINDOWS_LIBRARIES = tuple(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math",
 WHOLE = "whole.c"
 """A file that includes all the others, for a compiler that takes one file at a time."""
 
+ENTITLEMENTS = "none.plist"
+"""A list of nothing. The linker signs a library for ARM by itself, one for Intel only where it is given such a list."""
+
 NO_COMPILER = "native FMUs need a C compiler: there is no cc here; install one, or trihedron[native]"
 NO_ZIG = "needs ziglang to compile for it; install trihedron[native]"
 
@@ -71,7 +74,7 @@ class Platform:
     suffix : str
         of the binary
     target : str
-        what the cross compiler calls it
+        what the cross compiler calls it, with the oldest system that runs it: a Linux by its C library
     """
 
     name: str
@@ -90,8 +93,8 @@ PLATFORMS = {
         Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
         Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
         Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
-        Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
-        Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
+        Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos.10.7"),
+        Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos.11.0"),
     )
 }
 """Every platform, by its name."""
@@ -107,7 +110,7 @@ def host_name() -> str:
 
 def all_flags() -> list[str]:
     """Everything that decides what the cross compiler makes of sources, beside its version."""
-    return [*FLAGS, *SMALL, *WINDOWS_LIBRARIES]
+    return [*FLAGS, *SMALL, *WINDOWS_LIBRARIES, *(p.target for p in PLATFORMS.values())]
 
 
 class BuildError(RuntimeError):
@@ -169,17 +172,25 @@ def compiles(name: str) -> bool:
 def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bool) -> tuple[list[list[str]], str]:
     """The commands, one after the other, and the version of the compiler."""
     linux = ["-Wl,--build-id=none"] if platform.suffix == ".so" else []
+    # Found by whoever loads it, wherever the archive was unpacked.
+    named = ["-install_name", f"@rpath/{output}"] if platform.suffix == ".dylib" else []
     if not cross:
         compiler = host_compiler()
         assert compiler is not None
-        stripped = [] if platform.suffix == ".dylib" else ["-s"]
+        oldest = f"-mmacosx-version-min={platform.target.partition('macos.')[2]}"
+        stripped = [oldest, *named] if named else ["-s"]
         pages = ["-Wl,-z,noseparate-code"] if linux else []
         shared = ["-fPIC", "-shared", *stripped, *linux, *pages]
         return [[compiler[0], *FLAGS, *shared, "-o", output, *sources, "-lm"]], compiler[1]
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
     version = f"zig {zig_version()}"
+    if platform.name == "x86_64-darwin":
+        compiled = [*zig, *FLAGS, *SMALL, "-fPIC", "-c", WHOLE]
+        linker = [*zig[:3], "build-lib", *zig[4:], "-dynamic", "-fstrip", "-lc", "--name", platform.name]
+        signed = ["--entitlements", ENTITLEMENTS, f"-femit-bin={output}", str(Path(WHOLE).with_suffix(".o"))]
+        return [compiled, [*linker, *named, *signed]], version
     if platform.suffix != ".dll":
-        shared = ["-fPIC", "-shared", "-s", *linux, "-ffunction-sections", "-Wl,--gc-sections"]
+        shared = ["-fPIC", "-shared", "-s", *linux, *named, "-ffunction-sections", "-Wl,--gc-sections"]
         return [[*zig, *FLAGS, *SMALL, *shared, "-o", output, *sources, "-lm"]], version
     compiled = [*zig, *FLAGS, *SMALL, "-DTRIHEDRON_UCRT_ONLY", "-c", WHOLE]
     entry = ["-nostdlib", "-Wl,--entry=TrihedronEntry"]
@@ -254,7 +265,8 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
     output = f"{name}{platform.suffix}"
     compiled = [n for n in sources if n.endswith(".c")]
     commands, version = _commands(platform, compiled, output, cross)
-    files = {**sources, WHOLE: "".join(f'#include "{name}"\n' for name in compiled).encode()}
+    whole = "".join(f'#include "{name}"\n' for name in compiled)
+    files = {**sources, WHOLE: whole.encode(), ENTITLEMENTS: b'<plist version="1.0"><dict/></plist>\n'}
     digest = hashlib.sha256("\0".join([version, *(word for command in commands for word in command[1:])]).encode())
     for file, content in files.items():
         digest.update(f"\0{file}\0{len(content)}\0".encode() + content)

@@ -1,8 +1,10 @@
 """The sources of native FMUs compiled for other platforms: the same bits, but for sin, cos and atan2."""
 
+import hashlib
 import os
 import random
 import shutil
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +17,7 @@ from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import Component
 from trihedron.fmus.native.c_source import native_sources
-from trihedron.fmus.native.compile import FLAGS, zig_version
+from trihedron.fmus.native.compile import FLAGS, PLATFORMS, binary, zig_version
 
 STEPS = 1000
 RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}
@@ -80,3 +82,37 @@ def test_other_platforms_give_the_same_bits_but_for_sin_and_cos(name, target, tm
         assert difference <= BOUND
     else:
         assert given.tobytes() == plain.tobytes()
+
+
+def load_commands(library: bytes) -> dict[int, bytes]:
+    """The load commands of a Mach-O library, by their kind."""
+    count, at, found = struct.unpack_from("<I", library, 16)[0], 32, {}
+    for _ in range(count):
+        kind, length = struct.unpack_from("<2I", library, at)
+        found[kind] = library[at : at + length]
+        at += length
+    return found
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize(("name", "oldest"), [("x86_64-darwin", (10, 7)), ("aarch64-darwin", (11, 0))])
+def test_libraries_for_macos_are_found_by_their_name_signed_and_for_old_systems(name, oldest):
+    if zig_version() is None:
+        pytest.skip("skipped: no ziglang")
+    library = binary(PLATFORMS[name], "Name", native_sources(components()["TableController"], 2), portable=True)
+    commands = load_commands(library)
+    assert commands[0xD][24:].rstrip(b"\0") == b"@rpath/Name.dylib"
+    # LC_BUILD_VERSION, or LC_VERSION_MIN_MACOSX where older systems are to read it.
+    (word,) = struct.unpack_from("<I", *((commands[0x32], 12) if 0x32 in commands else (commands[0x24], 8)))
+    assert (word >> 16, word >> 8 & 255) == oldest
+    # The signature: every page of the library before it has the hash that stands in its code directory.
+    begin, size = struct.unpack_from("<2I", commands[0x1D], 8)
+    signature = library[begin : begin + size]
+    at = signature.index(bytes.fromhex("fade0c02"))
+    flags, hashes, _, _, count, limit = struct.unpack_from(">6I", signature, at + 12)
+    page = 1 << signature[at + 39]
+    assert flags & 2, "ad hoc"
+    assert limit == begin
+    for k in range(count):
+        digest = hashlib.sha256(library[k * page : min((k + 1) * page, limit)]).digest()
+        assert signature[at + hashes + 32 * k :][:32] == digest
