@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from pydantic import Field
 
 from ..fmus import build, component_names, components
-from ..fmus.component import Component, Variable, can_extend, extend
+from ..fmus.component import Component, can_extend, extend
 from ..fmus.native.compile import BuildError, chosen_platforms
-from ..fmus.source import instantiate, references
+from ..fmus.reference import reference_texts
 from ..models.effects import CATALOGUE, EffectPlace
 from . import motion, records
 from .errors import InputError, nearest
@@ -26,14 +26,8 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 Flavour = Literal["python", "native"]
-STEPS = 200
-MOST_OUTPUTS = 9
-"""With the time, ten columns."""
-
 UNIFORM = 1e-3
 """How far a row's time may be off a uniform one, in steps."""
-SWINGS = {"rad": 0.01, "m/s2": 10.0, "degC": 5.0}
-"""How far an input swings, by its unit."""
 
 
 class ExportedFmu(Result):
@@ -142,69 +136,12 @@ def export_components(
     return Exported(effects=list(effects), fmus=described)
 
 
-def swing(variable: Variable, element: int, step: int) -> float:
-    """Value of an input's element in the step of that number: a swing about its start; whole numbers count up."""
-    start = variable.starts[element]
-    if variable.type != "real":
-        return start + 1.0 + step // 50
-    return start + SWINGS.get(variable.unit, 0.1) * math.sin(0.05 * (element + 1) * step + element)
-
-
-def _inputs(component: Component, fmi: int) -> list[Variable]:
-    """The inputs that are driven: in FMI 3.0 those that FMPy can, so no discrete arrays and one shape of continuous."""
-    inputs = [v for v in component.interface if v.causality == "input"]
-    if fmi == 2:
-        return inputs
-    shapes = [v.size for v in inputs if v.variability == "continuous"]
-    return [v for v in inputs if (v.size == shapes[0] if v.variability == "continuous" else v.size == 0)]
-
-
-def _columns(variables: list[Variable], fmi: int) -> list[tuple[str, tuple[str, ...]]]:
-    """Heads of the columns with the elements that stand in each."""
-    if fmi == 3:
-        return [(v.name, v.elements) for v in variables]
-    return [(element, (element,)) for v in variables for element in v.elements]
-
-
 def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
-    """Write ``<name>_in.csv`` where there are inputs, ``<name>_ref.csv`` and ``<name>_ref.opt``, from plain Python.
-
-    In FMI 3.0 an array is one column whose elements are parted by blanks. The files are returned.
-    """
-    model, numbers = instantiate(component), references(component)
-    inputs = _inputs(component, fmi)
-    driven = _columns(inputs, fmi)
-    shown = _columns([v for v in component.interface if v.causality == "output"], fmi)[:MOST_OUTPUTS]
-    elements = {e: (v, i) for v in inputs for i, e in enumerate(v.elements)}
-
-    def row(time: float, columns: list[tuple[str, tuple[str, ...]]]) -> str:
-        cells = [" ".join(repr(float(model.get(numbers[e]))) for e in every) for _, every in columns]
-        return ",".join([repr(time), *cells])
-
-    def drive(step: int) -> None:
-        for element, (variable, i) in elements.items():
-            model.set(numbers[element], swing(variable, i, step))
-
-    drive(0)
-    if model.initialise(0.0) != 0:
-        raise ValueError(f"{component.name} is not initialised with its start values")
-    given, seen = [row(0.0, driven)], [row(0.0, shown)]
-    for k in range(STEPS):
-        drive(k)
-        if k > 0:
-            given.append(row(k * component.step_size, driven))
-        if model.do_step(k * component.step_size, component.step_size) != 0:
-            raise ValueError(f"{component.name} refuses the inputs of the reference results")
-        seen.append(row((k + 1) * component.step_size, shown))
-    options = {"StartTime": 0.0, "StopTime": STEPS * component.step_size, "StepSize": component.step_size}
-    files = {"_ref.opt": [f"{name},{value!r}" for name, value in (*options.items(), ("RelTol", 1e-9))]}
-    for ending, columns, rows in (("_in.csv", driven, given), ("_ref.csv", shown, seen)):
-        if columns or ending == "_ref.csv":
-            files[ending] = [",".join(f'"{name}"' for name in ["time", *(n for n, _ in columns)]), *rows]
+    """Write the reference results of a component beside its FMU; the files are returned."""
     paths = []
-    for ending, lines in sorted(files.items()):
+    for ending, text in sorted(reference_texts(component, fmi).items()):
         path = folder / f"{component.name}{ending}"
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        path.write_text(text, encoding="utf-8", newline="\n")
         paths.append(path)
     return paths
 

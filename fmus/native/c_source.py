@@ -12,6 +12,7 @@ import fmpy
 
 from ..archive import accompanying_files, identity, model_description, write_archive
 from ..component import Component, Variable
+from ..reference import layered_reference
 from ..source import flat_parts
 from .compile import FLAGS, Platform, binary
 from .translate import Signature, kernel_name, translate
@@ -216,6 +217,7 @@ def native_members(
         library = binary(platform, component.name, sources, portable=portable)
         members[f"binaries/{platform.folder(fmi)}/{component.name}{platform.suffix}"] = library
     header = next(text for name, text in sources.items() if name.endswith("FunctionTypes.h"))
+    members |= layered_reference(component, fmi)
     return members | accompanying_files(component, fmi, header.decode("utf-8", "replace"))
 
 
