@@ -253,7 +253,9 @@ def apply(
     InputError
         for a calibration that is not consistent, or a record that cannot be used
     """
-    return calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound, channels=channels)
+    applied = calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound, channels=channels)
+    said = checks.channels_warning(applied.record, applied.correction.mounting)
+    return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
 
 
 def diagnose(

@@ -20,6 +20,7 @@ from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
 from ..rounding import exactly
+from .model import checked_mounting
 from .result import Calibration
 from .targets import corners
 
@@ -38,7 +39,7 @@ class Correction:
 
     `plus`, `minus` (3,) are 1 + Γ⁺ and 1 + Γ⁻ of each accelerometer, `gamma` (3, 3) is Γ below the diagonal and 0
     elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3): what accelerometer p reads beyond its input at the input
-    (i, j, k) − 1, at least and at most [g].
+    (i, j, k) − 1, at least and at most [g]. `mounting` (3, 3) is that of the calibration's record, None of several.
     """
 
     gravity: float
@@ -48,6 +49,7 @@ class Correction:
     bias: NDArray
     low: NDArray
     high: NDArray
+    mounting: NDArray | None = None
 
 
 def read_correction(path: Path) -> Correction:
@@ -72,7 +74,16 @@ def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
         low, high = _reading_errors(calibration)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
-    return Correction(block["gravity"], plus, minus, gamma, np.array(block["bias"]), low, high)
+    return Correction(block["gravity"], plus, minus, gamma, np.array(block["bias"]), low, high, _mounting(calibration))
+
+
+def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
+    """The only mounting (3, 3) of a calibration's object; None where it has none or several."""
+    try:
+        (matrix,) = calibration["mountings"].values()
+        return checked_mounting(matrix, "mountings")
+    except (KeyError, AttributeError, TypeError, ValueError, InputError):
+        return None
 
 
 def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray]:

@@ -28,6 +28,9 @@ from .model import Parametrisation, Positions
 
 FEWEST = 6
 """Fewer positions fit too many ways."""
+CHANGES = 0.25
+"""Where the first or the last rows, but for one of them, are nearer to an ideal bench as they are read, by squares of
+so much in all [g²], channels change during the record: that is an effect, and no way of reading it."""
 TURNS = tuple((unit, *senses) for unit in (1.0, 180.0 / np.pi) for senses in SENSES)
 """Units and senses of the angles that are tried; the first changes nothing."""
 PLACES = np.array(
@@ -52,12 +55,14 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
     if scale > LARGEST_MISFIT or not len(same):
         return ""
 
-    def misfit(way: int) -> str:
-        """Of an ideal bench that is read so [g]."""
-        turn, permutation = divmod(way, len(PERMUTATIONS))
-        apart = reading - inputs[turn] @ PERMUTATIONS[permutation].T
-        return digits(np.sqrt(np.square(apart).sum(axis=1).mean()), 2)
+    def apart(way: int) -> NDArray[np.float64]:
+        """Squares (N,) of what the readings are apart from an ideal bench that is read so [g²]."""
+        turn, permutation = divmod(int(way), len(PERMUTATIONS))
+        return np.square(reading - inputs[turn] @ PERMUTATIONS[permutation].T).sum(axis=1)
 
+    as_read, better = apart(0), apart(same[0])
+    if _changes(better - as_read):
+        return ""
     ways = []
     for turn, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
         unit, alpha, beta = TURNS[turn]
@@ -65,8 +70,16 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
         channels = Channels(reading_of(matrix), alpha=alpha, beta=beta, radians=unit != 1.0)
         ways.append((channels, _mounting(matrix, p, channels)))
     return (
-        f"{record.path}: the readings are {misfit(0)} g rms from those of an ideal bench, and {misfit(int(same[0]))} g "
-        f"when they are read with {advice(ways, record.channels)}"
+        f"{record.path}: the readings are {digits(np.sqrt(as_read.mean()), 2)} g rms from those of an ideal bench, and "
+        f"{digits(np.sqrt(better.mean()), 2)} g when they are read with {advice(ways, record.channels)}"
+    )
+
+
+def _changes(gains: NDArray[np.float64]) -> bool:
+    """Whether the first or the last rows, but for one, gain more than `CHANGES` as they are read; gains (N,) [g²]."""
+    return any(
+        bool(np.any(np.cumsum(rows) - np.maximum.accumulate(np.maximum(rows, 0.0)) > CHANGES))
+        for rows in (gains, gains[::-1])
     )
 
 

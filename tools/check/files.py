@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from fmpy.validation import validate_fmu
+from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
 from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, target_estimates
@@ -24,8 +25,11 @@ from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..errors import InputError, nearest
+from ..evidence.carried_checks import downward_warning, wrong_channels
 from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, bytes_of
 from ..locks import own_folder
+from ..motion import inspect_record
+from ..motion.rests import FEWEST_ROWS
 from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
 from ..orchestrator.load import (
@@ -49,7 +53,7 @@ from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.plan import Plan, Plans
 from ..records.columns import ANGLES, FORCE, Columns, extra_warning, warnings
-from ..records.kinds import PositionRecord, RawRecord
+from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, is_workbook, read_record
 from ..records.rests import position_record_of
@@ -66,6 +70,8 @@ SCHEMAS = {
     "trihedron.plan/1": "plan",
 }
 LISTS = ("connections", "stimuli")
+ALIGNED = np.eye(3)
+"""The mounting of a block of which nothing is said."""
 MOST = 200
 """So many problems of a record are listed."""
 
@@ -205,19 +211,36 @@ def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:
         found.warnings += channels_warning(record)
         return
     found.warnings += tuple(limits_of(record).lines)
+    if isinstance(record, StrapdownRecord):
+        found.warnings += channels_warning(record)
+        return
+    with found.of():
+        averaged = position_record_of(record)
+        found.warnings += channels_warning(averaged)
+        found.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
+
+
+def channels_warning(
+    record: PositionRecord | RawRecord | StrapdownRecord, mounting: NDArray | None = ALIGNED
+) -> tuple[str, ...]:
+    """What `calibrate` or `diagnose` would say of the channels of a record.
+
+    Block axes from axes of the inner frame are a mounting (3, 3); of a record on the table with several, or with none
+    that is known, nothing is said. Gyros are looked at beside gravity and the true attitude. A record that has too few
+    rows, or no rests, tells nothing.
+    """
+    if isinstance(record, StrapdownRecord):
+        said = wrong_channels(inspect_record(record)) if len(record) >= FEWEST_ROWS else ()
+        return (*said, *downward_warning(record))
     if isinstance(record, RawRecord):
-        with found.of():
-            averaged = position_record_of(record)
-            found.warnings += channels_warning(averaged)
-            found.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
-
-
-def channels_warning(record: PositionRecord) -> tuple[str, ...]:
-    """What `calibrate` would say of channels in a record without mountings, the block as it is mounted by default."""
-    if record.mounting is not None:
+        try:
+            record = position_record_of(record)
+        except InputError:
+            return ()
+    if record.mounting is not None or mounting is None:
         return ()
     at = Positions(record.alpha, record.beta, np.zeros(len(record), dtype=int))
-    said = channels_advice(record, record.specific_force / STANDARD_GRAVITY, parametrise({"": np.eye(3)}), at)
+    said = channels_advice(record, record.specific_force / STANDARD_GRAVITY, parametrise({"": mounting}), at)
     return (said,) if said else ()
 
 

@@ -13,6 +13,7 @@ from ..motion.rest_noise import gyro_noise
 from ..motion.rests import rates_of, rest_warnings
 from ..motion.turning import FEWEST_WINDOWS as FEWEST_TURNS
 from ..motion.turning import LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth
+from ..records import StrapdownRecord
 from ..records.channels import Channels
 from .references import (
     FEWEST_WINDOWS,
@@ -27,6 +28,8 @@ from .references import (
 
 FEWEST_MOVES = 8
 """Fewer moves between rests cannot falsify 21 parameters of a block and leave some of them out."""
+LEAST_DOWN = 0.9
+"""So much of the specific force stands along −z of the true attitude's reference where that points down."""
 LARGEST_TURN, FASTEST = 0.5, 0.99
 """Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
 
@@ -37,19 +40,41 @@ def check_record(found: Inspection) -> None:
     Gyros in degrees per second, axes swapped, a wrong sign, a channel that is dead while the block moves.
     """
     path = found.record.path
-    said = truth_check(found)
-    if said == () and found.turning.of_forces:
-        said = (
-            "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
-            f"with {found.turning.of_forces}",
-        )
-    said = said or found.turning.said
-    if said:
+    if said := wrong_channels(found):
         raise InputError(f"{path}: {'; '.join(said)}")
     moves = len(found.moves) or bool(found.excitation.any())
     dead = [name for name in found.sampling.dead if moves]
     if dead:
         raise InputError(f"{path}: {', '.join(dead)} never changes while the block moves: a dead channel")
+
+
+def wrong_channels(found: Inspection) -> tuple[str, ...]:
+    """What is wrong with order, signs or units of channels, beside gravity or the true attitude, and what mends it."""
+    said = truth_check(found)
+    if said == () and found.turning.of_forces:
+        return (
+            "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
+            f"with {found.turning.of_forces}",
+        )
+    return said or found.turning.said
+
+
+def downward_warning(record: StrapdownRecord) -> tuple[str, ...]:
+    """Where the specific force points along −z of the reference: its z points down, or all accelerometers are reversed.
+
+    Nothing else in a record can show that all are reversed, and nothing in this one which of the two it is; no line
+    where a person has said how the channels are read.
+    """
+    known = known_rows(record)
+    if record.attitude is None or not len(known) or record.channels is not None:
+        return ()
+    force = record.specific_force[known]
+    mean = rotation_of(record.attitude[known]).apply(force).mean(axis=0)
+    if not mean[2] < -LEAST_DOWN * float(np.median(np.linalg.norm(force, axis=1))):
+        return ()
+    mends = Channels((-1, -2, -3)).options[0]
+    what = "the specific force points along -z of the true attitude's reference: its z points down, or all"
+    return (f"{what} accelerometers are reversed (--channels {mends}); the record cannot tell which",)
 
 
 def truth_check(found: Inspection) -> tuple[str, ...] | None:
@@ -80,7 +105,9 @@ def truth_check(found: Inspection) -> tuple[str, ...] | None:
         true = turns_between(record.attitude, ends)
         moving = true.magnitude() > LEAST_TURN
         if moving.sum() >= FEWEST_TURNS:
-            said, missed = beside_truth(rate * step[:, None], true[moving], ends[moving], record.channels)
+            said, missed = beside_truth(
+                rate * step[:, None], true[moving], ends[moving], record.channels, record.time_s
+            )
             heard.append((missed, said, ends[moving]))
     if not heard:
         return None
@@ -97,7 +124,10 @@ def _meant(attitude: NDArray, increments: NDArray, ends: NDArray) -> str:
         "body to reference, scalar last": np.roll(attitude, 1, axis=1),
     }
     for name, other in ways.items():
-        if beside_truth(increments, turns_between(other, ends), ends, Channels())[1] < LEAST_MISS:
+        if (
+            beside_truth(increments, turns_between(other, ends), ends, Channels(), np.zeros(len(attitude)))[1]
+            < LEAST_MISS
+        ):
             return f"they do where q0..q3 are {name}; give them body to reference, scalar first"
     return "is it body to reference, scalar first?"
 
@@ -128,7 +158,7 @@ def warnings_of(found: Inspection) -> tuple[str, ...]:
         said.append(
             f"{len(found.sampling.gaps)} gaps, {found.sampling.missing} rows missing; moves over them are not used"
         )
-    return (*found.record.warnings, *said)
+    return (*found.record.warnings, *said, *downward_warning(found.record))
 
 
 def missing_things(found: Inspection) -> tuple[str, ...]:

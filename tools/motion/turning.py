@@ -21,6 +21,9 @@ LEAST_TURN = 0.01
 """Smaller turns in a window tell nothing [rad]; in degrees they are larger."""
 FEWEST_WINDOWS = 30
 """Fewer windows of moves tell nothing."""
+FEWEST_BEFORE, CLEARER = 10, 4.0
+"""Channels change during a record where, over so many windows and more on each side of a time, another way of reading
+than on the other side misses so many times less, squared, than that of the other side."""
 LEAST_SHARE = 0.5
 """Part of the turns, squared, that gyros must show before anything is believed."""
 LEAST_MISS, BETTER = 0.1, 0.1
@@ -86,6 +89,25 @@ def check_turning(
     if moving.sum() < FEWEST_WINDOWS:
         return TurningCheck()
     turn, change, level = turn[moving], change[moving], level[moving]
+    whole = _fit(turn, change, level)
+    if whole is None:
+        return TurningCheck()
+    matrix, uncertain, trusted = whole
+    if before == Channels():
+        return TurningCheck(matrix=matrix)
+    apart = [change - np.cross(level, unit * turn @ own.T) for unit in _units(before) for own in PERMUTATIONS]
+    squares = np.array([np.square(one).sum(axis=1) for one in apart])
+    at = time_s[blocks].reshape(pieces, size)[1:, 0][moving]
+    if found := _change(squares, np.square(change).sum(axis=1), at):
+        return TurningCheck(matrix=matrix, said=(f"the gyros, or the accelerometers, {found[0]}",))
+    return beside_gravity(matrix, uncertain, before) if trusted else TurningCheck(matrix=matrix)
+
+
+def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArray, bool] | None:
+    """K (3, 3), its covariance (9, 9), and whether turns (S, 3) explain how the specific force (S, 3) changes.
+
+    None where the block does not turn about all axes.
+    """
     cross = np.zeros((len(level), 3, 3))
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -level[:, 2], level[:, 1], -level[:, 0]
     cross -= cross.transpose(0, 2, 1)
@@ -93,16 +115,34 @@ def check_turning(
     design = np.einsum("nij,nk->nijk", cross, turn).reshape(3 * len(turn), 9)
     singular = np.linalg.svd(design, compute_uv=False)
     if singular[-1] < 0.02 * singular[0]:
-        return TurningCheck()
+        return None
     target = change.ravel()
     solution = np.linalg.lstsq(design, target, rcond=None)[0]
     left = target - design @ solution
-    matrix = solution.reshape(3, 3)
     # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
-    if float(left @ left) >= (1.0 - LEAST_SHARE) * float(target @ target) or before == Channels():
-        return TurningCheck(matrix=matrix)
+    trusted = float(left @ left) < (1.0 - LEAST_SHARE) * float(target @ target)
     uncertain = np.linalg.inv(design.T @ design) * float(left @ left) / (len(left) - 9)
-    return beside_gravity(matrix, uncertain, before)
+    return solution.reshape(3, 3), uncertain, trusted
+
+
+def _change(missed: NDArray, none: NDArray, at: NDArray) -> tuple[str, float] | None:
+    """When channels begin to be read otherwise, in words, and the part of the turns that is missed then; None if never.
+
+    Squares (W, S) of what each way of reading misses in each window, those (S,) of what is to be seen, times (S,) [s].
+    """
+    cuts = np.arange(FEWEST_BEFORE, len(none) - FEWEST_BEFORE + 1)
+    if not len(cuts):
+        return None
+    before = np.cumsum(missed, axis=1)
+    before, behind = before[:, cuts - 1], before[:, -1:] - before[:, cuts - 1]
+    k = int(np.argmin(before.min(axis=0) + behind.min(axis=0)))
+    one, other, cut = int(np.argmin(before[:, k])), int(np.argmin(behind[:, k])), int(cuts[k])
+    clearer = before[other, k] > CLEARER * before[one, k] and behind[one, k] > CLEARER * behind[other, k]
+    left = max(float(before[one, k] / none[:cut].sum()), float(behind[other, k] / none[cut:].sum()))
+    if not clearer or left > LEAST_SHARE:
+        return None
+    what = f"change their order, signs or unit at {digits(float(at[cut]))} s"
+    return f"{what}: no --channels reads both; give what is before and what is behind as files of their own", left
 
 
 def _units(before: Channels | None) -> tuple[float, float]:
@@ -110,14 +150,19 @@ def _units(before: Channels | None) -> tuple[float, float]:
     return (1.0, 1.0 / RADIANS if before is not None and before.degrees else RADIANS)
 
 
-def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> TurningCheck:
-    """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
-    costs, units = [], _units(before)
-    for unit in units:
+def _costs(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> NDArray[np.float64]:
+    """Costs (96,) of K (3, 3), with its covariance (9, 9), as each signed permutation in each of the two units."""
+    costs = []
+    for unit in _units(before):
         weights = np.linalg.inv(uncertain / unit**2 + USUAL**2 * np.eye(9))
         apart = (matrix / unit - np.array(PERMUTATIONS)).reshape(-1, 9)
         costs.append(np.einsum("wi,ij,wj->w", apart, weights, apart))
-    same = far_better(np.concatenate(costs))
+    return np.concatenate(costs)
+
+
+def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> TurningCheck:
+    """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
+    same = far_better(_costs(matrix, uncertain, before))
     ways: list[tuple[Channels, str]] = []
     of_forces: list[tuple[Channels, str]] = []
     for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
@@ -138,25 +183,30 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
 
 
 def beside_truth(
-    increments: NDArray, true: Rotation, windows: NDArray, before: Channels | None
+    increments: NDArray, true: Rotation, windows: NDArray, before: Channels | None, time_s: NDArray
 ) -> tuple[tuple[str, ...], float]:
     """What true turns (S) over windows say of the gyros; and the part of them, squared, that the best way misses.
 
-    Increments (N, 3) are up to each row [rad]; windows (S, 2) are the rows at their ends. Of gyros of which a person
-    says that they stand as they are, `before` is `Channels()`, only that way is looked at.
+    Increments (N, 3) are up to each row [rad], at times (N,); windows (S, 2) are the rows at their ends. Of gyros of
+    which a person says that they stand as they are, `before` is `Channels()`, only that way is looked at.
     """
     target = true.as_matrix()
-    missed, units = [], _units(before)
-    none = float(np.square(target - np.eye(3)).sum(axis=(1, 2)).mean())
-    for unit in units:
+    missed = []
+    none = np.square(target - np.eye(3)).sum(axis=(1, 2))
+    for unit in _units(before):
         # A permutation that turns is a turn of what was carried; one that mirrors, of what the reversed gyros carry.
         forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
         for own in PERMUTATIONS:
             sign = np.sign(np.linalg.det(own))
             turned = (sign * own) @ (forth if sign > 0.0 else back) @ (sign * own).T
-            missed.append(float(np.square(turned - target).sum(axis=(1, 2)).mean()) / none)
-    shares = np.array(missed)
-    best = float(shares[0] if before == Channels() else shares.min())
+            missed.append(np.square(turned - target).sum(axis=(1, 2)))
+    apart = np.array(missed)
+    shares = apart.mean(axis=1) / none.mean()
+    if before == Channels():
+        return (), float(shares[0])
+    if found := _change(apart, none, time_s[windows[:, 0]]):
+        return (f"the gyros {found[0]}",), found[1]
+    best = float(shares.min())
     if not (shares[0] > LEAST_MISS and best < BETTER * shares[0]):
         return (), best
     same = np.flatnonzero(shares <= max(best / BETTER, best + ALIKE))

@@ -51,6 +51,23 @@ def test_every_signed_permutation_is_said_with_the_order_that_mends_it(hidden):
         np.testing.assert_array_equal(plain[0].of_accelerometers, matrix)
 
 
+@pytest.mark.parametrize("part", [0.0, 0.1, 0.25, 0.5, 0.9])
+def test_channels_that_change_during_a_run_are_advised_nothing(part):
+    """Exchanged from a row on, at least two rows before it and two behind telling: an effect, and no way of reading."""
+    tried = 0
+    for way in range(0, len(WRONG), 3):
+        record, matrix = wrong_record(way, 2, hidden=False)
+        right, wrong, count = record.specific_force @ matrix.T, record.specific_force, len(record)
+        cut = round(part * count) if part else 2
+        tells = np.square((right - wrong) / GRAVITY).sum(axis=1) > 0.25
+        if min(tells[:cut].sum(), tells[cut:].sum()) < 2:
+            continue
+        tried += 1
+        later = (np.arange(count) >= cut)[:, None]
+        assert not advised(replace(record, specific_force=np.where(later, wrong, right))), WRONG[way]
+    assert tried >= 5
+
+
 def test_right_records_are_advised_nothing():
     assert [seed for seed in range(60) if advised(right_record(seed))] == []
 

@@ -1,5 +1,6 @@
 """Gyros against gravity and against a true attitude: exchanged, reversed, in degrees; and right ones that look odd."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -8,9 +9,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from record_files import measured
+from simulated_bench import random_bench, simulated
 from strapdown_records import strapdown_record
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.model import PRESETS
+from trihedron.tools.check import check
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.carried_checks import check_record, truth_check
+from trihedron.tools.evidence.carried_checks import (
+    check_record,
+    downward_warning,
+    truth_check,
+    warnings_of,
+    wrong_channels,
+)
+from trihedron.tools.measured import apply
 from trihedron.tools.motion import inspect_record
 from trihedron.tools.motion.turning import check_turning
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
@@ -151,6 +163,59 @@ def test_a_true_attitude_of_another_meaning_is_said(change, said):
     with pytest.raises(InputError, match="do not turn as the true attitude") as refused:
         check_record(inspect_record(replace(record, attitude=change(record.attitude))))
     assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(("part", "way"), [(0.3, 9), (0.5, 21), (0.85, 40)])
+def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_of_reading(clean, part, way):
+    """Beside gravity, beside the true attitude, and where the accelerometers change."""
+    for record, of_forces in ((clean, False), (clean, True), (filmed(1, speed=2.0), False)):
+        time, matrix = record.time_s, PERMUTATIONS[way]
+        later = (time > part * time[-1])[:, None]
+        force, rate = record.specific_force, record.rate
+        if of_forces:
+            force = np.where(later, force @ matrix.T, force)
+        else:
+            rate = np.where(later, rate @ matrix.T, rate)
+        said = "; ".join(wrong_channels(inspect_record(replace(record, rate=rate, specific_force=force))))
+        found = re.search(r"change their order, signs or unit at ([\d.]+) s: no --channels reads both", said)
+        if found is None:
+            # moves of one half alone need not tell two ways apart; then nothing else is said
+            assert (record is clean, way, said) == (True, 21, "")
+            continue
+        assert float(found[1]) == pytest.approx(part * time[-1], abs=0.1 * time[-1])
+
+
+def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down_are_said(tmp_path):
+    record = filmed(5, speed=2.0)
+    assert downward_warning(record) == ()
+    reversed_ = replace(record, specific_force=-record.specific_force)
+    (said,) = downward_warning(reversed_)
+    assert "z points down, or all accelerometers are reversed (--channels -1,-2,-3)" in said
+    assert not wrong_channels(inspect_record(reversed_))
+    path = tmp_path / "measured.csv"
+    write_record(reversed_, path)
+    assert said in check(path).warnings
+    assert said not in check(path, ["-1,-2,-3"]).warnings
+    assert said in warnings_of(inspect_record(reversed_))
+
+
+def test_check_and_apply_say_what_diagnose_would_refuse(clean, tmp_path):
+    path = tmp_path / "measured.csv"
+    write_record(replace(clean, rate=clean.rate @ PERMUTATIONS[30].T), path)
+    option = f"--channels w={order_of(PERMUTATIONS[30])}"
+    assert any(option in line for line in check(path).warnings)
+    assert not any("read it with" in line for line in check(path, [option.split()[1]]).warnings)
+    rng = np.random.default_rng(1)
+    bench = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
+    calibration = calibrate(bench, noise_bound=1e-5)
+    assert any(option in line for line in apply(calibration, path).warnings)
+    write_record(replace(bench, specific_force=bench.specific_force[:, [1, 0, 2]]), path)
+    assert any("--channels 2,1,3" in line for line in apply(calibration, path).warnings)
+    write_record(bench, path)
+    assert not apply(calibration, path).warnings
+    mounted = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)), mounting=PRESETS["cyclic"])
+    write_record(mounted, path)
+    assert not apply(calibrate(mounted, noise_bound=1e-5, mounting="cyclic"), path).warnings
 
 
 def test_channels_read_gyros_right_and_who_knows_them_says_so(clean, tmp_path):
