@@ -54,7 +54,7 @@ SHOWN_LEVELS = {
     "scale-step": (1.0, 0.5),
     "mounting-slip": (0.3, -0.5, 0.4, 0.5),
     "warm-up": (1.0, 0.25),
-    "thermal-lag": (0.1, 0.1),
+    "thermal-lag": (0.1, 0.0, 0.1),
 }
 """Levels [g], and times [h], at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
 SHOWN_ORDER = 2

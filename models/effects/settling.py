@@ -8,6 +8,10 @@ thermal_lag
 A time constant is sought in cells that cover all from the shortest to the longest that a record can show. Within a cell
 the response is a mean of those at its two ends, with weights of one sign, up to an error that is bounded by the second
 derivative by the constant's logarithm; the bounds of the readings grow by it, so that no time constant is missed.
+
+Where a lag is at the first row follows from temperatures before it, which no record has. It is taken to lie within the
+range of the record's temperatures, widened by `BEFORE` of that range on both sides: its response is a mean, again with
+weights of one sign, of those from these two ends.
 """
 
 import math
@@ -33,6 +37,8 @@ SHORTEST_ROW = 2
 """What settles before this row is an outlier of the first."""
 SHORTER = 0.05
 """A lag of so small a part of the time of that row is still sought; a shorter one is none."""
+BEFORE = 0.5
+"""By so many times the range of a record's temperatures those before it may be beyond it, on both sides."""
 MOST_THIRD = 0.43
 """The largest third derivative of e^(−x) by the logarithm of x."""
 
@@ -43,18 +49,22 @@ def warm_up(context: Vector, n: Vector, p: int, size: float, time_constant: floa
         added[p] = added[p] + size * (1.0 - math.exp(-context[HOURS] / time_constant))
 
 
-def thermal_lag(context: Vector, n: Vector, p: int, coefficient: float, time_constant: float, added: Vector) -> None:
-    """Add c (T_lag − 20) to the reading of accelerometer p; T_lag is what `lagging_temperature` keeps."""
+def thermal_lag(
+    context: Vector, n: Vector, p: int, coefficient: float, settling: float, time_constant: float, added: Vector
+) -> None:
+    """Add c (T_lag − 20) + s e^(−t/τ) to the reading of accelerometer p; T_lag is what `lagging_temperature` keeps."""
     added[p] = added[p] + coefficient * (context[KEPT + p] - NOMINAL_TEMPERATURE)
+    if time_constant > 0.0:
+        added[p] = added[p] + settling * math.exp(-context[HOURS] / time_constant)
 
 
 def lagging_temperature(
-    context: Vector, before: Vector, p: int, coefficient: float, time_constant: float, kept: Vector
+    context: Vector, before: Vector, p: int, coefficient: float, settling: float, time_constant: float, kept: Vector
 ) -> None:
     """Let the temperature that is kept for accelerometer p follow: τ T_lag' = T − T_lag.
 
     `before` are hours and temperature [degC] of the step before: between, the temperature is taken as linear in time,
-    for which this is exact. It begins with the temperature at the start.
+    for which this is exact. It begins with the temperature at the start: another beginning is what settles.
     """
     temperature = context[TEMPERATURE]
     hours = context[HOURS] - before[0]
@@ -131,19 +141,39 @@ def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: 
     when = np.frombuffer(hours)
     ends = time_constants(when, SHORTER if temperature else 1.0)
     if not temperature:
-        return _cells(place, ends, settled(when, ends), lambda rows, two: settled(rows.hours, two)[0])
+        values, error = settled(when, ends)
+        return _cells(place, ends, (values[..., None], error[..., None]), lambda rows, two: settled(rows.hours, two)[0])
     warmth = np.frombuffer(temperature)
-    values, error = lagged(when, warmth, ends)
+    ahead = beginnings(warmth)
+    values, error = begun(lagged(when, warmth, ends), settled(when, ends), ahead)
 
     def later(rows: Rows, two: NDArray[np.float64]) -> NDArray[np.float64]:
         """Each row as if it were the next after the record."""
-        found, seen = np.zeros((len(rows.hours), 2)), above_nominal(rows)
+        found, seen = np.zeros((len(rows.hours), 2, len(ahead))), above_nominal(rows)
         for time, kelvin in np.unique(np.stack((rows.hours, seen), axis=1), axis=0).tolist():
-            now = (rows.hours == time) & (seen == kelvin)
-            found[now] = lagged(np.append(when, time), np.append(warmth, kelvin), two)[0][-1]
-        return found
+            now, times = (rows.hours == time) & (seen == kelvin), np.append(when, time)
+            lag = lagged(times, np.append(warmth, kelvin), two)
+            found[now] = begun(lag, settled(times, two), ahead)[0][-1]
+        return found.reshape(len(found), -1)
 
-    return _cells(place, ends, (values, error + resolution), later)
+    return _cells(place, ends, (values, error + resolution), later, ahead)
+
+
+def beginnings(temperature: NDArray[np.float64]) -> NDArray[np.float64]:
+    """By how much (2,) [K] a lag is above the first of some temperatures (N,) at the least, and at the most."""
+    low, high = float(temperature.min()), float(temperature.max())
+    return np.array([low - BEFORE * (high - low), high + BEFORE * (high - low)]) - temperature[0]
+
+
+def begun(
+    lag: tuple[NDArray, NDArray], settling: tuple[NDArray, NDArray], ahead: NDArray[np.float64]
+) -> tuple[NDArray, NDArray]:
+    """Responses (N, C + 1, B) and errors (N, C, B) of a lag that is ahead by some (B,) [K] at the first row.
+
+    Of one that is not, and of what settles, as `lagged` and `settled` give them.
+    """
+    values = lag[0][..., None] + (1.0 - settling[0])[..., None] * ahead
+    return values, lag[1][..., None] + settling[1][..., None] * np.abs(ahead)
 
 
 def _cells(
@@ -151,33 +181,42 @@ def _cells(
     ends: NDArray[np.float64],
     known: tuple[NDArray[np.float64], NDArray[np.float64]],
     later: Callable[[Rows, NDArray[np.float64]], NDArray[np.float64]],
+    ahead: NDArray[np.float64] | None = None,
 ) -> Sequence[Variant]:
     """Cells of time constants with these ends (C + 1,).
 
-    What is known of them: responses (N, C + 1) at the ends, and errors (N, C) within them; `later`: other rows, two
-    ends -> responses (n, 2) there.
+    What is known of them: responses (N, C + 1, B) at the ends, and errors (N, C, B) within them, from each of B
+    beginnings; `later`: other rows, two ends -> responses (n, 2 B) there. By `ahead` (B,) [K] a lag begins above the
+    first temperature: what settles is a parameter then.
     """
-    found, largest = [], place.definition.parameters[0].largest
+    largest = place.definition.parameters[0].largest
     values, error = known
+    count = 2 * values.shape[2]
+    # Sums of coefficients, which are in the order of the ends, and of the beginnings at each.
+    second = np.repeat([0.0, 1.0], count // 2)
+    sizes = np.ones((1, count)) if ahead is None else np.stack((np.ones(count), np.tile(ahead, 2)))
+    free = [(-p.largest, p.largest) for p in place.definition.parameters[:-1]]
     # What the record shows at an end of all that is sought it does not tell from what is beyond.
     limits = np.append(0.0, np.append(ends[1:-1], LAST_HOUR)).tolist()
+    found = []
     for k in range(len(ends) - 1):
 
         def parameters(coefficients: NDArray[np.float64], k: int = k) -> tuple[float, ...]:
-            size = float(coefficients.sum())
-            share = float(coefficients[1]) / size if size != 0.0 else 0.5
-            return size, float(ends[k] * (ends[k + 1] / ends[k]) ** share)
+            size, *others = (sizes @ coefficients).tolist()
+            share = float(second @ coefficients) / size if size != 0.0 else 0.5
+            return size, *others, float(ends[k] * (ends[k + 1] / ends[k]) ** share)
 
+        paid = np.tile(error[:, k], 2)
         found.append(
             variant(
                 (len(values), 3),
-                ((-largest, largest), (limits[k], limits[k + 1])),
-                columns=accelerometer_column(place, values[:, k : k + 2]),
-                low=np.full(2, -largest),
-                high=np.full(2, largest),
+                (*free, (limits[k], limits[k + 1])),
+                columns=accelerometer_column(place, values[:, k : k + 2].reshape(len(values), -1)),
+                low=np.full(count, -largest),
+                high=np.full(count, largest),
                 values=parameters,
-                paid=accelerometer_column(place, np.repeat(error[:, k : k + 1], 2, axis=1)),
-                sizes=np.ones((1, 2)),
+                paid=accelerometer_column(place, paid),
+                sizes=sizes,
                 elsewhere=lambda rows, two=ends[k : k + 2]: accelerometer_column(place, later(rows, two)),
             )
         )
@@ -202,16 +241,18 @@ THERMAL_LAG = last_stage_effect(
     thermal_lag,
     (
         EffectParameter("coefficient", "g/K", "c of c (T_lag - 20 degC)", LARGEST_PER_KELVIN),
+        EffectParameter("settling", "g", "what fades of a lag that begins at another temperature", LARGEST_OF_BIAS),
         EffectParameter("time_constant", "h", "τ of the lag", LAST_HOUR, smallest=0.0),
     ),
     thermal_lag_variants,
     "the bias of accelerometer {p} follows the temperature with a lag of {time_constant:.3g} h: {coefficient:+.2e} g "
-    "per kelvin",
+    "per kelvin; {settling:+.2e} g of it, from before the first row, fade",
     stage="reading_effects",
     memory=lagging_temperature,
     needs=("temperature",),
-    contains=("temperature-bias",),
-    formula="Δf_{p}/g = {coefficient} (T_lag − 20 °C), {time_constant} T_lag' = T − T_lag",
+    contains=("temperature-bias", "bias-drift"),
+    formula="Δf_{p}/g = {coefficient} (T_lag − 20 °C) + {settling} e^(−t/{time_constant}), "
+    "{time_constant} T_lag' = T − T_lag",
 )
 
 EFFECTS = (WARM_UP, THERMAL_LAG)

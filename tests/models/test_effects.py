@@ -36,7 +36,7 @@ CONTRACT = {
     "scale-step": ["size", "start"],
     "mounting-slip": ["theta_1", "theta_2", "theta_3", "start"],
     "warm-up": ["size", "time_constant"],
-    "thermal-lag": ["coefficient", "time_constant"],
+    "thermal-lag": ["coefficient", "settling", "time_constant"],
     "scale-drift": ["rate"],
     "temperature-bias": ["coefficient"],
     "temperature-scale": ["coefficient"],

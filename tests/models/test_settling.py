@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from effect_readings import G, extended_instance
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.last_stage import LAST_HOUR
-from trihedron.models.effects.settling import LONGEST, lagged, settled, time_constants
+from trihedron.models.effects.settling import BEFORE, LONGEST, lagged, settled, time_constants
 from trihedron.models.effects.wander import wander_at
 
 SLOW, FAST = 3.0, 0.02
@@ -56,7 +56,7 @@ def test_the_component_remembers_the_temperature_as_the_variants_say(constant):
     """Steps of different lengths, a temperature that goes up and down; the lag is kept over them."""
     _, hours, temperature = drawn(12)
     place = EffectPlace("thermal-lag", "accelerometer-2")
-    block = extended_instance("AccelerometerBlock", {place: (1e-3, constant)})
+    block = extended_instance("AccelerometerBlock", {place: (1e-3, 2e-4, constant)})
     plain = extended_instance("AccelerometerBlock", {})
     force = np.array([1.0, -4.0, 8.0])
     lag = []
@@ -74,7 +74,8 @@ def test_the_component_remembers_the_temperature_as_the_variants_say(constant):
     added = np.array(lag)
     assert not added[:, [0, 2]].any()
     expected = lagged(hours, temperature, np.array([constant]))[0][1:, 0]
-    assert added[:, 1] == pytest.approx(1e-3 * (expected - 20.0), abs=1e-13)
+    settling = 2e-4 * np.exp(-hours[1:] / constant)
+    assert added[:, 1] == pytest.approx(1e-3 * (expected - 20.0) + settling, abs=1e-13)
 
 
 @pytest.mark.parametrize("name", ["warm-up", "thermal-lag"])
@@ -85,17 +86,25 @@ def test_a_variant_adds_what_the_effect_does_at_the_ends_of_its_cell(name):
     place, effect = EffectPlace(name, "accelerometer-3"), CATALOGUE[name]
     assert effect.variants is not None
     found = effect.variants(place, rows, nothing, 1e-5)
-    assert (found[0].limits[1][0], found[-1].limits[1][1]) == (0.0, LAST_HOUR)
+    assert (found[0].limits[-1][0], found[-1].limits[-1][1]) == (0.0, LAST_HOUR)
     for variant in (found[0], found[len(found) // 2], found[-2]):
-        constant = variant.limits[1][1]
-        added = variant.columns @ np.array([0.0, 2e-3])
-        assert variant.values(np.array([0.0, 2e-3])) == pytest.approx((2e-3, constant))
-        by_hand = 1.0 - np.exp(-hours / constant)
+        constant = variant.limits[-1][1]
+        own = np.array([0.0, 2e-3]) if name == "warm-up" else np.array([0.0, 0.0, 5e-4, 1.5e-3])
+        size, *others, last = variant.values(own)
+        added = variant.columns @ own
+        assert (size, last) == pytest.approx((2e-3, constant))
+        by_hand = 2e-3 * (1.0 - np.exp(-hours / constant))
         if name == "thermal-lag":
-            by_hand = lagged(hours, temperature - 20.0, np.array([constant]))[0][:, 0]
-        assert added[:, 2] == pytest.approx(2e-3 * by_hand, abs=1e-15)
+            # The lag may begin half the range of the temperatures below all of them, or above.
+            far = temperature.max() - temperature.min()
+            low, high = temperature.min() - BEFORE * far, temperature.max() + BEFORE * far
+            begun = 0.25 * low + 0.75 * high - temperature[0]
+            assert others == pytest.approx([2e-3 * begun])
+            steady = lagged(hours, temperature - 20.0, np.array([constant]))[0][:, 0]
+            by_hand = 2e-3 * (steady + begun * np.exp(-hours / constant))
+        assert added[:, 2] == pytest.approx(by_hand, abs=1e-15)
         assert not added[:, :2].any()
-    lengths = [variant.limits[1] for variant in found]
+    lengths = [variant.limits[-1] for variant in found]
     assert all(a[1] == b[0] for a, b in pairwise(lengths))
 
 

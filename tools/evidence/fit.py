@@ -100,10 +100,14 @@ class Fit:
 
     @property
     def signs(self) -> tuple[float, ...]:
-        """Signs of the sizes of effects that are not linear, where the radius is attained."""
+        """Signs of the sizes of effects that are not linear, where the radius is attained.
+
+        Coefficients for whose size bounds grow have one sign, whatever else they add up to.
+        """
         own = self.central[len(self.point) :]
         bent = [(variant, own[block]) for _, block, variant in self.ways if variant is not None]
-        return tuple(float(np.sign(c)) for variant, values in bent for c in variant.directions @ values)
+        sums = [(v.directions if v.paid is None else v.directions[:1]) @ values for v, values in bent]
+        return tuple(float(np.sign(c)) for several in sums for c in several)
 
     @property
     def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:

@@ -12,9 +12,8 @@ from .sizes import Hidden
 
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
-NOT_DRAWN = ("exchanged-readings", "thermal-lag")
-"""What no suite of a table's positions hides. Exchanged channels have no size that could be near that of detection;
-what a lag remembers of the time before a record no record says."""
+NOT_DRAWN = ("exchanged-readings",)
+"""What no suite of a table's positions hides: exchanged channels have no size that could be near that of detection."""
 TAKEN_OUT = ("gyro-bias",)
 """The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
 BLOCK_SIZES = (2.0, 3.0)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ...models.effects.last_stage import place_of
+from ...models.effects.settling import beginnings
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import Linearisation
 from ..errors import InputError, nearest
@@ -173,6 +174,9 @@ class _Drawing:
         own, options = [way for other, way in self.ways if other == place], self.options
         way = own[self.rng.integers(len(own))]
         unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
+        if way.sizes is not None and len(way.sizes) > 1:
+            # What it was before is somewhere between the ends of what it may have been.
+            unit = self.rng.dirichlet(np.ones(len(unit))) * unit.sum()
         if way.slipped is not None:
             unit = self.rng.normal(size=len(unit))
             unit /= np.linalg.norm(unit)
@@ -190,7 +194,16 @@ class _Drawing:
         if not all(parameter.possible(value) for parameter, value in zip(parameters, values, strict=False)):
             return None
         # The run begins before the record's first row.
-        return (Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0),)
+        warmth, first = self.circumstances.temperature, float(temperature_at(np.zeros(1))[0])
+        warm = None if warmth is None else (first, float(warmth[0]))
+        hidden = Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0, warm)
+        if "settling" in hidden.parameters and warmth is not None:
+            # Then, too, the lag was where it may have been.
+            begun = first + hidden.parameters["settling"] / hidden.parameters["coefficient"]
+            low, high = warmth[0] + beginnings(warmth)
+            if not low <= begun <= high:
+                return None
+        return (hidden,)
 
     def single(self) -> tuple[Hidden, ...] | None:
         """One effect at a size of the mode."""

@@ -5,12 +5,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
 from typing import Any
 
+import numpy as np
+
 from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
 from ..diagnosis.cause import NamedEffect
 from ..records import PositionRecord, StrapdownRecord
 from ..result import ABSENT, Told, finite_or_none
-from .bench import NOISE_BOUND, Bench
+from .bench import NOISE_BOUND, Bench, temperature_at
 from .case import Case
 from .sizes import Hidden
 
@@ -156,8 +158,9 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
     if isinstance(own, Bench):
         table = own.truth["TurntableMotion"]
         # Only the record says when its first rest was: what changes within a rest may take a part of it away.
-        began = result.evidence.readings.circumstances.began / 3600.0
-        secrets = tuple(hidden.since(began) for hidden in case.hidden)
+        seen = result.evidence.readings.circumstances
+        warm = None if seen.temperature is None else (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
+        secrets = tuple(hidden.since(seen.began / 3600.0, warm) for hidden in case.hidden)
     inside, errors = _held_against(secrets, kind, sets, table)
     if isinstance(own, Bench):
         told = {

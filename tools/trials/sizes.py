@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ...models.effects.rows import Variant
+from ...models.effects.settling import lagged
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
@@ -82,14 +83,24 @@ class Hidden:
         """The effect as a scenario file writes it."""
         return {**NamedEffect.keys(self.place), **self.parameters}
 
-    def since(self, hours: float) -> "Hidden":
-        """The same effect by a clock that begins so long [h] after this one, as that of a record's first row does."""
+    def since(self, hours: float, temperature: tuple[float, float] | None = None) -> "Hidden":
+        """The same effect by a clock that begins so long [h] after this one, as that of a record's first row does.
+
+        `temperature` [degC] at the earlier beginning and at the later one, between which it is linear in time; None
+        where a record has none.
+        """
         values = self.parameters
         if "start" in values:
             values["start"] -= hours
         if self.place.effect == "warm-up":
             # What has settled by then is part of the bias there.
             values["size"] *= math.exp(-hours / values["time_constant"])
+        if self.place.effect == "thermal-lag" and temperature is not None:
+            # What the lag is ahead at the later beginning fades from there on, too.
+            times, constant = np.array([0.0, abs(hours)]), np.array([values["time_constant"]])
+            ahead = float(lagged(times, np.array(temperature), constant)[0][1, 0]) - temperature[1]
+            both, left = values["coefficient"] * ahead, math.exp(-hours / constant[0])
+            values["settling"] = values["settling"] * left + both * (1.0 if hours > 0.0 else -left)
         return replace(self, values=tuple(values.values()))
 
 
@@ -127,7 +138,7 @@ def sure_sizes(
     nominal = np.hstack(
         (here.jacobian, _untold_columns([place], rows), *(_freed_columns(other, rows) for other in beside))
     )
-    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _titled(ways)
+    others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
     own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
     directions = spread_directions(columns.shape[1], DIRECTIONS) if direction is None else [direction]
     found = [_sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
@@ -144,12 +155,35 @@ def sizes_of_way(
 ) -> SureSizes:
     """As `sure_sizes` of what an effect that is not linear adds to the readings (N, 3) [g] in one of its ways."""
     rows = Visits.of(here, circumstances).rows(here.point)
-    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _titled(ways)
+    others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
     return _sizes_of_change(here.jacobian, change.ravel(), here.bound, others)
 
 
-def _titled(ways: Sequence[Way]) -> list[tuple[str, NDArray]]:
-    return [(place.title, way.columns.reshape(-1, way.columns.shape[2])) for place, way in ways]
+@dataclass(frozen=True, eq=False)
+class _Rival:
+    """What could stand for an effect: columns (M, K), and whether their coefficients all have one sign."""
+
+    title: str
+    columns: NDArray
+    one_sign: bool = False
+
+    def distance(self, model: NDArray, target: NDArray, own: NDArray) -> float:
+        """Distance of a target (M,) from a model (M, P) with the rival's columns (M, K), all in units of the bounds."""
+        columns, ones = np.hstack((model, own)), np.ones(len(target))
+        if not self.one_sign:
+            return chebyshev_radius(columns, target, ones)[0]
+        least = np.full(columns.shape[1], -np.inf)
+        least[model.shape[1] :] = 0.0
+        positive = chebyshev_radius(columns, target, ones, low=least)[0]
+        return min(positive, chebyshev_radius(columns, target, ones, high=-least)[0])
+
+
+ONE_READING = _Rival("outlier", np.zeros((0, 1)))
+"""One reading left out, whichever it is."""
+
+
+def _of_ways(ways: Sequence[Way]) -> list[_Rival]:
+    return [_Rival(p.title, w.columns.reshape(-1, w.columns.shape[2]), w.paid is not None) for p, w in ways]
 
 
 def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
@@ -166,13 +200,13 @@ def _sizes_of_change(
     nominal: NDArray,
     change: NDArray,
     bound: NDArray,
-    rivals: Sequence[tuple[str, NDArray]],
+    rivals: Sequence[_Rival],
     *,
     own_reading: int | None = None,
 ) -> SureSizes:
     """Factors of a change (M,) of the readings from which it is surely detected, and every rival surely excluded.
 
-    Rivals are titles and columns (M, K); one reading left out is a rival besides, but not the change's own reading.
+    One reading left out is a rival besides, but not the change's own reading.
     """
     model, target = nominal / bound[:, None], change / bound
     scale = float(np.abs(target).max(initial=0.0))
@@ -184,22 +218,23 @@ def _sizes_of_change(
     if alone < NOTHING_LEFT:
         return SureSizes(math.inf, math.inf, None)
     least, nearest = alone, None
-    bounds, candidates = _least_square_bounds(model, target, [c / bound[:, None] for _, c in rivals], own_reading)
+    own = [rival.columns / bound[:, None] for rival in rivals]
+    bounds, candidates = _least_square_bounds(model, target, own, own_reading)
     for k in np.argsort(bounds, kind="stable"):
         if bounds[k] >= (1.0 - TOLERANCE) * least:
             break
-        columns = np.hstack((model, candidates[k]))
-        if _is_farther(columns, target, (1.0 - TOLERANCE) * least, np.abs(duals)):
+        if _is_farther(np.hstack((model, candidates[k])), target, (1.0 - TOLERANCE) * least, np.abs(duals)):
             continue
-        radius = chebyshev_radius(columns, target, ones)[0]
+        rival = rivals[k] if k < len(rivals) else ONE_READING
+        radius = rival.distance(model, target, candidates[k])
         if radius < least:
             least, nearest = radius, int(k)
-    rival = None
+    last = None
     if nearest is not None:
         row, accelerometer = divmod(nearest - len(rivals), 3)
-        rival = rivals[nearest][0] if nearest < len(rivals) else place_of(row + 1, accelerometer + 1).title
+        last = rivals[nearest].title if nearest < len(rivals) else place_of(row + 1, accelerometer + 1).title
     excluded = 2.0 / (scale * least) if least > NOTHING_LEFT else math.inf
-    return SureSizes(2.0 / (scale * alone), excluded, rival)
+    return SureSizes(2.0 / (scale * alone), excluded, last)
 
 
 def _least_square_bounds(
@@ -257,6 +292,6 @@ def level_margins(
     surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
     """
     rows = Visits.of(here, circumstances).rows(here.point)
-    others = [(rival.title, _freed_columns(rival, rows)) for rival in rivals]
+    others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals]
     changes = [level_change(place, level, rows).ravel() for level in levels]
     return [_sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]

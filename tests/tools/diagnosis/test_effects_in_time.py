@@ -51,7 +51,7 @@ def assert_named(result: Diagnosis, effect: str, values: tuple[float, ...]) -> N
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.acceptance)])
 def test_a_warm_up_is_named_with_its_time_constant(seed):
     rng, record = drawn(seed, 26)
-    hours, size = hours_of(record), 15.0 * NOISE_BOUND
+    hours, size = hours_of(record), 40.0 * NOISE_BOUND
     constant = float(rng.uniform(0.1, 0.4) * hours[-1])
     assert_named(diagnosed(record, size * (1.0 - np.exp(-hours / constant))), "warm-up", (size, constant))
 
@@ -65,18 +65,30 @@ def test_a_large_warm_up_is_named_and_its_time_constant_is_inside(seed, sigmas):
     assert_named(diagnosed(record, size * (1.0 - np.exp(-hours / constant))), "warm-up", (size, constant))
 
 
+def followed(hours: np.ndarray, temperature: np.ndarray, constant: float) -> np.ndarray:
+    """What follows a temperature (N,) at some hours (N,), linear between, with a time constant, by Euler's method."""
+    fine = np.linspace(hours[0], hours[-1], STEPS)
+    warmth = np.interp(fine, hours, temperature)
+    lag = [warmth[0]]
+    for warm in warmth[:-1]:
+        lag.append(lag[-1] + (warm - lag[-1]) * (fine[1] - fine[0]) / constant)
+    return np.interp(hours, fine, lag)
+
+
 @pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.acceptance)])
-def test_a_lag_of_the_temperature_is_named_with_its_time_constant(seed):
+@pytest.mark.parametrize("before", [0.0, -0.25, 0.15])
+def test_a_lag_of_the_temperature_is_named_with_its_time_constant(seed, before):
+    """Steady at the first row, or after another temperature for some hours before it, which no row says."""
     rng, record = drawn(seed, 26)
     hours, constant, coefficient = hours_of(record), float(rng.uniform(0.03, 0.15)), 5e-5
     assert record.temperature is not None
-    fine = np.linspace(0.0, hours[-1], STEPS)
-    temperature = np.interp(fine, hours, record.temperature)
-    lag = [temperature[0]]
-    for warm in temperature[:-1]:
-        lag.append(lag[-1] + (warm - lag[-1]) * (fine[1] - fine[0]) / constant)
-    added = coefficient * (np.interp(hours, fine, lag) - 20.0)
-    assert_named(diagnosed(record, added), "thermal-lag", (coefficient, constant))
+    early = record.temperature[0] + before * np.ptp(record.temperature) * np.array([4.0, 4.0, 0.0])
+    times, warmth = np.append([-2.0, -0.05, -1e-6], hours), np.append(early, record.temperature)
+    lag = followed(times, warmth, constant)[3:]
+    ahead = lag[0] - record.temperature[0]
+    assert (abs(ahead) > 0.1 * np.ptp(record.temperature)) == (before != 0.0)
+    values = (coefficient, coefficient * ahead, constant)
+    assert_named(diagnosed(record, coefficient * (lag - 20.0)), "thermal-lag", values)
 
 
 def test_a_drift_is_named_and_a_slow_warm_up_is_said_not_to_be_excluded():
@@ -84,7 +96,7 @@ def test_a_drift_is_named_and_a_slow_warm_up_is_said_not_to_be_excluded():
     hours = hours_of(record)
     result = diagnosed(record, 12.0 * NOISE_BOUND * hours / hours[-1])
     assert_named(result, "bias-drift", (12.0 * NOISE_BOUND / hours[-1],))
-    assert result.containing_sets == ((EffectPlace("warm-up", PLACE),),)
+    assert set(result.containing_sets or ()) == {(EffectPlace(e, PLACE),) for e in ("warm-up", "thermal-lag")}
 
 
 def test_a_bias_that_goes_up_and_down_is_a_wander():

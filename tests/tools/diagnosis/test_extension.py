@@ -40,7 +40,7 @@ DRAWN = [
     (EffectPlace("scale-step", "accelerometer-2"), (4e-4, 0.05)),
     (EffectPlace("mounting-slip", "mounting"), (2e-4, -3e-4, 1e-4, 0.05)),
     (EffectPlace("warm-up", "accelerometer-1"), (1e-4, 0.3)),
-    (EffectPlace("thermal-lag", "accelerometer-2"), (8e-6, 0.04)),
+    (EffectPlace("thermal-lag", "accelerometer-2"), (8e-6, 2e-5, 0.04)),
     (EffectPlace("saturation", "accelerometer-1"), (0.95,)),
     (EffectPlace("quantisation", "accelerometer-3"), (6e-4,)),
 ]

@@ -9,6 +9,7 @@ import pytest
 
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects.settling import lagged
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors, expected, faultless_record
@@ -73,6 +74,26 @@ def test_a_warm_up_is_held_against_the_clock_of_its_record():
     (secret,) = outcome.secrets
     assert secret.parameters["size"] == pytest.approx(left[0], rel=1e-12)
     assert (outcome.outcome, outcome.inside) == ("right", True)
+
+
+def test_a_lag_begins_with_what_the_temperature_was_before_and_is_held_against_the_clock_of_its_record():
+    """Readings are c (T_lag − 20) + s e^(−t/τ) from the first row on, the lag linear in time between the rows."""
+    case = draw_case(Options("single", effects=("thermal-lag",), positions=(20, 24), noise="uniform"), 21, 6)
+    record, (hidden,) = case.measured(), case.hidden
+    assert record.temperature is not None
+    outcome = judged(case, diagnosed(case, record))
+    assert (outcome.outcome, outcome.inside) == ("right", True)
+    (secret,) = outcome.secrets
+    coefficient, settling, constant = secret.parameters.values()
+    # It is far from settled, and the run begins before the record.
+    assert settling / coefficient > 2.0
+    assert settling != pytest.approx(hidden.parameters["settling"], rel=1e-3)
+    hours = (record.time_s - record.time_s[0]) / 3600.0
+    lag = lagged(hours, record.temperature - 20.0, np.array([constant]))[0][:, 0]
+    change = (record.specific_force - faultless_record(case.instrument).specific_force) / STANDARD_GRAVITY
+    expected = coefficient * lag + settling * np.exp(-hours / constant)
+    own = change[:, hidden.place.index]
+    assert np.abs(own - expected).max() <= 1.2 * NOISE_BOUND < 0.2 * np.abs(expected).max()
 
 
 def test_pairs_are_named_both():

@@ -5,16 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from simulated_bench import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.models.effects.last_stage import place_of
+from trihedron.models.effects.last_stage import place_of, variant
 from trihedron.tools.bounded.programmes import chebyshev_radius, spread_directions
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.model import Linearisation
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits, circumstances_of, signature_columns
-from trihedron.tools.trials.sizes import DIRECTIONS, level_change, level_margins, sure_sizes
+from trihedron.tools.trials.sizes import DIRECTIONS, level_change, level_margins, sizes_of_way, sure_sizes
 
 SIGMA = 1e-5
 RNG = np.random.default_rng(11)
@@ -142,3 +143,28 @@ def test_levels_are_scanned_with_the_effects_own_kernel(known: Known):
     margins = level_margins(here, circumstances, place, [0.9, top * (1.0 + 1e-6)], [CUBIC])
     assert margins[0].detected < 1.0
     assert margins[1].detected == math.inf
+
+
+def test_a_rival_whose_coefficients_have_one_sign_is_excluded_where_a_free_one_is_not(known: Known):
+    """The change is a difference of what the rival adds; the least distance by another solver, in each sign."""
+    here, _ = known
+    hours = np.linspace(0.0, 1.0, len(here.bound) // 3)
+    columns, change = np.zeros((len(hours), 3, 2)), np.zeros((len(hours), 3))
+    columns[:, 1] = np.stack((np.sin(9.0 * hours), np.sin(9.0 * hours) + np.exp(-3.0 * hours)), axis=1)
+    change[:, 1] = columns[:, 1, 1] - columns[:, 1, 0]
+    place, shape = EffectPlace("thermal-lag", "accelerometer-2"), change.shape
+    free = variant(shape, ((-1.0, 1.0),), columns=columns)
+    assert sizes_of_way(*known, change, [], [(place, free)]).excluded == math.inf
+    found = sizes_of_way(*known, change, [], [(place, replace(free, paid=np.zeros_like(columns)))])
+    matrix = np.hstack((here.jacobian, columns.reshape(-1, 2))) / here.bound[:, None]
+    scale = np.abs(matrix).max(axis=0)
+    target, count = change.ravel() / here.bound / 1e5, matrix.shape[1] - 2
+    ones = np.ones((len(target), 1))
+    both, ends = np.vstack((np.hstack((matrix / scale, -ones)), np.hstack((-matrix / scale, -ones)))), []
+    for signed in ((0.0, None), (None, 0.0)):
+        bounds = [(None, None)] * count + [signed] * 2 + [(0.0, None)]
+        cost = np.append(np.zeros(count + 2), 1.0)
+        ends.append(linprog(cost, A_ub=both, b_ub=np.append(target, -target), bounds=bounds).fun)
+    assert found.excluded == pytest.approx(2.0 / (1e5 * min(ends)), rel=2e-3)
+    assert found.rival == place.title
+    assert found.detected < found.excluded
