@@ -174,12 +174,9 @@ def test_where_one_output_fails_none_stays(
 ) -> None:
     """The disk is full when one of three files has been written."""
     monkeypatch.chdir(tmp_path)
-    record = tmp_path / "r.csv"
-    assert cli.main(["hidden", str(record), "--clean"]) == 0
     whole = Path.chmod
-    command = ["calibrate", str(record), "--noise-bound", "1e-5", "--json", "c.json"]
-    command += ["--ssv", "c.ssv", "--report", "c.html"]
-    for ending in (".json", ".ssv", ".html"):
+    command = ["plan", "--target", "X4", "--grid", "15", "--json", "p.json", "--picture", "p.svg", "--report", "p.html"]
+    for ending in (".json", ".svg", ".html"):
 
         def full(self: Path, *rest: Any, ending: str = ending, **more: Any) -> None:
             if self.suffix == ending:
@@ -191,10 +188,10 @@ def test_where_one_output_fails_none_stays(
         said = capsys.readouterr().err
         assert "No space left on device" in said
         assert said.count("\n") == 1
-        assert [path.name for path in tmp_path.iterdir()] == ["r.csv"]
+        assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr(Path, "chmod", whole)
     assert cli.main(command) == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["c.html", "c.json", "c.ssv", "r.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "p.svg"]
 
 
 @pytest.mark.parametrize(

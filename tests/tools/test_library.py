@@ -30,6 +30,12 @@ def hidden():
     return th.hide(7, "quadratic")
 
 
+@pytest.fixture(scope="module")
+def found(hidden):
+    """What is found in it."""
+    return th.diagnose(hidden.record, noise_bound=1e-5)
+
+
 def test_importing_it_imports_nothing():
     """No library, and of our own modules the one that knows how results are shown: all else comes when it is used."""
     said = subprocess.run(
@@ -79,10 +85,9 @@ def test_records_go_to_tables_and_back(hidden):
     assert record.to_polars().columns[:4] == ["position", "time_s", "alpha_deg", "beta_deg"]
 
 
-def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden):
+def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden, found):
     assert "quadratic" not in str(hidden) + hidden._repr_html_()
     assert hidden.secret["hidden"]["effect"] == "quadratic"
-    found = th.diagnose(hidden.record, noise_bound=1e-5)
     assert found.causes[0].place.effect == "quadratic"
     row = found.to_polars().row(0, named=True)
     assert row["low"] <= hidden.secret["hidden"]["parameters"]["coefficient"] <= row["high"]
@@ -115,8 +120,8 @@ def test_results_show_themselves(run, hidden, tmp_path):
         assert all(f"<th>{name}</th>" in page for name in table.columns)
 
 
-def test_a_part_of_a_result_shows_its_fields(hidden):
-    cause = th.diagnose(hidden.record, noise_bound=1e-5).causes[0]
+def test_a_part_of_a_result_shows_its_fields(found):
+    cause = found.causes[0]
     (parameter,) = cause.parameters
     said = repr(parameter)
     assert said == str(parameter)

@@ -48,11 +48,10 @@ OWN = {"bias", "compensated", "cost", "gap", "high", "limit", "low", "ratio", "w
 """Names that are also those of other figures; what is shown of results is watched."""
 
 
-def trees() -> Iterator[tuple[str, ast.Module]]:
-    for path in sorted(TOOLS.rglob("*.py")):
-        name = path.relative_to(TOOLS).as_posix()
-        if name not in DATA:
-            yield name, ast.parse(path.read_text(encoding="utf-8"))
+@cache
+def trees() -> tuple[tuple[str, ast.Module], ...]:
+    named = ((path.relative_to(TOOLS).as_posix(), path) for path in sorted(TOOLS.rglob("*.py")))
+    return tuple((name, ast.parse(path.read_text(encoding="utf-8"))) for name, path in named if name not in DATA)
 
 
 def formats(tree: ast.AST) -> Iterator[tuple[int, str]]:
