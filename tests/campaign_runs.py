@@ -2,8 +2,16 @@
 
 import contextlib
 import os
+import re
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+
+MOST_SECONDS = 300.0
 
 CALIBRATION = """
 schema = "trihedron.campaign/1"
@@ -25,6 +33,11 @@ rate = "verdict"
 is = ["falsified"]
 """
 """Fourteen calibrations in seven files."""
+PARTS = (
+    *("make_order", "opened", "missing", "completed", "write", "tidy", "summarise", "write_summary"),
+    *("campaign_page", "write_page"),
+)
+"""Functions of the main process that tell where a campaign is."""
 
 
 def written(folder: Path, text: str, name: str = "campaign.toml") -> Path:
@@ -78,3 +91,43 @@ def dies_of_three(number: int) -> int:
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return number * number
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    """Wait until something is so."""
+    deadline = time.monotonic() + MOST_SECONDS
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@contextlib.contextmanager
+def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any], str]]:
+    """A scheduler and workers as processes of their own: the scheduler and its address."""
+    folder.mkdir(exist_ok=True)
+    told = folder / "scheduler.json"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with contextlib.ExitStack() as stack:
+        words = ["--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(told)]
+        scheduler = stack.enter_context(ended(subprocess.Popen([*dask, *words], **quiet)))
+        wait_for(told.exists)
+        address = re.findall(r"tcp://[\d.:]+", told.read_text())[0]
+        for _ in range(workers):
+            worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+            stack.enter_context(ended(subprocess.Popen([*worker, "--death-timeout", "120"], cwd=folder, **quiet)))
+        yield scheduler, address
+
+
+@contextlib.contextmanager
+def ended(process: subprocess.Popen[Any]) -> Iterator[subprocess.Popen[Any]]:
+    """A process that is ended, with those below it, when the block ends."""
+    try:
+        yield process
+    finally:
+        below = workers_of(process.pid)
+        process.kill()
+        process.wait()
+        for pid in below:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)

@@ -61,13 +61,18 @@ def warm_commands(folder: Path, environment: Mapping[str, str]) -> Iterator[Path
             yield folder
 
 
-def serve(path: Path) -> None:
-    """Do commands until the standard input ends."""
+def import_all() -> None:
+    """Import the product, and what it imports where it needs it."""
     package = importlib.import_module("trihedron")
     own = [found.name for found in pkgutil.walk_packages(package.__path__, "trihedron.")]
     product = ("trihedron.models", "trihedron.fmus", "trihedron.tools")
     for name in (*OTHERS, *(n for n in own if n.startswith(product) and not n.endswith("__main__"))):
         importlib.import_module(name)
+
+
+def serve(path: Path) -> None:
+    """Do commands until the standard input ends."""
+    import_all()
     with socket.socket(socket.AF_UNIX) as door:
         door.bind(str(path.with_suffix(".new")))
         door.listen()

@@ -4,8 +4,8 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -27,9 +27,7 @@ def together() -> Iterator[None]:
     token = _PENDING.set(pending)
     try:
         yield
-        for beside, path in pending:
-            with said_writable(path):
-                _place(beside, path)
+        _place(pending)
     finally:
         _PENDING.reset(token)
         for beside, _ in pending:
@@ -46,14 +44,36 @@ def at_once() -> Iterator[None]:
         _PENDING.reset(token)
 
 
-def _place(beside: Path, path: Path) -> None:
-    """Move what was written beside a place into it; the files of a folder into that one."""
-    if not beside.is_dir():
-        beside.replace(path)
-        return
-    path.mkdir(exist_ok=True)
-    for file in sorted(beside.iterdir()):
-        file.replace(path / file.name)
+def _place(pending: Sequence[tuple[Path, Path]]) -> None:
+    """Move all that was written beside its place into it, the files of a folder into that one; or none of it.
+
+    Where one cannot be moved, what stood in the places of the others comes back.
+    """
+    with ExitStack() as tidy, ExitStack() as undo:
+        for beside, path in pending:
+            with said_writable(path):
+                if beside.is_dir() and not path.is_dir():
+                    path.mkdir()
+                    undo.callback(_take_away, path)
+                moves = [(f, path / f.name) for f in sorted(beside.iterdir())] if beside.is_dir() else [(beside, path)]
+                for new, place in moves:
+                    if place.is_file() and len(pending) + len(moves) > 2:
+                        before = place.with_name(f".{place.name}.before")
+                        tidy.callback(before.unlink, missing_ok=True)
+                        _second_name(place, before)
+                        undo.callback(before.replace, place)
+                    elif not place.exists():
+                        undo.callback(_take_away, place)
+                    new.replace(place)
+        undo.pop_all()
+
+
+def _second_name(path: Path, name: Path) -> None:
+    """Give a file a second name; a copy where the file system knows one name only."""
+    try:
+        name.hardlink_to(path)
+    except OSError:
+        shutil.copy2(path, name)
 
 
 def _take_away(beside: Path) -> None:
@@ -71,7 +91,7 @@ def _beside(beside: Path, path: Path) -> Iterator[Path]:
     try:
         yield beside
         if pending is None:
-            _place(beside, path)
+            _place([(beside, path)])
         else:
             pending.append((beside, path))
             done = True

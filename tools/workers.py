@@ -205,7 +205,19 @@ def _processes(jobs: int) -> Iterator[_Processes]:
                 yield processes
                 whole = True
         finally:
-            processes.pool.shutdown(wait=True, kill_workers=not whole)
+            with contextlib.nullcontext() if whole else _unheard_threads():
+                processes.pool.shutdown(wait=True, kill_workers=not whole)
+
+
+@contextlib.contextmanager
+def _unheard_threads() -> Iterator[None]:
+    """Let no thread print a traceback: loky's looks once more for calls that it has just given up (KeyError)."""
+    before = threading.excepthook
+    threading.excepthook = lambda _: None
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 def _begin(folder: str, parent: int) -> None:
@@ -276,9 +288,10 @@ def _cluster(jobs: int, scheduler: str | None) -> Iterator[_Cluster]:
                 # Needs cryptography: who has not the key, which no file holds, is not listened to.
                 security = Security.temporary()
             folder = str(stack.enter_context(own_folder()))
+            stack.enter_context(config.set({"temporary-directory": folder}))
             pages = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
             options: dict[str, Any] = {"host": "127.0.0.1", "silence_logs": logging.CRITICAL, "security": security}
-            options |= {"scheduler_kwargs": pages, "local_directory": folder, "env": {"TMPDIR": folder}}
+            options |= {"scheduler_kwargs": pages, "env": {"TMPDIR": folder}}
             cluster: Any = LocalCluster(n_workers=jobs, threads_per_worker=1, **options)
             stack.callback(_close, cluster)
             client = stack.enter_context(Client(cluster))

@@ -8,19 +8,26 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from campaign_runs import CALIBRATION, assert_begun, command_of, content, workers_of, written
+from campaign_runs import (
+    CALIBRATION,
+    MOST_SECONDS,
+    assert_begun,
+    cluster,
+    command_of,
+    content,
+    wait_for,
+    workers_of,
+    written,
+)
 from trihedron.tools.library import run_campaign
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
 LONGER = CALIBRATION.replace("points = 7", "points = 60")
 """A hundred and twenty calibrations in sixty files."""
-MOST_SECONDS = 300.0
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +47,6 @@ def started(path: Path, out: Path, *words: str) -> subprocess.Popen[str]:
 
 def files_done(out: Path) -> int:
     return len(list(out.glob("runs/part-*.parquet")))
-
-
-def wait_for(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + MOST_SECONDS
-    while not what():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("engine", ["local", "dask"])
@@ -122,37 +122,6 @@ def test_a_dask_cluster_of_three_local_workers_gives_the_same_bytes(tmp_path, un
     assert main.returncode == 0, complaints
     assert complaints == ""
     assert content(out) == unbroken
-
-
-@contextlib.contextmanager
-def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any], str]]:
-    """A scheduler and workers as processes of their own: the scheduler and its address."""
-    folder.mkdir(exist_ok=True)
-    told = folder / "scheduler.json"
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with contextlib.ExitStack() as stack:
-        words = ["--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(told)]
-        scheduler = stack.enter_context(ended(subprocess.Popen([*dask, *words], **quiet)))
-        wait_for(told.exists)
-        address = re.findall(r"tcp://[\d.:]+", told.read_text())[0]
-        for _ in range(workers):
-            worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
-            stack.enter_context(ended(subprocess.Popen([*worker, "--death-timeout", "120"], cwd=folder, **quiet)))
-        yield scheduler, address
-
-
-@contextlib.contextmanager
-def ended(process: subprocess.Popen[Any]) -> Iterator[subprocess.Popen[Any]]:
-    try:
-        yield process
-    finally:
-        below = workers_of(process.pid)
-        process.kill()
-        process.wait()
-        for pid in below:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
 
 
 def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on_elsewhere(tmp_path, unbroken):

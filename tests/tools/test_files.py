@@ -169,6 +169,50 @@ def test_files_of_a_block_appear_together_or_not_at_all(tmp_path: Path) -> None:
     assert (tmp_path / "b").read_text() == "new"
 
 
+@pytest.mark.parametrize("links", [True, False])
+@pytest.mark.parametrize("last", ["a", "b", "c/x", "c/y", "d/new", "e"])
+def test_where_one_file_cannot_be_moved_into_its_place_all_are_as_before(
+    last: str, links: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All are written, and one of them cannot get its name."""
+    before = {"a": "old a", "b": "old b", "c/x": "old x", "c/kept": "kept"}
+    (tmp_path / "c").mkdir()
+    for name, text in before.items():
+        (tmp_path / name).write_text(text)
+
+    def write() -> None:
+        with together():
+            for name in ("a", "b"):
+                write_text(tmp_path / name, "new")
+            for folder, names in (("c", ("x", "y")), ("d", ("new",))):
+                with whole_folder(tmp_path / folder) as beside:
+                    for name in names:
+                        write_text(beside / name, "new")
+            write_text(tmp_path / "e", "new")
+
+    replace, link = Path.replace, Path.hardlink_to
+
+    def refused(self: Path, target: Path) -> Path:
+        if target == tmp_path / last and not self.name.endswith(".before"):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        return replace(self, target)
+
+    def no_links(self: Path, target: Path) -> None:
+        raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP), str(self))
+
+    monkeypatch.setattr(Path, "hardlink_to", link if links else no_links)
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", refused)
+        with pytest.raises(InputError, match="cannot be written"):
+            write()
+    there = {p.relative_to(tmp_path).as_posix(): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
+    assert there == before
+    assert not (tmp_path / "d").exists()
+    write()
+    there = {p.relative_to(tmp_path).as_posix(): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
+    assert there == {**dict.fromkeys(["a", "b", "c/x", "c/y", "d/new", "e"], "new"), "c/kept": "kept"}
+
+
 def test_where_one_output_fails_none_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

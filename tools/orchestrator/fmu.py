@@ -31,11 +31,16 @@ from fmpy.model_description import ModelDescription
 
 from ..errors import InputError
 from ..files import bytes_of
+from ..locks import PREFIX
 from .interface import Interface, Value, Variable
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
-MOST_DESCRIPTION_BYTES = 128 << 20
+MOST_DESCRIPTION_BYTES = 32 << 20
+"""Of a file that describes a model or a system: some hundred thousand variables."""
+DESCRIBING = (".ssd", ".ssv", ".ssm", ".ssb")
+MOST_TIMES, SMALL = 200, 64 << 20
+"""What unpacks to so many times its size and to more than so many bytes is made to fill a disk or a memory."""
 LONGEST_SHOWN = 80
 DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -96,6 +101,12 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
             raise InputError(f"{named} is compressed in a way that {standard} does not have")
     if len(members) > MOST_MEMBERS or sum(m.file_size for m in members) > MOST_BYTES:
         raise InputError(f"{label}: unpacks to more than {MOST_BYTES >> 30} GiB or {MOST_MEMBERS} files")
+    for member in members:
+        described = member.filename == needed or member.filename.endswith(DESCRIBING)
+        if described and member.file_size > MOST_DESCRIPTION_BYTES:
+            raise InputError(f"{label}: {member.filename} is larger than {MOST_DESCRIPTION_BYTES >> 20} MiB; not read")
+    if sum(m.file_size for m in members) > max(SMALL, MOST_TIMES * sum(m.compress_size for m in members)):
+        raise InputError(f"{label}: unpacks to more than {MOST_TIMES} times its size; not unpacked")
     names = [member.filename for member in members]
     # Two names that differ in case only are one file on some systems.
     if len({name.rstrip("/").casefold() if ssp else name for name in names}) != len(names):
@@ -210,8 +221,6 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = archive.infolist()
             check_members(members, label, "modelDescription.xml")
-            if archive.getinfo("modelDescription.xml").file_size > MOST_DESCRIPTION_BYTES:
-                raise InputError(f"{label}: modelDescription.xml is too large")
             xml = archive.read("modelDescription.xml")
             description = _described(xml, label)
             library = _library({m.filename for m in members}, description, label)
@@ -238,7 +247,7 @@ def forget_script(fmu: UnpackedFmu) -> None:
         resources = fmu.folder / "resources"
         for script in resources.glob("*.py"):
             loaded = sys.modules.get(script.stem)
-            if loaded is not None and "trihedron-run-" in str(getattr(loaded, "__file__", "")):
+            if loaded is not None and PREFIX in str(getattr(loaded, "__file__", "")):
                 del sys.modules[script.stem]
 
 

@@ -8,7 +8,8 @@ from xml.etree.ElementTree import Element
 
 from ...fmus.units import Unit
 from ..errors import InputError
-from ..orchestrator.fmu import refuse_outside, xml_root
+from ..files import bytes_of
+from ..orchestrator.fmu import MOST_DESCRIPTION_BYTES, refuse_outside, xml_root
 from ..orchestrator.interface import BASE_UNITS, scale_of
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
@@ -18,7 +19,6 @@ NAMESPACES = {
     "ssm": f"{BASE}ParameterMapping",
     "ssc": f"{BASE}Common",
 }
-MOST_BYTES = 128 << 20
 DEEPEST = 200
 """Elements in one another: what nests deeper is meant to hurt."""
 
@@ -45,8 +45,6 @@ def declared(*prefixes: str) -> dict[str, str]:
 
 def parsed(xml: bytes, label: str, root: str) -> Element:
     """The root element of an XML document; an InputError for a DOCTYPE, nesting too deep, or another root."""
-    if len(xml) > MOST_BYTES:
-        raise InputError(f"{label}: is larger than {MOST_BYTES >> 20} MiB; not read")
     xml_root(xml, f"{label}:", "an .ssp", DEEPEST)
     try:
         element = ElementTree.fromstring(xml)
@@ -61,11 +59,8 @@ def parsed(xml: bytes, label: str, root: str) -> Element:
 def read_document(folder: Path, source: str, label: str, root: str) -> Element:
     """The root element, of this prefixed name, of a file that a URI relative to the unpacked archive names."""
     name = f"{label}: {source}"
-    try:
-        content = (folder / member(folder, source, label)).read_bytes()
-    except OSError as error:
-        raise InputError(f"{name}: cannot be read ({error.strerror})") from error
-    return parsed(content, name, root)
+    path = folder / member(folder, source, label)
+    return parsed(bytes_of(path, label=name, most=MOST_DESCRIPTION_BYTES), name, root)
 
 
 def member(folder: Path, source: str, label: str) -> str:

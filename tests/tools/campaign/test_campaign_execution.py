@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -351,6 +352,22 @@ def test_a_deadly_call_is_named_and_the_others_are_made(engine):
         found = dict(completed(workers, dies_of_three, range(5), instead=lambda number: -number))
         assert found == {0: 0, 1: 1, 2: 4, 3: -3, 4: 16}
         assert workers.kills > 0
+
+
+def test_what_is_interrupted_while_a_call_is_handed_out_ends_without_a_traceback(capfd, monkeypatch):
+    """Loky had the call's number when Ctrl-C came, and no longer the call when it ended."""
+    monkeypatch.setattr(threading, "excepthook", threading.__excepthook__)
+
+    def interrupted() -> None:
+        with started("local", 1) as workers:
+            workers.submit(os.getpid).result()
+            workers.pool._work_ids.put(99)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert capfd.readouterr().err == ""
+    assert threading.excepthook is threading.__excepthook__
 
 
 def test_a_call_that_no_process_survives_is_said_where_nothing_stands_for_it(workers):

@@ -124,7 +124,38 @@ def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(fmu, "MOST_BYTES", 1 << 20)
     with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr("resources/zeros", bytes(2 << 20))
-    assert "unpacks to more than" in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
+    assert "unpacks to more than 0 GiB" in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
+
+
+@pytest.mark.parametrize(
+    ("member", "mebibytes", "says"),
+    [
+        ("resources/zeros", 65, "unpacks to more than 200 times its size; not unpacked"),
+        ("modelDescription.xml", 33, "modelDescription.xml is larger than 32 MiB; not read"),
+    ],
+)
+def test_a_small_archive_of_much_is_refused_before_it_is_unpacked(
+    member: str, mebibytes: int, says: str, tmp_path: Path
+) -> None:
+    resource = pytest.importorskip("resource")
+    with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
+        with bomb.open(member, "w") as file:
+            for _ in range(mebibytes):
+                file.write(b" " * (1 << 20))
+        if member != "modelDescription.xml":
+            bomb.writestr("modelDescription.xml", "<fmiModelDescription/>")
+    assert (tmp_path / "Bomb.fmu").stat().st_size < 1 << 20
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert says in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000
+
+
+def test_what_packs_well_and_is_small_is_unpacked(tmp_path: Path) -> None:
+    """A table of zeros among the resources of an FMU."""
+    with zipfile.ZipFile(tmp_path / "Zeros.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("resources/zeros", bytes(10 << 20))
+        archive.writestr(*GOOD)
+    assert "has no binary for this platform" in refusal(tmp_path, {"x": {"fmu": "Zeros.fmu"}})
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,238 @@
+"""SIGKILL and Ctrl-C at two hundred places of a campaign and of a simulation, and where each of them fell.
+
+TRIHEDRON_KILLS says how many there are.
+"""
+
+import os
+import random
+import re
+import subprocess
+import sys
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from campaign_runs import CALIBRATION, PARTS, assert_begun, cluster, content, written
+from forked_commands import Done, ForkedCommands, Strike
+
+pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
+KILLS = int(os.environ.get("TRIHEDRON_KILLS", "200"))
+SHARES = {
+    ("local", "kill"): 0.35,
+    ("local", "kill all"): 0.15,
+    ("local", "kill a worker"): 0.12,
+    ("local", "ctrl-c"): 0.1,
+    ("dask", "kill"): 0.06,
+    ("dask", "kill a worker"): 0.05,
+    ("dask", "kill another"): 0.02,
+    ("simulate", "kill"): 0.1,
+    ("simulate", "ctrl-c"): 0.05,
+}
+"""How many of the strikes are of which kind: "kill another" is the scheduler, of a cluster of its own."""
+WEIGHTS = {"write": 4, "completed": 2, "write_page": 2, "write_summary": 2}
+SCENARIO = """schema = "trihedron.scenario/1"
+[run]
+stop_s = 4000.0
+step_s = 0.01
+[fmus.block]
+component = "AccelerometerBlock"
+[[stimuli]]
+to = "block.specific_force"
+constant = [0.0, 0.0, 9.8]
+[record]
+format = "parquet"
+"""
+JOURNAL = ("_begin", "add", "_spill", "_wait", "finish", "_write", "run_fmus", "simulate_table")
+INTERRUPTED = r"trihedron: interrupted(; .+)?\n"
+
+
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommands]:
+    folder = tmp_path_factory.mktemp("commands")
+    (folder / "temporary").mkdir()
+    environment = {**os.environ, "TMPDIR": str(folder / "temporary"), "PYTHONWARNINGS": "ignore"}
+    with ForkedCommands(environment, folder / "said") as started:
+        yield started
+        assert started.run(["doctor"], folder).status == 0
+    assert list((folder / "temporary").iterdir()) == []
+
+
+def number_of(kind: tuple[str, str]) -> int:
+    return max(1, round(KILLS * SHARES[kind]))
+
+
+class Campaign:
+    """A campaign that is struck again and again; from the beginning whenever it has come to its end."""
+
+    def __init__(self, folder: Path, commands: ForkedCommands, engine: str) -> None:
+        self._commands, self._engine, self._folder = commands, engine, folder
+        self.path, self._begun = written(folder, CALIBRATION), 0
+        done = self.run(None)
+        assert done.status == 0, done.err
+        self.whole = content(self.out)
+        # How many calls there are within each function, from the beginning and when all is there.
+        self.calls = self.run(Strike("", PARTS)).calls
+        self.anew()
+        self.calls = {**self.calls, **self.run(Strike("", PARTS)).calls}
+        self.anew()
+
+    @property
+    def out(self) -> Path:
+        return self._folder / f"out{self._begun}"
+
+    def anew(self) -> None:
+        assert content(self.out) == self.whole
+        self._begun += 1
+
+    def run(self, strike: Strike | None, *words: str) -> Done:
+        engine = words or ("--jobs", "1", "--engine", self._engine)
+        arguments = ["campaign", str(self.path), "--out", str(self.out), "--resume", *engine]
+        return self._commands.run(arguments, self._folder, strike=strike)
+
+    def stored(self) -> int:
+        return len(list(self.out.glob("runs/part-*")))
+
+
+def expected(done: Done, blow: str) -> None:
+    """How the command ends that was struck."""
+    if blow in ("kill", "kill all"):
+        assert done.status == -9, done.err
+        assert done.out == ""
+    elif blow == "ctrl-c":
+        # Where nothing of Python is called any more, it has come too late.
+        assert done.status in (0, 130), done.err
+        assert done.status == 0 or re.fullmatch(INTERRUPTED, done.err), done.err
+    elif blow == "kill another":
+        assert done.status in (0, 2), done.err
+        assert done.status == 0 or re.fullmatch(r"trihedron: --scheduler.*\n", done.err), done.err
+    else:
+        assert done.status == 0, done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize("engine", ["local", "dask"])
+def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedCommands) -> None:
+    if engine == "dask":
+        pytest.importorskip("distributed")
+    rng = random.Random(20)
+    campaign = Campaign(tmp_path, commands, engine)
+    fell: Counter[str] = Counter()
+    for kind, blow in SHARES:
+        hit = tries = 0
+        while kind == engine and hit < number_of((kind, blow)):
+            tries += 1
+            assert tries < 20 * KILLS
+            places = list(PARTS) if blow in ("kill", "kill all", "ctrl-c") else ["completed"]
+            within = rng.choices(places, [WEIGHTS.get(place, 1) for place in places])[0]
+            number = rng.randint(1, max(1, campaign.calls.get(within, 1)))
+            before = campaign.stored()
+            if blow == "kill another":
+                with cluster(tmp_path / f"cluster{tries}", 1) as (scheduler, address):
+                    strike = Strike(within, PARTS, number, blow, scheduler.pid)
+                    done = campaign.run(strike, "--engine", "dask", "--scheduler", address)
+            else:
+                done = campaign.run(Strike(within, PARTS, number, blow))
+            if done.struck:
+                expected(done, blow)
+                hit += 1
+                fell[f"{engine:8}{blow:14}{within or 'elsewhere':14}{before} -> {campaign.stored()} of 7 stored"] += 1
+            if done.status == 0:
+                campaign.anew()
+            else:
+                assert_begun(content(campaign.out), campaign.whole)
+    assert campaign.run(None).status == 0
+    campaign.anew()
+    show(fell)
+
+
+def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands) -> None:
+    """Rows that were saved until then are those of the whole run."""
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO, encoding="utf-8")
+    first = commands.run(["simulate", str(path), "--out", "whole"], tmp_path, strike=Strike("", JOURNAL))
+    assert first.status == 0, first.err
+    whole = content(tmp_path / "whole")
+    rows = pl.read_parquet(tmp_path / "whole" / "run.parquet")
+    rng, fell = random.Random(21), Counter[str]()
+    for kind, blow in SHARES:
+        hit = 0
+        while kind == "simulate" and hit < number_of((kind, blow)):
+            within = rng.choice([name for name in JOURNAL if first.calls.get(name)])
+            number = rng.randint(1, first.calls[within])
+            done = commands.run(
+                ["simulate", str(path), "--out", "out"], tmp_path, strike=Strike(within, JOURNAL, number, blow)
+            )
+            hit += done.struck
+            if done.struck:
+                expected(done, blow)
+            parts = sorted((tmp_path / "out").rglob("*.parquet"))
+            saved = [pl.read_parquet(part) for part in parts if not part.name.startswith(".")]
+            table = pl.concat(saved) if saved else rows.clear()
+            assert table.equals(rows.head(table.height)), (within, number)
+            share = f"{100 * table.height // rows.height} % saved"
+            fell[f"{'simulate':8}{blow:14}{within:14}{share}"] += done.struck
+            subprocess.run(["rm", "-rf", str(tmp_path / "out")], check=True)
+    again = commands.run(["simulate", str(path), "--out", "out"], tmp_path)
+    assert again.status == 0
+    assert content(tmp_path / "out") == whole
+    show(fell)
+
+
+def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
+    """One works, the other one is refused in one line, as often as it is tried."""
+    path = written(tmp_path, CALIBRATION)
+    command = ["campaign", str(path), "--out", "out", "--jobs", "1", "--resume"]
+    assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0
+    working = threading.Event()
+    came: list[Done] = []
+    with ForkedCommands(os.environ, tmp_path / "other") as others:
+
+        def work() -> None:
+            came.append(commands.run(command, tmp_path))
+            working.set()
+
+        first = threading.Thread(target=work)
+        first.start()
+        refused = 0
+        while not (tmp_path / "out" / "campaign.json").exists():
+            assert not working.wait(0.01)
+        while not working.is_set():
+            done = others.run(command, tmp_path)
+            if done.status != 0:
+                assert done.status == 2
+                assert done.err == "trihedron: --out out: another process works there\n"
+                refused += 1
+        first.join()
+    assert came[0].status == 0
+    assert refused > 0
+    print(f"{refused} times a second --resume was refused while the first one worked", file=sys.stderr)
+    assert content(tmp_path / "out") == content(tmp_path / "whole")
+
+
+def test_files_that_may_not_be_larger_stop_a_campaign_in_one_line(tmp_path: Path, commands: ForkedCommands) -> None:
+    """As a full disk does, wherever it is: the limit is that of the process."""
+    path = written(tmp_path, CALIBRATION)
+    command = ["campaign", str(path), "--out", "out", "--jobs", "1", "--resume"]
+    assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0
+    whole = content(tmp_path / "whole")
+    for size in sorted({len(data) for name, data in whole.items() if len(data) > 500}):
+        done = commands.run(command, tmp_path, most_bytes=size - 1)
+        assert done.status in (0, 2), done.err
+        if done.status == 2:
+            assert done.err.count("\n") == 1
+            assert "File too large" in done.err
+        assert_begun(content(tmp_path / "out"), whole)
+    assert commands.run(command, tmp_path).status == 0
+    assert content(tmp_path / "out") == whole
+
+
+def show(fell: Counter[str]) -> None:
+    """Where the strikes fell."""
+    width = max(map(len, fell))
+    for place, count in sorted(fell.items()):
+        print(f"{place:{width}} {count:4} {'#' * count}", file=sys.stderr)
+    print(f"{fell.total()} strikes", file=sys.stderr)

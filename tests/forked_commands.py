@@ -1,0 +1,241 @@
+"""Commands in copies of one process that has everything imported: each is watched, and may be struck on its way.
+
+As a program (python forked_commands.py) it is that process: a line of JSON for each command on its standard input, a
+line for what came of it on its standard output.
+"""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any, TextIO
+
+
+@dataclass(frozen=True)
+class Strike:
+    """What happens at the n-th call, of Python's functions and of C's, that is made within one of some functions.
+
+    Attributes
+    ----------
+    within : str
+        name of a function of the product, "" for what is in none of `among`
+    among : tuple of str
+        the functions that are told apart; the innermost counts
+    number : int
+        from 1; 0: nothing happens, calls are counted
+    blow : str
+        a name of `BLOWS`
+    victim : int
+        process that is killed by "kill another"
+    """
+
+    within: str
+    among: tuple[str, ...]
+    number: int = 0
+    blow: str = "kill"
+    victim: int = 0
+
+
+@dataclass(frozen=True)
+class Done:
+    """What came of a command: exit status (less than 0: the signal that ended it), what it said, what it took."""
+
+    status: int
+    out: str
+    err: str
+    seconds: float
+    peak_bytes: int
+    struck: bool = False
+    calls: dict[str, int] = field(default_factory=dict)
+
+
+class ForkedCommands:
+    """A process that does commands, one at a time; use it in a `with`."""
+
+    def __init__(self, environment: Mapping[str, str], scratch: Path) -> None:
+        self._environment, self._scratch = dict(environment), scratch
+
+    def __enter__(self) -> "ForkedCommands":
+        self._process = subprocess.Popen(
+            [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=self._environment
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.communicate()
+
+    def run(
+        self,
+        arguments: Sequence[str],
+        folder: Path,
+        *,
+        strike: Strike | None = None,
+        seconds: float = 300.0,
+        most_bytes: int = 0,
+    ) -> Done:
+        """Do a command in a folder; it is ended after so many seconds, and gets no file larger than `most_bytes`."""
+        said = {
+            "arguments": list(arguments),
+            "folder": str(folder),
+            "scratch": str(self._scratch),
+            "strike": None if strike is None else asdict(strike),
+            "seconds": seconds,
+            "most_bytes": most_bytes,
+        }
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps(said) + "\n")
+        self._process.stdin.flush()
+        came = json.loads(self._process.stdout.readline())
+        texts = {name: (self._scratch / name).read_text(encoding="utf-8", errors="replace") for name in ("out", "err")}
+        calls = self._scratch / "calls"
+        told = json.loads(calls.read_text(encoding="utf-8")) if calls.exists() else {}
+        return Done(**came, **texts, struck=bool(told.get("struck")), calls=told.get("calls", {}))
+
+
+def serve() -> None:
+    """Do commands until the standard input ends."""
+    from warm_commands import import_all
+
+    import_all()
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    for line in sys.stdin:
+        said = json.loads(line)
+        scratch = Path(said["scratch"])
+        scratch.mkdir(exist_ok=True)
+        (scratch / "calls").unlink(missing_ok=True)
+        began = time.perf_counter()
+        child = os.fork()
+        if child == 0:
+            answers.close()
+            _be_the_command(said, scratch)
+        status, usage = _waited_for(child, began + said["seconds"])
+        came = {"status": status, "seconds": time.perf_counter() - began, "peak_bytes": usage.ru_maxrss * 1024}
+        answers.write(json.dumps(came) + "\n")
+        answers.flush()
+
+
+def _waited_for(child: int, until: float) -> tuple[int, resource.struct_rusage]:
+    while True:
+        ended, status, usage = os.wait4(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status), usage
+        if time.perf_counter() > until:
+            os.kill(child, signal.SIGKILL)
+            _, status, usage = os.wait4(child, 0)
+            return os.waitstatus_to_exitcode(status), usage
+        time.sleep(0.002)
+
+
+def _be_the_command(said: dict[str, Any], scratch: Path) -> None:
+    from trihedron.tools.cli import main
+
+    status = 70
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, name, mode in ((0, os.devnull, os.O_RDONLY), (1, "out", os.O_RDWR), (2, "err", os.O_RDWR)):
+            stream = os.open(scratch / name, mode | (0 if mode == os.O_RDONLY else os.O_CREAT | os.O_TRUNC), 0o600)
+            os.dup2(stream, number)
+            os.close(stream)
+        sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
+        sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False, buffering=1)
+        os.chdir(said["folder"])
+        if said["most_bytes"]:
+            # Python ignores the signal and gets an error when it writes.
+            resource.setrlimit(resource.RLIMIT_FSIZE, (said["most_bytes"], said["most_bytes"]))
+        struck = None if said["strike"] is None else _Struck(Strike(**said["strike"]), scratch / "calls")
+        sys.argv = ["trihedron", *said["arguments"]]
+        sys.setprofile(struck)
+        try:
+            status = main() or 0
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        finally:
+            sys.setprofile(None)
+        if struck is not None:
+            struck.tell()
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            _flushed(stream)
+        # What waits for the end of a process, as folders do, has been waited for.
+        import atexit
+
+        atexit._run_exitfuncs()
+        os._exit(status)
+
+
+def _flushed(stream: TextIO) -> None:
+    with suppress(OSError):
+        stream.flush()
+
+
+class _Struck:
+    """Counts calls by the function in which they are made, and strikes once."""
+
+    def __init__(self, strike: Strike, told: Path) -> None:
+        self._strike, self._told = strike, told
+        self._among = {*strike.among}
+        self._calls: Counter[str] = Counter()
+        self._struck = False
+        self._inside = [""]
+
+    def __call__(self, frame: FrameType, event: str, _: object) -> None:
+        # A generator is called each time that it goes on, and returns each time that it yields.
+        if event in ("call", "return") and frame.f_code.co_name in self._among:
+            if event == "call":
+                self._inside.append(frame.f_code.co_name)
+            elif len(self._inside) > 1:
+                self._inside.pop()
+        if event not in ("call", "c_call"):
+            return
+        where = self._inside[-1]
+        self._calls[where] += 1
+        if where == self._strike.within and self._calls[where] == self._strike.number and not self._struck:
+            self._struck = True
+            self.tell()
+            BLOWS[self._strike.blow](self._strike)
+
+    def tell(self) -> None:
+        self._told.write_text(json.dumps({"struck": self._struck, "calls": self._calls}), encoding="utf-8")
+
+
+def _kill_a_worker(_: Strike) -> None:
+    from campaign_runs import command_of, workers_of
+
+    # Dask has processes between this one and those that work; loky has none.
+    for pid in workers_of(os.getpid()):
+        if b"spawn_main" in command_of(pid) or b"loky" in command_of(pid):
+            os.kill(pid, signal.SIGKILL)
+            return
+
+
+def _kill_all(_: Strike) -> None:
+    from campaign_runs import workers_of
+
+    for pid in (*workers_of(os.getpid()), os.getpid()):
+        os.kill(pid, signal.SIGKILL)
+
+
+BLOWS: dict[str, Callable[[Strike], None]] = {
+    "kill": lambda _: os.kill(os.getpid(), signal.SIGKILL),
+    "kill all": _kill_all,
+    "kill a worker": _kill_a_worker,
+    "kill another": lambda strike: os.kill(strike.victim, signal.SIGKILL),
+    "ctrl-c": lambda _: os.kill(os.getpid(), signal.SIGINT),
+}
+"""SIGKILL of the process, of it and all its workers, of one of these, of a given process; Ctrl-C."""
+
+if __name__ == "__main__":
+    serve()
