@@ -125,7 +125,8 @@ def trials(
     shuffled = _shuffled(_without(fit, lasting, own), fit.jacobian[:, own], turned) if folds and fit.linear else ()
     left = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]
     worst = max(left, key=lambda one: one.error / one.allowed, default=None)
-    tried = [left.with_effects for left in shuffled]
+    # Shuffles cost most of all: they are made where they are asked for.
+    tried = (left.with_effects for left in shuffled)
     rows = folds and folds.readings
     yield Trial(places, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst, rows=rows)
     several = [(place, block) for place, block, _ in fit.ways if place.effect != "outlier"]
@@ -136,7 +137,8 @@ def trials(
         split = others.split(turns, used)
         alone = LeftOut.of(whole, split)
         if alone is not None:
-            tried = [left.over(fit.allowed).with_effects for left in _shuffled(others, fit.jacobian[:, own], split)]
+            shuffled = _shuffled(others, fit.jacobian[:, own], split)
+            tried = (left.over(fit.allowed).with_effects for left in shuffled)
             yield Trial((place,), alone.over(fit.allowed).errors, None, tried)
 
 

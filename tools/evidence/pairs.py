@@ -21,7 +21,7 @@ PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 LEAST_AROUND = 3
 WAVES = tuple(0.25 * k for k in range(3, 97))
 """Waves over the whole range of a quantity that a function may have, each by itself."""
-POWERS, HARMONICS, ORDERS = 12, 8, 12
+POWERS, HARMONICS, ORDERS = 20, 8, 12
 """The highest power, the highest harmonic beside all lower ones, and the highest one alone."""
 QUANTITIES = {
     "n1": "the input of accelerometer 1",

@@ -55,6 +55,16 @@ def test_what_is_proven_of_a_fault_outside_the_catalogue_is_true(index: int, tmp
         assert (found.proven.pair.where, found.proven.pair.quantity) in true
 
 
+@pytest.mark.parametrize("index", [61, 166])
+def test_a_quantity_is_found_though_every_error_is_at_its_bound(index: int, tmp_path: Path):
+    """Then no function that is only about the true one stands: it takes many coefficients."""
+    case = outside_case(tmp_path, 17, index)
+    found = found_of(tmp_path / case.file)
+    assert found is not None
+    assert found.proven is not None
+    assert (found.proven.pair.where, found.proven.pair.quantity) == (case.place, case.quantity)
+
+
 def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path: Path):
     """Each bound is what weighted least squares leaves with the form beside the model; no programme leaves less."""
     case = outside_case(tmp_path, 3, SMOOTH[0])
