@@ -1,5 +1,6 @@
 """Fixtures that several tests share."""
 
+import gc
 import os
 import shutil
 import signal
@@ -14,6 +15,13 @@ from hypothesis import settings
 # How long an example takes says how busy the machine is.
 settings.register_profile("no deadlines", deadline=None)
 settings.load_profile("no deadlines")
+
+
+def pytest_collection_finish() -> None:
+    """Modules and tests stay to the end: the collector of cycles need not go through them again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -48,7 +48,9 @@ def in_time(effect: str, hours: np.ndarray) -> np.ndarray:
     return size * (hours / SPAN if effect == "bias-drift" else (hours > 0.5 * SPAN).astype(float))
 
 
-@pytest.mark.parametrize(("effect", "seed"), [("bias-drift", 1), ("bias-step", 5)])
+@pytest.mark.parametrize(
+    ("effect", "seed"), [pytest.param("bias-drift", 1, marks=pytest.mark.acceptance), ("bias-step", 5)]
+)
 def test_what_is_ambiguous_in_time_is_decided_by_repeats_at_the_hours_that_are_proposed(effect, seed):
     rng = np.random.default_rng([seed, 29])
     bench, angles = random_bench(rng), rng.uniform(0.0, 2.0 * np.pi, (2, 20))

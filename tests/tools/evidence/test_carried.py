@@ -196,7 +196,7 @@ def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(fa
     assert any(doubt in text for text in found.warnings) if doubt else found.warnings == ()
 
 
-@pytest.mark.parametrize("index", [0, 8])
+@pytest.mark.parametrize("index", [0, pytest.param(8, marks=pytest.mark.acceptance)])
 def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
     """Accelerometers that lag by 200 rows belong to no block: the fit of one goes beyond its parameters' limits."""
     record = clean(index)

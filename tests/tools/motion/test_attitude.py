@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from record_files import measured
+from strapdown_records import turned_by
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.cli import main
 from trihedron.tools.demo import find_record
@@ -316,11 +317,8 @@ def composed(record: Any, run: AttitudeRun, bias: np.ndarray) -> Rotation:
     rate = record.rate[int(run.row[0]) - 2 :] - bias
     step = 0.0035 * 0.5 * (rate[:-1] + rate[1:])
     step = step[: len(step) // 2 * 2].reshape(-1, 2, 3)
-    turns = Rotation.from_rotvec(step.sum(axis=1) + 2.0 / 3.0 * np.cross(step[:, 0], step[:, 1]))
-    attitude = [rotation_of(record.attitude[int(run.row[0]) - 2])]
-    for turn in turns:
-        attitude.append(attitude[-1] * turn)
-    return Rotation.concatenate(attitude)
+    turns = step.sum(axis=1) + 2.0 / 3.0 * np.cross(step[:, 0], step[:, 1])
+    return rotation_of(record.attitude[int(run.row[0]) - 2]) * turned_by(np.vstack([np.zeros(3), turns]))
 
 
 def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None:

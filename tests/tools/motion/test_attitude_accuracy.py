@@ -110,7 +110,8 @@ def exact_samples(frequency: int, span: float) -> Samples:
 
 LONG = pytest.mark.acceptance
 MINUTES = [
-    *((name, 1000, 1) for name in ("functional-iteration-4", "adaptive-degree")),
+    ("adaptive-degree", 1000, 1),
+    pytest.param("functional-iteration-4", 1000, 1, marks=LONG),
     *(pytest.param(name, f, 10, marks=LONG) for name in SMOOTH for f in (1000, 2000)),
 ]
 
@@ -132,7 +133,7 @@ def test_round_off_stays_under_2e_12_degrees_a_minute(algorithm: str, frequency:
             "two-sample-rodrigues-second-iterate", (2.83e-07, 1.60e-05, 4.16e-06), marks=pytest.mark.acceptance
         ),
         pytest.param("two-sample-textbook", (4.37e-09, 7.14e-10, 2.64e-09), marks=LONG),
-        ("panov", (5.24e-08, 9.47e-09, 3.47e-08)),
+        pytest.param("panov", (5.24e-08, 9.47e-09, 3.47e-08), marks=LONG),
     ],
 )
 def test_the_method_error_on_the_first_motion(algorithm: str, expected: tuple) -> None:

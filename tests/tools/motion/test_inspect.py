@@ -294,7 +294,9 @@ def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_g
     assert found.rests.time_s == pytest.approx(others, abs=0.2)
 
 
-@pytest.mark.parametrize("name", ["mpu9150-0", "mpu9150-1", "mpu9150-2"])
+@pytest.mark.parametrize(
+    "name", ["mpu9150-0", *(pytest.param(f"mpu9150-{k}", marks=pytest.mark.acceptance) for k in (1, 2))]
+)
 def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyros_is_named(name):
     found: Any = inspect_record(measured(name))
     assert 15 <= len(found.rests) <= 25

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from record_files import measured
 from simulated_bench import random_bench, simulated
-from strapdown_records import strapdown_record
+from strapdown_records import strapdown_record, turned_by
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import PRESETS
 from trihedron.tools.check import check
@@ -59,13 +58,7 @@ def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, s
         return speed / 2.0 * moving * np.sin(2.0 * np.pi * waves * at[:, None, None] + phases).sum(axis=1)
 
     steps = rate(period / fine * (np.arange((count - 1) * fine) + 0.5)) * period / fine
-    true = Rotation.concatenate([Rotation.identity(), Rotation.from_rotvec(steps)])
-    # Each is the product of itself and all before it when the products of 1, 2, 4, ... neighbours are done.
-    apart = 1
-    while apart < len(true):
-        true = Rotation.concatenate([true[:apart], true[:-apart] * true[apart:]])
-        apart *= 2
-    true = true[::fine]
+    true = turned_by(np.vstack([np.zeros(3), steps]))[::fine]
     force = true.inv().apply([0.0, 0.0, G]) + rng.normal(0.0, 0.01, (count, 3))
     quaternion = np.roll(true.as_quat(), 1, axis=1)
     quaternion[np.arange(count) % truth_every != 0] = np.nan
