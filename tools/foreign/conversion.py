@@ -23,6 +23,7 @@ from ..records.columns import (
 )
 from ..records.comments import Comments
 from ..records.read import significant_digits, written_resolution
+from .layout import COMMENT
 from .mapping import OPEN
 from .names import DATE, SAMPLE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
@@ -120,7 +121,11 @@ def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[
     left_out: dict[str, list[int]] = {}
     empty: dict[str, int] = {}
     read = found.sheet.rows(layout.first, layout.last or None)
+    marked = found.is_marked
     for line, row, places in ((line, row, places) for line, row in read for places in turns):
+        if not marked and row[0].lstrip().startswith(COMMENT) and not is_missing(row[0], also):
+            left_out.setdefault("comments", []).append(line)
+            continue
         try:
             cells = [row[place] for place in places]
         except IndexError:
@@ -144,7 +149,7 @@ def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[
     if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and found.given.incomplete in ("", OPEN):
         worst = max(empty, key=lambda column: empty[column])
         why = f"{empty[worst]} of {count} rows have no number in {found.taken[worst].said!r}"
-        if worst in found.kind.optional:
+        if worst in (*found.kind.optional, DATE):
             found.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
         else:
             found.ask("incomplete", ("leave out",), why)

@@ -19,9 +19,10 @@ from ..records.columns import (
     STRAPDOWN_RATES,
     quoted,
 )
-from .layout import layout_of
+from .deciding_units import decide_units
+from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping, Source
-from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of
+from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
 from .numbers import (
     Marks,
     bare,
@@ -31,24 +32,20 @@ from .numbers import (
     moment,
     number,
     orders_of,
-    sexagesimal,
     two_parts,
-    unit_behind,
 )
 from .sheet import Sheet
 from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Taken, Understanding, reading
-from .units import ANGLE, COUNTS, DOUBTFUL, EXAMPLES, QUANTITIES, TIME, Unit, known_unit, of_converter, unit_of, written
+from .units import ANGLE, TIME, known_unit
 
-SENSITIVITIES = {
-    "force": "0.5 g",
-    "rate": "0.01 (deg/s)",
-    "angle": "0.01 deg",
-    "time": "0.001 s",
-    "temperature": "0.01 degC",
-}
-"""What one volt or count could be, as an example."""
-COUNTED = {"force": "16384 LSB/g", "rate": "131 LSB/(deg/s)"}
-"""The same as data sheets say it."""
+PARTS_OF_ANGLES = frozenset(
+    ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
+)
+"""Units of minutes and seconds of an arc, beside degrees."""
+MOST_WORDS = 6
+"""So many different words in a column of numbers are asked of."""
+MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
+"""More numbers in another notation, (1.5) or 1.5- or 0x1F, are refused."""
 
 
 def understood(sheet: Sheet, given: Mapping) -> Understanding:
@@ -67,7 +64,7 @@ def understood(sheet: Sheet, given: Mapping) -> Understanding:
     for column, place in places.items():
         if column in found.kind.known and column not in (TIMES, SAMPLE, DATE):
             found.taken[column] = _taken(found, column, place)
-    _decide_units(found)
+    decide_units(found)
     _decide_attitude(found)
     _ask_of_words(found)
     _decide_readings(found)
@@ -104,6 +101,7 @@ def _places(found: Understanding) -> dict[str, int]:
             if gyro_of(head) and gyro_of(head) not in given and found.cells(place):
                 meant.setdefault(gyro_of(head), []).append(place)
     places |= _readings_beside(found, {*meant, *places, *given})
+    _refuse_parts(found, meant)
     for column, fields in meant.items():
         if len(fields) == 1:
             places[column] = fields[0]
@@ -113,6 +111,19 @@ def _places(found: Understanding) -> dict[str, int]:
             answers = named if len(set(named)) == len(named) else [str(place + 1) for place in fields]
             found.ask(f"columns.{column}", answers[:4], why)
     return places
+
+
+def _refuse_parts(found: Understanding, meant: dict[str, list[int]]) -> None:
+    """Refuse an angle whose minutes or seconds stand in a column of their own."""
+    headings = found.layout.headings
+    for column in (name for name in ANGLES if name in meant):
+        whole = headings[meant[column][0]]
+        for place, head in enumerate(headings):
+            unit = head.unit.strip().casefold()
+            alike = normal(head.name) == normal(whole.name) and place not in meant[column][:1]
+            if alike and unit != whole.unit.strip().casefold() and unit in PARTS_OF_ANGLES and found.cells(place):
+                what = f"columns {whole.text!r} and {head.text!r} are parts of one angle"
+                raise InputError(f"{found.sheet.path}: {what}; write it in one, as 12°34'56\" or in degrees")
 
 
 def _readings_beside(found: Understanding, known: set[str]) -> dict[str, int]:
@@ -321,27 +332,43 @@ def _decide_attitude(found: Understanding) -> None:
 
 
 def _ask_of_words(found: Understanding) -> None:
-    """Ask of the first word in a column of numbers that is no usual word for a missing number."""
+    """Ask of words in columns of numbers that are no usual words for a missing number, of all at once.
+
+    Several that are numbers in another notation are refused: who left them out would lose those readings.
+    """
     if any(question.key in ("decimal", "thousands") for question in found.questions):
         return
+    words: dict[str, str] = {}
     for column, taken in found.taken.items():
         cells = [text for _, text in found.cells(taken.field)]
         if taken.form != NUMBER or not cells:
             continue
-        if all(reading(found, column, text) is None for text in cells):
+        wrong = {
+            text: line for line, text in reversed(found.cells(taken.field)) if reading(found, column, text) is None
+        }
+        written = [text for text in wrong if NOTATION.search(text) and not text.startswith(COMMENT)]
+        if len(written) > MOST_ODD:
+            line = wrong[written[-1]]
+            what = f"row {line}, column {taken.said!r}: {quoted(written[-1])} is no number{_beside(found, written[-1])}"
+            also = f"nor are {len(written) - 1} others; write plain decimal numbers, a minus in front"
+            raise InputError(f"{found.sheet.path}: {what}, {also}")
+        if len(wrong) == len(set(cells)):
             found.ask(f"columns.{column}", ("NAME",), f"{taken.said!r} holds no numbers, but {quoted(cells[0])}")
             continue
         others = [other.field for other in found.taken.values() if other.form == NUMBER and other is not taken]
         for line, text in found.cells(taken.field):
-            if reading(found, column, text) is not None:
+            if text not in wrong or text in words:
                 continue
             texts = next(texts for row, texts in found.looked_at if row == line)
+            if texts[0].strip().startswith(COMMENT) and not found.is_marked:
+                continue
             if any(place < len(texts) and found.value(texts[place]) is not None for place in others):
-                why = (
-                    f"row {line}, {taken.said!r}: {quoted(text)} is no number{_beside(found, text)}; this leaves it out"
-                )
-                found.ask("missing", (text[:40],), why)
-                return
+                words[text] = f"row {line}, {taken.said!r}: {quoted(text)} is no number{_beside(found, text)}"
+    if words:
+        # a comma stands between answers
+        shown = [text[:40] for text in words if "," not in text][:MOST_WORDS] or [next(iter(words))[:40]]
+        left = "this leaves it out" if len(words) == 1 else "this leaves such rows out"
+        found.ask("missing", (",".join(shown),), f"{next(iter(words.values()))}; {left}")
 
 
 def _beside(found: Understanding, text: str) -> str:
@@ -377,104 +404,3 @@ def _decide_readings(found: Understanding) -> None:
     if still:
         why = f"{still} rows stand where the row before stands and positions have no numbers"
         found.ask("readings", ("average", "each"), f"{why}; a time series with its moves is --set 'kind=raw record'")
-
-
-# Units
-
-
-def _decide_units(found: Understanding) -> None:
-    """The unit of each column: as given for it, as given for its quantity, as its head says, or asked."""
-    agreed: dict[str, set[str]] = {}
-    for key in found.given.units:
-        if key not in QUANTITIES:
-            raise InputError(f"units.{key}: is no quantity; {', '.join(QUANTITIES)}")
-    for column, taken in found.taken.items():
-        key = SAMPLE if column == TIMES and found.layout.headings[taken.field].column == SAMPLE else column
-        quantity = QUANTITY_OF.get(column)
-        if quantity is None or taken.form in (CLOCK, MOMENT):
-            continue
-        if all(reading(found, column, text) is None for _, text in found.cells(taken.field)):
-            # it is asked which column is meant
-            continue
-        unit, text = _unit(found, key, quantity, taken)
-        if unit is not None:
-            found.taken[column] = replace(taken, unit=unit)
-            agreed.setdefault(quantity, set()).add(text)
-    stated = {unit.quantity for head in found.layout.headings if (unit := known_unit(head.unit))}
-    for question in list(found.questions):
-        quantity = QUANTITY_OF.get(question.key.removeprefix("columns."), "")
-        if quantity and quantity not in stated and not {quantity} & {*agreed, *found.given.units}:
-            used = {taken.field for taken in found.taken.values()}
-            free = [head.unit for place, head in enumerate(found.layout.headings) if place not in used]
-            raw = next((text for text in free if (unit := known_unit(text)) and unit.raw), "")
-            answers = (sensitivity(quantity, raw),) if raw else EXAMPLES[quantity][:3]
-            why = f"what one {raw} is, as here" if raw else f"no unit of {quantity} is written"
-            found.ask(f"units.{quantity}", answers, why)
-    settled = {quantity: next(iter(texts)) for quantity, texts in agreed.items() if len(texts) == 1}
-    found.settled["units"] = {**settled, **{k: v for k, v in found.given.units.items() if v != OPEN}}
-
-
-def _unit(found: Understanding, column: str, quantity: str, taken: Taken) -> tuple[Unit | None, str]:
-    """The unit of a column and its text; None where it has to be asked for."""
-    source, head = found.given.of(column), found.layout.headings[taken.field]
-    cells = found.cells(taken.field)
-    stated_text = head.unit or next((unit_behind(text) for _, text in cells if unit_behind(text)), "")
-    stated = known_unit(stated_text) if stated_text and written(stated_text).lower() not in DOUBTFUL else None
-    given = (source.unit if source else "") or found.given.units.get(quantity, "")
-    key = f"columns.{column}.unit" if source and source.unit else f"units.{quantity}"
-    if given and given != OPEN:
-        unit = unit_of(given)
-        if unit is not None and unit.per is not None:
-            unit = of_converter(unit, stated if stated is not None and stated.raw else None)
-        if unit is None or unit.raw or unit.quantity != quantity:
-            raise InputError(
-                f"{key} = {given!r}: is no unit of {quantity}; as {', '.join(EXAMPLES[quantity])} or '16384 LSB/g'"
-            )
-        return unit, given
-    if stated is not None and stated.quantity == quantity:
-        return stated, stated_text
-    if quantity == ANGLE and column in ANGLES and cells and all(_is_sexagesimal(found, text) for _, text in cells):
-        return unit_of("deg"), "deg"
-    if stated is not None and stated.raw:
-        example = sensitivity(quantity, stated_text)
-        found.ask(key, (example,), f"{head.text!r} is in {stated_text}: what one {stated_text} is, as here")
-    elif stated_text and written(stated_text).lower() in DOUBTFUL:
-        found.ask(
-            key, DOUBTFUL[written(stated_text).lower()].split(" or "), f"what {stated_text!r} of {head.text!r} is"
-        )
-    elif stated_text and stated_text != head.text:
-        found.ask(
-            key, EXAMPLES[quantity][:3], f"{stated_text!r} of {head.text!r} is no unit of {quantity} that is known"
-        )
-    elif column == SAMPLE:
-        found.ask(key, ("100 Hz",), f"{head.text!r} counts samples: at which rate")
-    else:
-        found.ask(
-            key, EXAMPLES[quantity][:3], f"no unit of {head.text or taken.said!r}{_size(found, quantity)} is written"
-        )
-    return None, ""
-
-
-def sensitivity(quantity: str, text: str) -> str:
-    """What one volt or count of a quantity could be, as an example; `text` is the converter's unit."""
-    unit = known_unit(text)
-    if unit is not None and unit.quantity == COUNTS and quantity in COUNTED:
-        return COUNTED[quantity].replace("LSB", written(text))
-    return f"{SENSITIVITIES[quantity]}/{written(text)}"
-
-
-def _is_sexagesimal(found: Understanding, text: str) -> bool:
-    return found.value(text) is None and sexagesimal(text) is not None
-
-
-def _size(found: Understanding, quantity: str) -> str:
-    """What the numbers of specific forces are: a person knows by them what they are in."""
-    if quantity != "force":
-        return ""
-    places = [found.taken[column].field for column in FORCE if column in found.taken]
-    squares = []
-    for _, texts in found.looked_at:
-        values = [found.value(texts[place]) for place in places if place < len(texts)]
-        if len(values) == 3 and None not in values:
-            squares.append(sum(value * value for value in values if value is not None))
-    return f", |f| about {sorted(squares)[len(squares) // 2] ** 0.5:.4g}," if squares else ""

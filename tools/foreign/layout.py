@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from ..errors import InputError
 from .mapping import Mapping, printable
-from .names import Heading, heading, is_unit_row, joined, of_name
+from .names import Heading, from_one, heading, is_unit_row, joined, of_name
 from .numbers import bare, has_degree_mark, is_missing, number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, is_data, is_value
 from .units import known_unit
@@ -15,7 +15,7 @@ from .units import known_unit
 TAIL = 300
 """Lines at the end of a file among which the last row of data is looked for."""
 COMMENT = ("#", "%", "//")
-"""Marks before a line of names that are no name."""
+"""Marks before a comment, or a line of names, that are no name."""
 MOST_REMARKS = 60
 """Lines around the table that are kept."""
 LONGEST_REMARK = 300
@@ -71,7 +71,7 @@ def layout_of(sheet: Sheet, given: Mapping) -> Layout:
     under = (list(texts.get(units) or sheet.stated.units) + [""] * count)[:count]
     under = [unit if unit.strip() else _unit_in(data, place) for place, unit in enumerate(under)]
     groups = _groups(texts.get(names - 1, []), count)
-    headings = tuple(_heading(*head) for head in zip(groups, named, under, strict=True))
+    headings = from_one([_heading(*head) for head in zip(groups, named, under, strict=True)])
     last = given.last or _last_data(sheet, first)
     inside = {names, units}
     if any(found.text not in ("", " ".join(name.split())) for found, name in zip(headings, named, strict=True)):

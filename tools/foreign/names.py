@@ -5,7 +5,8 @@ A name that could mean two columns means none: the person who knows is asked.
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from ..records.columns import ANGLES, APPROACH, INCREMENT, MOUNTING, QUATERNION
 from ..records.columns import FORCE as FORCES
@@ -37,22 +38,30 @@ _FILLERS, _OUTER, _INNER, _FORCE, _RATE = (
     frozenset(words.split())
     for words in (
         "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert raw roh rohwert "
-        "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось",
-        "alpha α outer aussen aussenachse aussenwinkel aussere äussere äusserer внешний внешняя альфа",
-        "beta β inner innen innenachse innenwinkel innere innerer внутренний внутренняя бета",
-        "f a acc accel accelerometer acceleration akzelerometer beschl beschleunigung sf ускорение",
+        "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось "
+        "axe field",
+        "alpha α outer aussen aussenachse aussenwinkel aussere ausserer exterieur externe внешнии внешняя альфа",
+        "beta β inner innen innenachse innenwinkel innere innerer interieur interne внутреннии внутренняя бета",
+        "f a acc accel accelerometer acceleration akzelerometer beschl beschleunigung sf ускорение акселерометр",
         "w ω omega gyr gyro gyroscope kreisel drehrate rate omg winkelgeschwindigkeit гироскоп",
     )
 )
 _STEMS = "accelerometer|acceleration|accel|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|f|a|w|ω"
 _POSITION = re.compile(
     r"(pos|position|stellung|lage|messpunkt|punkt|point|rest|позиция|положение)( ?(no|nr|number|nummer|index|id|№))?"
-    r"|no|nr|lfd ?nr|number|nummer|номер"
+    r"|no|nr|n°|lfd ?nr|number|nummer|номер"
 )
 _TIME = re.compile(
     r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|timestamp|x value|elapsed|temps"
-    r"|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время"
+    r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
+    r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время"
 )
+_NAMED_BY_UNIT = {
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "μs", "usec", "micros", "microseconds"), "us"),
+    "seconds": "s",
+}
+"""Names of times that are their units."""
 _DATE = re.compile(r"date|datum|дата")
 _SAMPLE = re.compile(
     r"samples?( ?(no|nr|number|index|count|counter))?|counter|packet ?(counter|no)|index|idx|frame|scan"
@@ -93,11 +102,32 @@ def heading(text: str) -> Heading:
     text = " ".join(text.split())
     if text in (POSITION, *APPROACH, MOUNTING, *QUATERNION, *OWN_UNIT):
         return Heading(text, text, OWN_UNIT.get(text, ""), text)
-    for name, unit in _splits(text):
+    if text.casefold() in _NAMED_BY_UNIT:
+        return Heading(text, text, _NAMED_BY_UNIT[text.casefold()], TIMES)
+    # gyro[0] is numbered, and has no unit 0
+    plain = re.sub(r"\[(\d)\]", r" \1", text)
+    for name, unit in _splits(plain):
         found = of_name(text, name, unit)
         if found.column or found.numbered or unit:
             return found
-    return of_name(text, text, "")
+    return of_name(text, plain, "")
+
+
+def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
+    """Heads of channels that are counted from 0 (gyro0, gyro1, gyro2) as those of channels 1 to 3."""
+    counted: dict[tuple[str, str], dict[int, int]] = {}
+    for place, head in enumerate(headings):
+        found = re.fullmatch(r"(.*?[^\d.,]) ?([0-9])", normal(head.name))
+        if found:
+            counted.setdefault((found[1], head.unit), {})[int(found[2])] = place
+    result = list(headings)
+    for (stem, _), places in counted.items():
+        for number, place in places.items() if 0 in places else ():
+            head = headings[place]
+            # four and more that are counted from 0 are not three channels
+            meant = f"{stem} {number + 1}" if places.keys() == {0, 1, 2} else ""
+            result[place] = replace(of_name(head.text, meant, head.unit), name=head.name)
+    return tuple(result)
 
 
 def of_name(text: str, name: str, unit: str) -> Heading:
@@ -161,9 +191,10 @@ def gyro_of(head: Heading) -> str:
 
 
 def normal(text: str) -> str:
-    """A name in small letters with blanks between its words."""
-    text = unicodedata.normalize("NFKC", text).casefold().replace("ß", "ss")
-    return " ".join(re.sub(r"[_.\-/:\s#]+", " ", text).split())
+    """A name in small letters without accents, with blanks between its words."""
+    text = unicodedata.normalize("NFKD", text.replace("°", "\0")).casefold().replace("ß", "ss").replace("\0", "°")
+    text = "".join(c for c in text if not unicodedata.combining(c))
+    return " ".join(re.sub(r"[_.\-/:\s#%]+", " ", text).split())
 
 
 def column_of(name: str, unit: Unit | None) -> str:

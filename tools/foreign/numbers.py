@@ -28,6 +28,9 @@ _CLOCK = re.compile(r"(\d{1,3}):(\d{1,2})(?::(\d{1,2}(?:[.,:]\d*)?))?\s*(am|pm)?
 _MINUTES = re.compile(r"(\d{1,3}):(\d{1,2}[.,]\d+)")
 _DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})")
 _NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_]{3,9})[. ]+(\d{1,2}),? (\d{4})")
+_WEEKDAY = re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun|mo|di|mi|do|fr|sa|so)[a-z]{0,7}\.?,? +(?=\w)", re.IGNORECASE)
+_COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T ](\d\d)(\d\d)(\d\d(?:[.,]\d+)?)")
+_YEAR_LAST = re.compile(r"([^\W\d_]{3,9}) +(\d{1,2}) +(\S+:\S+) +(\d{4})")
 MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
 ORDERS = {"day-first": (2, 1, 0), "month-first": (2, 0, 1), "year-first": (0, 1, 2)}
 """Where year, month and day stand in a date of three numbers."""
@@ -83,7 +86,10 @@ def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
     plain = text if decimal == "." else text.replace(",", ".") if "." not in text else ""
     if _PLAIN.fullmatch(plain):
         return float(plain)
-    text = text.strip().replace("−", "-")
+    text = re.sub(r"^([+-]) (?=[\d.,])", r"\1", text.strip().replace("−", "-"))
+    if "d" in text or "D" in text:
+        # as Fortran writes exponents
+        text = re.sub(r"(?<=[\d.,])[dD](?=[+-]?\d{1,3}$)", "e", text)
     between = BLANKS + thousands
     if any(mark in text for mark in between):
         whole, mark, rest = text.partition(decimal)
@@ -213,13 +219,20 @@ def orders_of(texts: Iterable[str]) -> list[str]:
     return [order for order in ORDERS if all(day(text, order) is not None for text in texts)]
 
 
+def _spelled(text: str) -> str:
+    """A date and time without a weekday, the date before the time, with marks between their parts."""
+    text = _WEEKDAY.sub("", text.strip(), count=1)
+    text = _YEAR_LAST.sub(r"\2 \1 \4 \3", text)
+    return _COMPACT.sub(r"\1-\2-\3 \4:\5:\6", text)
+
+
 def moment(text: str, order: str, form: str = "") -> float | None:
     """Seconds since the year 2020 began of a date, or of a date and time in one cell; None where it is neither."""
-    text = text.strip()
+    text = _spelled(text)
     at = day(text, order)
     if at is not None:
         return since(at)
-    parts = re.split(r"(?<=\d)[T\s,;]+(?=\d)", text.rstrip("Z"), maxsplit=1) if "T" in text or " " in text else []
+    parts = re.split(r"(?<=\d)[T\s,;]+(?=\d+:)", text.rstrip("Z"), maxsplit=1) if "T" in text or " " in text else []
     if len(parts) == 2:
         on, seconds = day(parts[0], order), clock(parts[1], form)
         if on is not None and seconds is not None:
@@ -240,5 +253,5 @@ def since(on: date) -> float:
 
 def date_of(text: str) -> str | None:
     """The part of a cell that is a date of three numbers or with a month's name; None where there is none."""
-    first = re.split(r"(?<=\d)[T\s,;]+(?=\d)", text.strip(), maxsplit=1)[0]
+    first = re.split(r"(?<=\d)[T\s,;]+(?=\d+:)", _spelled(text), maxsplit=1)[0]
     return first if any(day(first, order) is not None for order in ORDERS) else None

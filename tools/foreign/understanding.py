@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ..records.columns import ANGLES, POSITION, Kind
-from .layout import Layout
+from .layout import COMMENT, Layout
 from .mapping import Mapping, Question
 from .numbers import bare, is_missing, number, sexagesimal
 from .sheet import Sheet
@@ -66,6 +66,12 @@ class Understanding:
         """The first rows of data."""
         last = self.layout.last
         return [row for row in self.layout.looked_at if not last or row[0] <= last]
+
+    @property
+    def is_marked(self) -> bool:
+        """Whether most rows begin with the mark of a comment: then it is none."""
+        rows = [bool(texts) and texts[0].lstrip().startswith(COMMENT) for _, texts in self.looked_at]
+        return 2 * sum(rows) > len(rows)
 
     def value(self, text: str) -> float | None:
         """A number as this file writes it."""

@@ -50,6 +50,7 @@ KNOWN: dict[str, Unit] = {
         cm=(1e-2, "cm/s2 Gal"),
         mm=(1e-3, "mm/s2"),
         mgal=(1e-5, "mGal"),
+        feet=(0.3048, "ft/s2"),
     ),
     **_table(
         RATE,
@@ -103,7 +104,7 @@ _SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]
 def written(text: str) -> str:
     """A unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
     text = unicodedata.normalize("NFKC", text.strip())
-    for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("**", "")):
+    for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
         text = text.replace(old, new)
     text = re.sub(r"\s+", "", text)
     while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "{}", "<>"):
