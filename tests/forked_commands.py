@@ -48,12 +48,16 @@ class Strike:
 
 @dataclass(frozen=True)
 class Done:
-    """What came of a command: exit status (less than 0: the signal that ended it), what it said, what it took."""
+    """What came of a command: exit status (less than 0: the signal that ended it), what it said, what it took.
+
+    `seconds` are by the clock, `cpu_seconds` of the processor.
+    """
 
     status: int
     out: str
     err: str
     seconds: float
+    cpu_seconds: float
     peak_bytes: int
     struck: bool = False
     calls: dict[str, int] = field(default_factory=dict)
@@ -120,7 +124,12 @@ def serve() -> None:
             answers.close()
             _be_the_command(said, scratch)
         status, usage = _waited_for(child, began + said["seconds"])
-        came = {"status": status, "seconds": time.perf_counter() - began, "peak_bytes": usage.ru_maxrss * 1024}
+        came = {
+            "status": status,
+            "seconds": time.perf_counter() - began,
+            "cpu_seconds": usage.ru_utime + usage.ru_stime,
+            "peak_bytes": usage.ru_maxrss * 1024,
+        }
         answers.write(json.dumps(came) + "\n")
         answers.flush()
 

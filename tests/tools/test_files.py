@@ -14,6 +14,7 @@ from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import LARGEST, LARGEST_TEXT, bytes_of, together, whole_folder, write_text
 from trihedron.tools.parquet import MOST_NUMBERS, fault_of_parquet
+from trihedron.tools.records.columns import POSITION
 
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]
@@ -134,6 +135,24 @@ def test_a_small_file_of_too_many_rows_is_refused_before_they_are_unpacked(tmp_p
     assert fault_of_parquet(path.read_bytes()) == said
     assert cli.main(["calibrate", str(path)]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_more_positions_than_a_bench_measures_are_refused_before_they_are_read(
+    ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ["position", "time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"]
+    table = pl.DataFrame({name: pl.repeat(1.0, POSITION.most_rows + 1, eager=True) for name in few})
+    path = tmp_path / f"many.{ending}"
+    table.write_csv(path) if ending == "csv" else table.write_parquet(path)
+    assert cli.main(["calibrate", str(path), "--noise-bound", "1e-5"]) == 2
+    said = f"has {POSITION.most_rows + 1} rows; at most {POSITION.most_rows} are read of a position record"
+    assert capsys.readouterr().err == f"trihedron: {path}: {said}\n"
+    # One row less is read, and refused for what it holds.
+    table = table.head(POSITION.most_rows)
+    table.write_csv(path) if ending == "csv" else table.write_parquet(path)
+    assert cli.main(["calibrate", str(path), "--noise-bound", "1e-5"]) == 2
+    assert "at most" not in capsys.readouterr().err
 
 
 def test_a_sound_parquet_file_has_no_fault(tmp_path: Path) -> None:

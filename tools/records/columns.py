@@ -42,11 +42,12 @@ CORRUPT_FORCE = 1e5
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of record: its name and the columns that it must and may have."""
+    """A kind of record: its name, the columns that it must and may have, and the most rows that are read of it."""
 
     name: str
     required: tuple[str, ...]
     optional: tuple[str, ...]
+    most_rows: int = 20_000_000
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -54,7 +55,9 @@ class Kind:
         return self.required + self.optional
 
 
-POSITION = Kind("position record", ("position", "time_s", *ANGLES, *FORCE), (TEMPERATURE, *APPROACH, MOUNTING))
+POSITION = Kind(
+    "position record", ("position", "time_s", *ANGLES, *FORCE), (TEMPERATURE, *APPROACH, MOUNTING), most_rows=100_000
+)
 RAW = Kind("raw record", ("time_s", *ANGLES, *FORCE), (TEMPERATURE,))
 STRAPDOWN_RATES = Kind("strapdown record", ("time_s", *RATE, *FORCE), (*QUATERNION, TEMPERATURE))
 STRAPDOWN_INCREMENTS = Kind("strapdown record", ("time_s", *INCREMENT, *FORCE), (*QUATERNION, TEMPERATURE))

@@ -243,6 +243,9 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
     layout = recognise(path, names, header_row, kinds)
     if len(body) == 1:
         raise RecordError(path, header_row, None, "no rows follow the header")
+    if len(body) - 1 > layout.kind.most_rows:
+        yield _too_many(path, layout, len(body) - 1)
+        return None
     place = {name: names.index(name) for name in sorted(layout.present, key=names.index)}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
     mounting: list[str] = []
@@ -418,6 +421,11 @@ def _name_fault(text: str, signs: str = "letters, digits and signs") -> str | No
     return None if text.strip().isprintable() else f"{quoted(text)} is not a name; {signs} are needed"
 
 
+def _too_many(path: Path, layout: Layout, rows: int) -> RecordError:
+    most = layout.kind.most_rows
+    return RecordError(path, None, None, f"has {rows} rows; at most {most} are read of a {layout.kind.name}")
+
+
 def _read_parquet(path: Path, data: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
     """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
     wrong = None if trusted else fault_of_parquet(data)
@@ -425,6 +433,9 @@ def _read_parquet(path: Path, data: bytes, kinds: Sequence[Kind], *, trusted: bo
         raise RecordError(path, None, None, wrong)
     try:
         layout: Layout = recognise(path, list(pl.read_parquet_schema(io.BytesIO(data))), None, kinds)
+        rows = pl.scan_parquet(io.BytesIO(data)).select(pl.len()).collect().item()
+        if rows > layout.kind.most_rows:
+            raise _too_many(path, layout, rows)
         frame = pl.read_parquet(io.BytesIO(data), columns=list(layout.present))
     except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as error:
         raise _unreadable(path, str(error)) from error
