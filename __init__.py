@@ -20,7 +20,7 @@ _FUNCTIONS = {
     "library": ("doctor", "export", "hide", "new", "plan", "plan_positions", "run_campaign", "simulate"),
     "measured": (
         *("apply", "attitude_of_record", "calibrate", "check"),
-        *("diagnose", "import_record", "inspect", "read_record"),
+        *("diagnose", "diagnose_together", "import_record", "inspect", "read_record"),
     ),
 }
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))

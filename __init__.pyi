@@ -16,6 +16,7 @@ from .tools.measured import attitude_of_record as attitude_of_record
 from .tools.measured import calibrate as calibrate
 from .tools.measured import check as check
 from .tools.measured import diagnose as diagnose
+from .tools.measured import diagnose_together as diagnose_together
 from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
 from .tools.measured import read_record as read_record

@@ -348,3 +348,75 @@ def diagnose(
             extend=extend,
             progress=progress,
         )
+
+
+def diagnose_together(
+    first: "records.Source",
+    /,
+    *others: "records.Source",
+    shared: Sequence[str] = (),
+    own: Sequence[str] = (),
+    progress: bool = False,
+    **options: Any,
+) -> "diagnosis.Several":
+    """Say what several records of one instrument have in common, and what is of one run alone.
+
+    Each is diagnosed by itself; then all together, with one value for each parameter of the instrument; then the
+    smallest set of effects, of all records or of one, and of parameters that differ in one, with which all stand.
+
+    Parameters
+    ----------
+    first, others : path, DataFrame or record
+        Records of one instrument, all of positions (or raw) or all strapdown, two at least. Files are called by their
+        names, others by their numbers.
+    shared : sequence of str
+        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
+        X16; a star stands for anything; may be repeated.
+    own : sequence of str
+        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
+        misalignment-*; may be repeated.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+    options
+        As of `diagnose`, the same for all records; no hypotheses.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
+    """
+    given = (first, *others)
+    if len(given) < 2:
+        raise InputError("several records are needed, two at least")
+    if options.get("hypotheses"):
+        raise InputError("--hypothesis: is of one record; give one")
+    kinds, channels = (records.PositionRecord, records.StrapdownRecord), options.pop("channels", ())
+    runs = [records.read_record(one, *kinds, channels=channels) for one in given]
+    if len({type(run) for run in runs}) > 1:
+        said = ", ".join(f"{run.path} is a {run.word}" for run in runs)
+        raise InputError(f"{said}: records of a table and of a carried block have no parameters in common")
+    if twice := next(
+        (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
+    ):
+        raise InputError(f"{twice}: is given twice")
+    named = dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
+    with own_effects.with_effects_of(options.pop("effects_from", None)):
+        alone = {label: diagnose(run, **options, progress=progress) for label, run in named.items()}
+        unsure = (
+            {}
+            if options.get("noise_bound") is not None
+            else {
+                label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
+                for label, run in named.items()
+                if isinstance(run, records.PositionRecord) and not records.tells_noise(run)
+            }
+        )
+        digests = {label: run.sha256 for label, run in named.items()}
+        return diagnosis.diagnosed_together(
+            alone, shared=shared, own=own, left_out=unsure, sha256=digests, progress=progress
+        )

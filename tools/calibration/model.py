@@ -322,6 +322,11 @@ def nominal_jacobian(parametrisation: Parametrisation, positions: Positions) -> 
     return reading_jacobian(parametrisation, np.zeros(count), positions).reshape(-1, count)
 
 
+def least_singular(noise_bound: float) -> float:
+    """Directions with a smaller singular value [g] are not determined."""
+    return max(1e-4, noise_bound**0.5)
+
+
 def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     """Orthonormal basis (P, rank) of the directions that measurements determine; the identity when they are all.
 
@@ -331,5 +336,5 @@ def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     """
     missing = max(0, jacobian.shape[1] - len(jacobian))
     _, values, directions = np.linalg.svd(np.pad(jacobian, ((0, missing), (0, 0))), full_matrices=False)
-    kept = values > max(1e-4, noise_bound**0.5)
+    kept = values > least_singular(noise_bound)
     return np.eye(len(directions)) if kept.all() else directions[kept].T

@@ -22,8 +22,9 @@ from ..calibration.exchanged import channels_advice
 from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
-from ..diagnosis import Diagnosis
+from ..diagnosis import Diagnosis, Several
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
+from ..diagnosis.several import SEVERAL
 from ..errors import InputError, nearest
 from ..evidence.carried_checks import downward_warning, wrong_channels
 from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, bytes_of
@@ -68,7 +69,9 @@ SCHEMAS = {
     DIAGNOSIS: "diagnosis",
     FIRST_DIAGNOSIS: "diagnosis",
     "trihedron.plan/1": "plan",
+    SEVERAL: "diagnosis of several records",
 }
+MODELS = {"calibration": Calibration, "diagnosis": Diagnosis, SCHEMAS[SEVERAL]: Several}
 LISTS = ("connections", "stimuli")
 ALIGNED = np.eye(3)
 """The mounting of a block of which nothing is said."""
@@ -290,7 +293,7 @@ def _check_json(found: Findings, text: str) -> None:
         found.add(f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}", ("schema",))
         return
     kind = found.kind = SCHEMAS[schema]
-    model: type[BaseModel] = {"calibration": Calibration, "diagnosis": Diagnosis}.get(kind, PositionPlan)
+    model: type[BaseModel] = MODELS.get(kind, PositionPlan)
     if kind == "plan":
         model = Plans if "plans" in content else Plan if "target" in content else PositionPlan
     try:
@@ -342,6 +345,9 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
         return f"{content['verdict']}{f': {causes}' if causes else ''}"
+    if kind == SCHEMAS[SEVERAL]:
+        causes = "; ".join(cause["title"] for cause in content["causes"])
+        return f"{len(content['records'])} records, {content['verdict']}{f': {causes}' if causes else ''}"
     if "positions" in content:
         return f"{len(content['positions'])} positions for all targets, worst ratio " + upwards(
             content["worst_ratio"], 6

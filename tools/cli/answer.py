@@ -207,6 +207,7 @@ TYPES: dict[str, Any] = {
     "mountings": Annotated[tuple[str, ...], Parameter(consume_multiple=(1, None), show_default=False)],
     "noise_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
     "out": Folder,
+    "own": Annotated[tuple[str, ...], Parameter(name="--own", allow_leading_hyphen=True)],
     "positions": Whole,
     "priors": Annotated[tuple[str, ...], Parameter(name="--prior", allow_leading_hyphen=True)],
     "reference_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
@@ -214,6 +215,7 @@ TYPES: dict[str, Any] = {
     "reserve_deg": Annotated[float, Parameter(name="--reserve", allow_leading_hyphen=True)],
     "resolution_deg": Annotated[float | None, Parameter(name="--resolution", allow_leading_hyphen=True)],
     "seed": Whole,
+    "shared": Annotated[tuple[str, ...], Parameter(name="--shared", allow_leading_hyphen=True)],
     "starts": Whole,
     "targets": Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)],
 }

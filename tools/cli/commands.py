@@ -155,11 +155,11 @@ def apply(
         return answer(text, json, result.to_json())
 
 
-@takes(measured.diagnose)
+@takes(measured.diagnose, measured.diagnose_together)
 def diagnose(
     record: Path,
     /,
-    *,
+    *others: Path,
     json: JsonFile = None,
     report: ReportFile = None,
     export: Annotated[Folder, Parameter(name="--export")] = None,
@@ -171,15 +171,30 @@ def diagnose(
 
     Example: trihedron diagnose positions.csv --noise-bound 1e-5 --effects-from fifth.py
 
+    Example: trihedron diagnose monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json several.json
+
     Parameters
     ----------
+    others
+        Further records of the same instrument: what they say together, and what is the instrument's or one run's.
     export
         Write what was found into this folder, where something is: extended FMUs that start with it, parameter sets
         (.ssv) with values and intervals, and a scenario with which they give the record again. Of hypotheses the first
         that stands.
     """
-    distinct_files({"the record": record, "--json": json, "--report": report})
-
+    named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)}
+    distinct_files({**(named if others else {"the record": record}), "--json": json, "--report": report})
+    asked = {name: options.pop(name, ()) for name in ("shared", "own")}
+    if others:
+        if export is not None:
+            raise InputError(f"--export {export}: is of one record; give one")
+        several = measured.diagnose_together(record, *others, **asked, **options, progress=True)
+        with together():
+            if report is not None:
+                reports.write_report(report, several)
+            return answer(several, json)
+    if wrong := next((name for name, values in asked.items() if values), None):
+        raise InputError(f"--{wrong} {asked[wrong][0]}: is of several records of one instrument; give two or more")
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
     result = measured.diagnose(run, **options, progress=True)

@@ -21,11 +21,12 @@ from ..calibration.calibration import (
     reading_uncertainty,
     repeats,
 )
-from ..calibration.model import Linearisation
+from ..calibration.model import Linearisation, least_singular
+from ..calibration.targets import NAMES
 from ..records import PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
-from .bench_left_out import Linear, trials
+from .bench_left_out import FOLDS, Linear, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
     Cast,
@@ -46,7 +47,7 @@ from .bench_search import (
     with_usual_signs,
 )
 from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
-from .evidence import Channel, Evidence, Trial
+from .evidence import About, Channel, Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
 from .pairs import Pair
@@ -206,6 +207,31 @@ class Bench(Evidence):
         growths = growths_of(Paid.of({place: count}, rate), rate, np.zeros(jacobian.shape[1]))
         return least_radius(jacobian, self.residual, self.bound, growths)[0]
 
+    # What a joint evidence of several records asks
+
+    def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
+        """The exact model of bench and linear effects, linearised there."""
+        model = Cast(tuple(places)).model(self.readings, point, coefficients)
+        assert model is not None
+        return About(self.readings.reading.ravel() - model.reading, model.jacobian, model.bound, model.rate)
+
+    def outlier_at(self, row: int) -> EffectPlace:
+        """A reading that is off, by its row."""
+        return place_of(row // 3 + 1, row % 3 + 1)
+
+    def second_order_at(self, radius: float) -> float:
+        """What the linear model may be wrong by where it misses by so many bounds."""
+        return SECOND_ORDER * radius**2 * float(self.bound.min())
+
+    @property
+    def least_singular(self) -> float:
+        """As of the calibration: below, noise moves parameters so far that the second order counts."""
+        return least_singular(self.stated_bound) / self.stated_bound
+
+    def fold_of_rows(self) -> NDArray[np.int_]:
+        """Every fifth position is left out together."""
+        return np.repeat(np.arange(len(self.readings)) % FOLDS, 3)
+
     # What the readings do not tell
 
     def room(self, fit: Fit) -> float:
@@ -338,7 +364,7 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
     here, circumstances = nominal.linearised, circumstances_of(record)
     if nominal.verdict == "falsified":
         here = with_usual_signs(here, circumstances, nominal.noise_bound, asked.bounds)
-    names = tuple((symbol, "") for symbol in here.symbols)
+    names = tuple((symbol, NAMES[symbol.partition("@")[0]][1]) for symbol in here.symbols)
     readings = Readings.of(here, circumstances, record.written_to(asked.gravity))
     # Every effect that is not in the baseline's model, and of which nothing is missing in the record.
     known = [

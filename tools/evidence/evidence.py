@@ -127,6 +127,19 @@ class ReadOff:
     objection: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class About:
+    """Rows about parameters and coefficients: errors (M,), derivatives (M, P + K), bounds (M,) of the errors.
+
+    By `rate` (M, P + K) the bounds grow per unit of a coefficient's size, where the record leaves open what it does.
+    """
+
+    residual: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    rate: NDArray[np.float64]
+
+
 Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -357,6 +370,36 @@ class Evidence:
         for place in self.seen:
             if place not in fit.places:
                 yield place, self.columns_of([place])
+
+    # What a joint evidence of several records asks of each
+
+    @property
+    def linear_places(self) -> list[EffectPlace]:
+        """Effects that are linear in their coefficients."""
+        return list(self.places)
+
+    def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
+        """The rows about parameters (P,) and coefficients (K,) of some effects."""
+        matrix = self.matrix(places)
+        step = np.concatenate([point - self.point, coefficients])
+        return About(self.residual - matrix @ step, matrix, self.bound, np.zeros_like(matrix))
+
+    def outlier_at(self, row: int) -> EffectPlace | None:
+        """What a reading that is off is called; None where a row is no reading."""
+        return None
+
+    def second_order_at(self, radius: float) -> float:
+        """What the linear model may be wrong by, in units of the bounds, where it misses by so many of them."""
+        return 0.0
+
+    @property
+    def least_singular(self) -> float:
+        """Directions of the parameters with a smaller singular value, in units of the bounds, are not determined."""
+        return 0.0
+
+    def fold_of_rows(self) -> NDArray[np.int_]:
+        """The part (M,) of the record that each row is left out with."""
+        return self.of_rows(self.folds())
 
     def room(self, fit: Fit) -> float:
         """What a record that is written in digits adds to the bounds of a fit."""

@@ -73,6 +73,12 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
     return found if found.value > 0.0 else None
 
 
+def tells_noise(record: PositionRecord) -> bool:
+    """Whether the record bounds the noise so that errors that hold over a rest show in the bound."""
+    found = noise_bound_from(record)
+    return found is not None and found.complete
+
+
 def uniform_range_quantile(counts: np.ndarray, probability: float) -> float:
     """Quantile of the largest of several half ranges, each of `counts` errors uniform in [-1, 1].
 

@@ -38,6 +38,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "PositionPlan": ("plan", "position_lines", None),
     "PublishedCalibration": ("papers", "published_lines", None),
     "Reproduction": ("papers", "reproduction_lines", None),
+    "Several": ("several", "lines", "page"),
     "SettingCheck": ("plan", "setting_lines", None),
     "Simulation": ("makers", "simulation_lines", None),
     "Suite": ("campaign", "suite_lines", "suite_page"),

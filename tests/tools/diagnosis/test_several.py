@@ -1,0 +1,150 @@
+"""Several records of one instrument: what is the instrument's, what is a run's, what each alone cannot tell."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from instrument_records import of_one_instrument
+from simulated_bench import random_bench, simulated
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.check import check
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis.several import Several, labels_of
+from trihedron.tools.records import write_record
+
+SIGMA = 1e-5
+QUADRATIC, CUBIC = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("cubic", "accelerometer-1")
+
+
+@pytest.fixture(scope="module")
+def found() -> Several:
+    """Three records: a quadratic term in all, a cubic one in the second alone."""
+    records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))], own={1: [(CUBIC, (4e-4,))]})
+    return th.diagnose_together(*records, noise_bound=SIGMA)
+
+
+def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(found):
+    assert found.verdict == "explained"
+    assert [(c.title, c.of, c.record) for c in found.causes] == [
+        ("quadratic accelerometer-2", "instrument", None),
+        ("cubic accelerometer-1 in record-2", "run", "record-2"),
+    ]
+    assert found.instrument == "yes"
+    assert found.runs == {"record-1": "no", "record-2": "yes", "record-3": "no"}
+    for cause in found.causes:
+        (size,) = cause.parameters
+        assert size.low is not None
+        assert size.high is not None
+        assert 0.0 < size.low < 4e-4 < size.high
+
+
+def test_together_they_tell_a_shared_effect_better_than_each_alone(found):
+    """The joint interval is inside that of every record: all of them hold the truth."""
+    (size,) = found.causes[0].parameters
+    (again,) = [one for one in found.repeatability if one.name == "quadratic accelerometer-2: coefficient"]
+    assert again.of == "instrument"
+    assert again.at_least == 0.0
+    for record in again.records:
+        assert record.low is not None
+        assert record.high is not None
+        assert size.low is not None
+        assert size.high is not None
+        assert record.low <= size.low <= size.high <= record.high
+
+
+def test_repeatability_of_the_days_parameters_is_surely_a_change(found):
+    """Biases differ from day to day by design, scale factors do not."""
+    known = {one.name: one for one in found.repeatability}
+    assert min(known[symbol].at_least for symbol in ("X16", "X17", "X18")) > 1e-3
+    assert {known[symbol].at_least for symbol in ("X4", "X5", "X9", "X10", "X14", "X15")} == {0.0}
+
+
+def test_records_without_a_secret_need_nothing():
+    clean = th.diagnose_together(*of_one_instrument(21, positions=(20, 20)), noise_bound=SIGMA)
+    assert clean.verdict == "consistent"
+    assert clean.causes == ()
+    assert clean.radius is not None
+    assert clean.radius < 1.0
+    assert len(clean.parameters) == 9
+
+
+def test_three_that_are_each_insufficient_end_together_in_a_verdict():
+    """Six positions do not determine eighteen parameters; three days of six determine the shared nine and their own."""
+    clean = th.diagnose_together(*of_one_instrument(17, positions=(6, 6)), noise_bound=SIGMA)
+    wrong = th.diagnose_together(
+        *of_one_instrument(17, positions=(6, 6), shared=[(QUADRATIC, (2e-3,))]), noise_bound=SIGMA
+    )
+    for result in (clean, wrong):
+        assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
+        assert "each by itself is insufficient, together they are not" in str(result)
+    assert clean.verdict == "consistent"
+    assert wrong.verdict == "explained"
+    assert [cause.title for cause in wrong.causes] == [QUADRATIC.title]
+
+
+def test_too_few_positions_stay_insufficient_whatever_they_would_fit():
+    few = th.diagnose_together(*of_one_instrument(16, positions=(5, 5)), noise_bound=SIGMA)
+    assert few.verdict == "insufficient"
+    assert "X4" in few.missing
+
+
+def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect():
+    rng = np.random.default_rng(4)
+    benches = [random_bench(rng)] * 3
+    benches[2] = benches[2] + 0.0
+    # Scale factors of the first accelerometer, both signs.
+    benches[2][[9, 12]] += 3e-4
+    made = [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches]
+    result = th.diagnose_together(*made, noise_bound=SIGMA)
+    assert result.verdict in ("explained", "ambiguous")
+    assert result.runs["record-3"] == "yes"
+    assert result.instrument == "no"
+    known = {one.name: one for one in result.repeatability}
+    assert known["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
+
+
+def test_a_record_that_nothing_mends_is_left_out_and_said():
+    records = of_one_instrument(21, positions=(20, 20))
+    rng = np.random.default_rng(0)
+    broken = records[1].specific_force + 0.02 * rng.normal(size=records[1].specific_force.shape)
+    records[1] = replace(records[1], specific_force=broken)
+    result = th.diagnose_together(*records, noise_bound=SIGMA)
+    assert result.judged == ("record-1", "record-3")
+    assert (result.records[1].left_out or "").startswith("unexplained by itself: ")
+    assert result.verdict == "consistent"
+
+
+def test_files_are_called_by_their_names():
+    assert labels_of([Path("a/monday.csv"), Path("tuesday.positions.csv")]) == ["monday", "tuesday"]
+    assert labels_of([Path("a/run.csv"), Path("b/run.csv"), Path("c.csv")]) == ["run-1", "run-2", "c"]
+
+
+def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsys):
+    names = ("monday", "tuesday")
+    for name, record in zip(names, of_one_instrument(21, 2, positions=(20, 20)), strict=True):
+        write_record(record, tmp_path / f"{name}.csv")
+    files = [str(tmp_path / f"{name}.csv") for name in names]
+    out, page = tmp_path / "several.json", tmp_path / "several.html"
+    assert main(["diagnose", *files, "--noise-bound", "1e-5", "--json", str(out), "--report", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("consistent: one value for each parameter of the instrument does for all")
+    assert "monday by itself: consistent" in said
+    again = Several.model_validate_json(out.read_text(encoding="utf-8"))
+    assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
+    assert check(out).summary == ("2 records, consistent",)
+    shown = page.read_text(encoding="utf-8")
+    assert "Repeatability" in shown
+    assert "<svg " in shown
+    for wrong, why in (
+        ([files[0], files[0]], "is record 1 too"),
+        ([files[0], "--shared", "X16"], "--shared X16: is of several records of one instrument"),
+        ([*files, "--export", str(tmp_path / "out")], "is of one record"),
+        ([*files, "--hypothesis", "f2 += c*n1"], "--hypothesis: is of one record"),
+        ([*files, "--own", "X99"], "--own X99: no parameter of these records"),
+    ):
+        assert main(["diagnose", *wrong, "--noise-bound", "1e-5"]) == 2
+        assert why in capsys.readouterr().err

@@ -1,0 +1,93 @@
+"""Several records as one evidence: halves of a record say together what the whole says, shared or not."""
+
+import numpy as np
+import pytest
+
+from instrument_records import of_one_instrument
+from simulated_bench import random_bench, simulated
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.joint import Differs, in_record, is_of_instrument, join
+
+SIGMA = 1e-5
+ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
+CUBIC = EffectPlace("cubic", "accelerometer-3")
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """A record of 40 positions, with an effect on an encoder that is large: its second order counts."""
+    (record,) = of_one_instrument(3, 1, positions=(40, 40), shared=[(ENCODER, (3e-3, 0.4))])
+    return record
+
+
+@pytest.fixture(scope="module")
+def halves(whole):
+    rows = np.arange(len(whole))
+    parts = {"even": rows[::2], "odd": rows[1::2]}
+    return {label: bench_evidence(whole.selected(own), noise_bound=SIGMA) for label, own in parts.items()}
+
+
+def test_halves_that_share_everything_are_the_whole_record(whole, halves):
+    """To the exact model: fits, radius and intervals, without an effect and with one beyond its first order."""
+    one, both = bench_evidence(whole, noise_bound=SIGMA), join(halves, shared=["*"])
+    assert both.names == one.names
+    assert both.baseline.radius == pytest.approx(one.refit(()).radius, rel=1e-6)
+    whole_fit, joint_fit = one.refit([ENCODER]), both.refit([ENCODER])
+    assert joint_fit.radius == pytest.approx(whole_fit.radius, rel=1e-6)
+    assert joint_fit.radius < 1.0 < one.baseline_radius
+    np.testing.assert_allclose(joint_fit.ends(), whole_fit.ends(), rtol=1e-6, atol=1e-10)
+
+
+def test_halves_that_share_nothing_are_two_records(halves):
+    """The radius of both is the larger of the two, and an interval is that of its own record."""
+    apart = join(halves, own=["*"])
+    assert apart.shared == ()
+    fits = {label: one.refit([ENCODER]) for label, one in halves.items()}
+    of_each = [in_record(ENCODER, label) for label in halves]
+    together = apart.refit(of_each)
+    assert together.radius == pytest.approx(max(fit.radius for fit in fits.values()), rel=1e-6)
+    ends = {name: pair for (name, _), pair in zip(apart.names, together.ends(), strict=True)}
+    for label, fit in fits.items():
+        for symbol, pair in zip(halves[label].here.symbols, fit.ends(), strict=True):
+            np.testing.assert_allclose(ends[f"{symbol} in {label}"], pair, rtol=1e-6, atol=1e-10)
+
+
+def test_what_is_the_instruments_by_default_and_by_what_is_asked():
+    assert all(map(is_of_instrument, ("X4", "X15", "X6+X8", "accelerometer gamma_21", "gyro gamma_33")))
+    assert not any(map(is_of_instrument, ("X1", "X8@north", "X16", "accelerometer bias_1", "gyro bias_2")))
+    assert is_of_instrument("X16", shared=["bias-*"])
+    assert not is_of_instrument("X6+X8", own=["misalignment-*"])
+
+
+def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_differs():
+    rng = np.random.default_rng(8)
+    bench = random_bench(rng)
+    other = bench + 0.0
+    other[9] += 4e-4
+    made = {
+        "first": simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))),
+        "second": simulated(other, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))),
+    }
+    both = join({label: bench_evidence(record, noise_bound=SIGMA) for label, record in made.items()})
+    assert both.falsified
+    place = Differs("parameter", "X4", record="second", unit="1")
+    assert place in both.every_place
+    fit = both.refit([place])
+    assert fit.radius <= both.limit
+    ((low, high),) = fit.intervals()[0]
+    assert low < 4e-4 < high
+    # Of two records it is not told which one differs.
+    assert both.classes.equivalents(place) == (Differs("parameter", "X4", record="first", unit="1"),) or any(
+        isinstance(other, Differs) for other in both.classes.whole_class(place)
+    )
+
+
+def test_names_that_no_record_has_and_that_cannot_be_both_are_refused(halves):
+    with pytest.raises(InputError, match=r"^--shared X44: no parameter of these records; "):
+        join(halves, shared=["X44"])
+    with pytest.raises(InputError, match=r"^--own bais-1: no parameter of these records; .*bias-1"):
+        join(halves, own=["bais-1"])
+    with pytest.raises(InputError, match=r"^--shared and --own: X16 cannot be both"):
+        join(halves, shared=["bias-*"], own=["X16"])

@@ -1,0 +1,455 @@
+"""Several records of one instrument: what they say together, and what is the instrument's or the run's."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ...models.effects import EffectPlace
+from ..bounded.programmes import SolverError
+from ..bounded.sets import CutOff, Work
+from ..errors import InputError
+from ..evidence.fit import Fit
+from ..evidence.joint import Differs, InRecord, Joint, Mended, in_record, is_of_instrument, join, plain
+from ..result import Result, Told, finite_or_none
+from .cause import Cause, Finding, NamedEffect, Number, SizedParameter
+from .procedure import centred, judgement_of
+from .result import Diagnosis, EffectWitness
+from .search import MOST_WORK, Found, equivalence_groups, search
+
+SEVERAL = "trihedron.several/1"
+MOST_TRIED = 4
+"""So many sets of one record that are not sought in several are tried beside the others."""
+Open = Literal["yes", "no", "open"]
+
+
+class OneRecord(Result):
+    """A record by itself: its label, its file's SHA-256, its diagnosis, and why it is not judged with the others."""
+
+    record: str
+    sha256: str
+    left_out: str | None
+    diagnosis: Diagnosis
+
+
+class JointCause(Result):
+    """Something with which the records stand together.
+
+    `of` is "instrument": one value for all records, or "run": of the one `record` alone. It is an `effect`, or a shared
+    `parameter`, by its symbol, that has another value there. `equivalents`: what these records cannot tell from it.
+    """
+
+    title: str
+    of: Literal["instrument", "run"]
+    record: str | None
+    effect: NamedEffect | None
+    parameter: str | None
+    equivalents: tuple[str, ...]
+    parameters: tuple[SizedParameter, ...]
+
+
+class InOneRecord(Result):
+    """What one record leaves possible of a parameter; None where it does not bound it, or no model stands."""
+
+    record: str
+    estimate: Number | None
+    low: Number | None
+    high: Number | None
+
+
+class Repeated(Result):
+    """A parameter, of the instrument or of an effect, from record to record, each by itself.
+
+    Between two of the records it changes by `at_least` surely; over those with which a model stands by `at_most`, None
+    where one leaves it open.
+    """
+
+    name: str
+    unit: str
+    of: Literal["instrument", "run"]
+    records: tuple[InOneRecord, ...]
+    at_least: Number
+    at_most: Number | None
+
+
+class Several(Told):
+    """What several records of one instrument say together.
+
+    Attributes
+    ----------
+    verdict : str
+        "consistent": one set of shared parameters does for all; "explained", "ambiguous": one set of causes does, or
+        several; "unexplained": none; "insufficient": shared parameters stay open, or fewer than two can be judged
+    records : tuple of OneRecord
+        each by itself
+    shared, own : tuple of str
+        parameters with one value for all records, and those of each record
+    radius : float or None
+        of the model with shared parameters and no effects, over all records that are judged together
+    instrument : str or None
+        whether every smallest set holds something that acts in all records alike: "yes", "no", or "open"
+    runs : dict
+        of each record whether every set holds something of that record alone
+    causes, alternatives : tuple of JointCause, tuple of such
+        the smallest set with which all records stand, and the others
+    repeatability : tuple of Repeated
+    missing : tuple of str
+        parameters that the records leave open together
+    """
+
+    schema_: Literal["trihedron.several/1"] = Field(default=SEVERAL, alias="schema")
+    verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
+    records: tuple[OneRecord, ...]
+    shared: tuple[str, ...] = ()
+    own: tuple[str, ...] = ()
+    radius: Number | None = None
+    radius_with_causes: Number | None = None
+    instrument: Open | None = None
+    runs: Mapping[str, Open] = Field(default_factory=dict)
+    causes: tuple[JointCause, ...] = ()
+    alternatives: tuple[tuple[JointCause, ...], ...] = ()
+    complete: bool | None = None
+    witnesses: tuple[EffectWitness, ...] = ()
+    parameters: tuple[SizedParameter, ...] = ()
+    repeatability: tuple[Repeated, ...] = ()
+    missing: tuple[str, ...] = ()
+    not_named: tuple[str, ...] = ()
+    not_searched: tuple[str, ...] = ()
+    caution: tuple[str, ...] = ()
+
+    joint: Any = Field(default=None, exclude=True)
+    findings: tuple[Any, ...] = Field(default=(), exclude=True)
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """Labels of the records that are judged together."""
+        return tuple(one.record for one in self.records if one.left_out is None)
+
+
+def labels_of(paths: Sequence[Path]) -> list[str]:
+    """What records are called: by the names of their files without ending, or, where two are alike, by number too."""
+    names = [path.name.split(".")[0] or path.name for path in paths]
+    return [f"{name}-{k}" if names.count(name) > 1 else name for k, name in enumerate(names, start=1)]
+
+
+def diagnosed_together(
+    alone: Mapping[str, Diagnosis],
+    *,
+    shared: Sequence[str] = (),
+    own: Sequence[str] = (),
+    left_out: Mapping[str, str] | None = None,
+    sha256: Mapping[str, str] | None = None,
+    progress: bool = False,
+    most_work: float = MOST_WORK,
+) -> Several:
+    """What records that were diagnosed each by itself, with their evidence, say together.
+
+    `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
+    `most_work` is that of the search. An InputError for a name of a parameter that there is not.
+    """
+    reasons = {label: (left_out or {}).get(label) or reason_apart(result) for label, result in alone.items()}
+    joint = _joined(alone, reasons, shared, own)
+    told: dict[str, Any] = {
+        "records": [
+            OneRecord(record=label, sha256=(sha256 or {}).get(label, ""), left_out=reasons[label], diagnosis=result)
+            for label, result in alone.items()
+        ]
+    }
+    if joint is None:
+        told["repeatability"] = repeated(alone, None, (), shared, own)
+        return Several(verdict="insufficient", not_named=("fewer than two records can be judged together",), **told)
+    try:
+        return _judged(joint, alone, told, (shared, own), progress=progress, most_work=most_work)
+    except SolverError as error:
+        raise InputError(f"{', '.join(joint.labels)}: {error}; {joint.too_large}") from error
+
+
+def reason_apart(result: Diagnosis) -> str | None:
+    """Why a record is not judged with the others; None where it is."""
+    evidence = result.evidence
+    if not evidence.names and not evidence.parts:
+        return "nothing can be run: " + "; ".join(map(str, result.missing or ()))
+    if result.verdict == "unexplained":
+        return f"unexplained by itself: {(result.not_named or ('no set of effects mends it',))[0]}"
+    if evidence.read_off:
+        return _not_sought(evidence.read_off[0].place.title)
+    return None
+
+
+def _not_sought(title: str) -> str:
+    return f"by itself {title} mends it, which is not sought in several records together"
+
+
+def _joined(
+    alone: Mapping[str, Diagnosis], reasons: dict[str, str | None], shared: Sequence[str], own: Sequence[str]
+) -> Joint | None:
+    """The records that can be judged together, two at least; to the reasons are added those of others."""
+    while True:
+        members = {label: result.evidence for label, result in alone.items() if reasons[label] is None}
+        if len(members) < 2:
+            return None
+        joint, before = join(members, shared, own), len(members)
+        for label, known in zip(joint.labels, joint.searched, strict=True):
+            findings = alone[label].findings
+            if findings and all(_unsought(finding.fit, known) for finding in findings):
+                reasons[label] = _not_sought(findings[0].title)
+        if before == sum(reason is None for reason in reasons.values()):
+            return joint
+
+
+def _unsought(fit: Fit, known: Sequence[EffectPlace]) -> bool:
+    """Whether a set has an effect that is not sought in several records together."""
+    return any(place not in known and place.effect != "outlier" for place in fit.places)
+
+
+def _judged(
+    joint: Joint,
+    alone: Mapping[str, Diagnosis],
+    told: dict[str, Any],
+    asked: tuple[Sequence[str], Sequence[str]],
+    *,
+    progress: bool,
+    most_work: float,
+) -> Several:
+    """The verdict on records that can be judged together."""
+    told |= {
+        "joint": joint,
+        "shared": joint.shared,
+        "own": tuple(dict.fromkeys(n for m in joint.members for n, _ in m.names if n not in joint.shared)),
+        "radius": joint.baseline_radius,
+        "not_searched": joint.not_searched,
+    }
+    missing, few = joint.left_open, len(joint.residual) <= np.linalg.matrix_rank(joint.nominal)
+    if missing or few:
+        said = ("no more readings than parameters: nothing could be falsified",) if few else ()
+        return Several(verdict="insufficient", missing=missing, not_named=said, **told)
+    if not joint.falsified:
+        parameters = _shared_parameters(joint, centred(joint, joint.baseline))
+        again = repeated(alone, joint, (), *asked)
+        return Several(verdict="consistent", parameters=parameters, repeatability=again, **told)
+    found = search(joint, progress=progress, most_work=most_work)
+    groups = equivalence_groups(joint, found.fits)
+    tried = [_finding(joint, group) for group in groups]
+    findings = [finding for finding in tried if finding.acts]
+    idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
+    told |= {"findings": tuple(findings), "complete": found.complete}
+    if not findings:
+        said = idle or (_nothing(found),)
+        return Several(verdict="unexplained", not_named=said, repeatability=repeated(alone, joint, (), *asked), **told)
+    best = findings[0]
+    told |= {
+        "radius_with_causes": best.fit.radius,
+        "repeatability": repeated(alone, joint, best.fit.places, *asked),
+        "caution": _cautions(alone, joint, best),
+    }
+    sets = [_causes(joint, finding) for finding in findings]
+    sets += _with_unsought(joint, alone, asked, len(best.fit.places))
+    told |= _owners(joint, sets)
+    if len(sets) > 1 or not found.complete or told["caution"]:
+        return Several(verdict="ambiguous", causes=sets[0], alternatives=tuple(sets[1:]), not_named=idle, **told)
+    heard = judgement_of(joint, best.fit)
+    assert isinstance(heard, list)
+    told |= {"witnesses": tuple(heard)}
+    if objections := tuple(text for witness in heard for text in witness.objections):
+        return Several(verdict="unexplained", not_named=objections, **(told | {"instrument": None, "runs": {}}))
+    return Several(
+        verdict="explained", causes=sets[0], parameters=_shared_parameters(joint, best.fit), not_named=idle, **told
+    )
+
+
+def _nothing(found: Found) -> str:
+    if found.complete:
+        return (
+            "no set of up to three effects, of all records or of one, and of parameters that differ in one, mends them"
+        )
+    return f"the search was cut off among sets of {found.size}, and none of those that were tried mends them"
+
+
+def _owners(joint: Joint, sets: Sequence[Sequence[JointCause]]) -> dict[str, Any]:
+    """Keys that say whose what was found is, whichever set is true."""
+    runs = {label: _told_by([any(c.record == label for c in causes) for causes in sets]) for label in joint.labels}
+    return {"instrument": _told_by([any(c.of == "instrument" for c in causes) for causes in sets]), "runs": runs}
+
+
+def _with_unsought(
+    joint: Joint, alone: Mapping[str, Diagnosis], asked: tuple[Sequence[str], Sequence[str]], size: int
+) -> list[tuple[JointCause, ...]]:
+    """Sets, no larger, with one that mends a record by itself and is not sought in several.
+
+    Each is tried as it acts there, beside sets that are sought.
+    """
+    found = []
+    for label, known in zip(joint.labels, joint.searched, strict=True):
+        tried = [f for f in alone[label].findings if _unsought(f.fit, known) and len(f.fit.places) <= size]
+        for finding in tried[:MOST_TRIED]:
+            members = dict(zip(joint.labels, joint.members, strict=True))
+            beside = join(members | {label: Mended.of(members[label], finding.fit)}, *asked)
+            causes = tuple(_cause(in_record(c.place, label), c.parameters, ()) for c in finding.causes)
+            if not beside.falsified:
+                found.append(causes)
+                continue
+            for more in range(1, size - len(finding.fit.places) + 1):
+                try:
+                    candidates = beside.candidates(more, Work(MOST_WORK))
+                    fit = next((fits[0] for places in candidates if (fits := beside.mended(places, Work()))), None)
+                except CutOff:
+                    # What was not refuted stays a rival.
+                    found.append(causes)
+                    break
+                if fit is not None:
+                    found.append((*causes, *_causes(beside, Finding(_intervals(beside, fit), fit))))
+                    break
+    return found
+
+
+def _told_by(sets: Sequence[bool]) -> Open:
+    return "yes" if all(sets) else "open" if any(sets) else "no"
+
+
+def _finding(joint: Joint, group: Sequence[Fit]) -> Finding:
+    """The first of a group of sets none of whose effects may be zero; where each has one that may, the first."""
+    found = [Finding(_intervals(joint, fit), fit) for fit in (centred(joint, fit) for fit in group)]
+    return next((finding for finding in found if finding.acts), found[0])
+
+
+def _intervals(joint: Joint, fit: Fit) -> tuple[Cause, ...]:
+    """What is stated of each effect of a fit, inside what the records leave possible."""
+    causes = []
+    for place, values, possible in zip(
+        fit.places, fit.values(), fit.intervals(joint.room(fit), joint.most_rows), strict=True
+    ):
+        ends = joint.told(place, possible)
+        parameters = place.definition.parameters
+        stated = [
+            value - 2.0 * np.pi * round((value - 0.5 * (low + high)) / (2.0 * np.pi))
+            if parameter.name.endswith("phase") and np.isfinite((low, high)).all()
+            else min(max(value, low), high)
+            for parameter, value, (low, high) in zip(parameters, values, ends, strict=True)
+        ]
+        causes.append(Cause.found(joint.named(place), (), stated, ends))
+    return tuple(causes)
+
+
+def _causes(joint: Joint, finding: Finding) -> tuple[JointCause, ...]:
+    """A set of effects as it is published."""
+    return tuple(
+        _cause(joint.named(place), cause.parameters, joint.classes.equivalents(place))
+        for place, cause in zip(finding.fit.places, finding.causes, strict=True)
+    )
+
+
+def _cause(place: EffectPlace, parameters: Sequence[SizedParameter], same: Sequence[EffectPlace]) -> JointCause:
+    """An effect with whose it is."""
+    differs, alone = isinstance(place, Differs), isinstance(place, InRecord)
+    return JointCause(
+        title=place.title,
+        of="run" if alone else "instrument",
+        record=place.record if isinstance(place, InRecord) else None,
+        effect=None if differs else NamedEffect.of(plain(place)),
+        parameter=place.where if differs else None,
+        equivalents=tuple(other.title for other in same),
+        parameters=tuple(parameters),
+    )
+
+
+def _cautions(alone: Mapping[str, Diagnosis], joint: Joint, best: Finding) -> tuple[str, ...]:
+    """What a record by itself says against the only set of the catalogue: a function in no catalogue is as simple."""
+    said = []
+    for label in joint.labels:
+        result = alone[label]
+        acts = any(not isinstance(p, InRecord) or p.record == label for p in best.fit.places)
+        if acts and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False:
+            said += [f"{label}: {text}" for text in result.caution]
+    return tuple(said)
+
+
+def _shared_parameters(joint: Joint, fit: Fit) -> tuple[SizedParameter, ...]:
+    """Estimates and intervals of the shared parameters."""
+    ends = fit.ends(joint.room(fit), joint.most_rows)
+    return tuple(
+        SizedParameter(name=name, unit=unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
+        for (name, unit), value, (low, high) in zip(joint.names, fit.estimate, ends, strict=False)
+        if name in joint.shared
+    )
+
+
+def repeated(
+    alone: Mapping[str, Diagnosis],
+    joint: Joint | None,
+    places: Sequence[Any],
+    shared: Sequence[str],
+    own: Sequence[str],
+) -> tuple[Repeated, ...]:
+    """Parameters of the model and of shared effects from record to record, each record by itself.
+
+    With the effects of `places` that act in it where it is judged with the others and stands with them, else with what
+    explains it by itself, or with none.
+    """
+    values: dict[tuple[str, str], dict[str, tuple[float, float, float]]] = {}
+    for label, result in alone.items():
+        fit = _standing(label, result, joint, places)
+        for name, unit in getattr(result.evidence, "names", ()):
+            values.setdefault((name, unit), {})
+        if fit is None:
+            continue
+        evidence = result.evidence
+        ends = fit.ends(evidence.room(fit), evidence.most_rows)
+        for name, value, (low, high) in zip(evidence.names, fit.estimate, ends, strict=False):
+            values[name][label] = (float(value), float(low), float(high))
+        intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
+        for place, sizes, possible in zip(fit.places, fit.values(), intervals, strict=True):
+            if place not in places:
+                continue
+            for parameter, size, (low, high) in zip(
+                place.definition.parameters, sizes, evidence.told(place, possible), strict=True
+            ):
+                key = (f"{place.title}: {parameter.name}", parameter.unit)
+                values.setdefault(key, {})[label] = (size, low, high)
+    return tuple(
+        _repeated(
+            key, found, tuple(alone), "instrument" if ": " in key[0] or is_of_instrument(key[0], shared, own) else "run"
+        )
+        for key, found in values.items()
+    )
+
+
+def _repeated(
+    key: tuple[str, str],
+    found: Mapping[str, tuple[float, float, float]],
+    labels: Sequence[str],
+    of: Literal["instrument", "run"],
+) -> Repeated:
+    nothing = (math.nan, -math.inf, math.inf)
+    rows = {label: found.get(label, nothing) for label in labels}
+    lows, highs = ([row[k] for row in rows.values()] for k in (1, 2))
+    records = tuple(
+        InOneRecord(
+            record=label,
+            estimate=None if math.isinf(low) or math.isinf(high) else value,
+            low=finite_or_none(low),
+            high=finite_or_none(high),
+        )
+        for label, (value, low, high) in rows.items()
+    )
+    least = max(0.0, max(lows) - min(highs))
+    most = max((found[label][2] for label in found), default=math.inf) - min(
+        (v[1] for v in found.values()), default=0.0
+    )
+    return Repeated(name=key[0], unit=key[1], of=of, records=records, at_least=least, at_most=finite_or_none(most))
+
+
+def _standing(label: str, result: Diagnosis, joint: Joint | None, places: Sequence[Any]) -> Fit | None:
+    """The model with which a record stands by itself; None where none does, or several."""
+    evidence = result.evidence
+    if joint is not None and label in joint.labels:
+        fit = joint.alone_with(joint.labels.index(label), places)
+        if fit.radius <= evidence.limit:
+            return centred(evidence, fit)
+    if result.verdict == "explained":
+        return result.findings[0].fit
+    if result.verdict == "consistent":
+        return centred(evidence, evidence.baseline)
+    return None

@@ -1,0 +1,563 @@
+"""Several records of one instrument as one evidence: what they share has one value, all else is each record's own.
+
+Parameters of the instrument are shared, those of the day, the mounting and the table are each record's own. Effects may
+act in all records with one value, or in one alone; a shared parameter may differ in one. The rows are those of the
+records, one below the other.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ...models.effects.definition import Effect, EffectParameter
+from ..bounded.programmes import Interval, chebyshev_radius, same_space, spaces_beyond
+from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
+from ..calibration.targets import NAMES
+from ..errors import InputError, nearest
+from ..motion.norm import LARGEST
+from .bench_model import (
+    ATTAINED,
+    CONVERGED,
+    LARGEST_OF_BENCH,
+    MAX_ITERATIONS,
+    MAX_LEVERAGE,
+    MAX_MOVES,
+    Paid,
+    growths_of,
+    least_radius,
+    predicted_errors,
+    with_possible_sizes,
+)
+from .evidence import About, Evidence, Trial
+from .fit import Classes, Fit, blocks_of, coefficient_count, estimated
+
+OF_INSTRUMENT = (
+    *("X4", "X5", "X9", "X10", "X14", "X15", "X6+X8", "X7+X12", "X11+X13"),
+    *("accelerometer gamma_*", "gyro gamma_*"),
+)
+"""Parameters that are the instrument's by default: scale factors and misalignments. Biases are the day's, mounting and
+angles of the table each record's own. A star stands for anything."""
+OPEN = 0.01
+"""An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
+LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
+"""What the linear model of a search may be wrong by, in bounds: at least, and at most."""
+LEAST_PART = 1e-3
+"""A parameter with so small a part in what is not determined is determined."""
+ALIKE = 1e-6
+"""Spaces whose parts of a given vector differ more are not the same."""
+SHUFFLES = 20
+
+
+@dataclass(frozen=True)
+class InRecord(EffectPlace):
+    """An effect that acts in one of several records alone."""
+
+    record: str = ""
+
+    @property
+    def title(self) -> str:
+        """In words, with the record."""
+        return f"{super().title} in {self.record}"
+
+
+@dataclass(frozen=True)
+class Differs(InRecord):
+    """A shared parameter, `where`, that has a value of its own in one record."""
+
+    unit: str = ""
+
+    @property
+    def definition(self) -> Effect:
+        """One number: by how much the parameter is larger there than in the others."""
+        said = "by how much the parameter is larger there"
+        parameter = EffectParameter("difference", self.unit, said, LARGEST_OF_BENCH)
+        return Effect(self.effect, (), (parameter,), lambda place, _: place.title)
+
+    @property
+    def title(self) -> str:
+        """In words."""
+        return f"{self.where} differs in {self.record}"
+
+
+def plain(place: EffectPlace) -> EffectPlace:
+    """The effect without the record that it is of."""
+    return EffectPlace(place.effect, place.where, place.order, place.axes, place.law)
+
+
+def in_record(place: EffectPlace, record: str) -> InRecord:
+    """The effect in one record alone."""
+    return InRecord(place.effect, place.where, place.order, place.axes, place.law, record)
+
+
+@dataclass(frozen=True, eq=False)
+class Mended(Evidence):
+    """A record with what mends it by itself, linear about that fit, as parameters of its own.
+
+    It tells whether the others stand beside it: an effect that is not linear acts as it does there.
+    """
+
+    before: Evidence
+    fit: Fit
+
+    @staticmethod
+    def of(before: Evidence, fit: Fit) -> "Mended":
+        """The record about a fit to it."""
+        more = tuple((f"{fit.title} {k}", "") for k in range(len(fit.stated)))
+        return Mended((), (*before.names, *more), fit.at, before.places, before, fit)
+
+    @cached_property
+    def residual(self) -> NDArray[np.float64]:
+        """Errors (M,) at the fit."""
+        return self.fit.residual
+
+    @cached_property
+    def nominal(self) -> NDArray[np.float64]:
+        """Derivatives (M, P + K) by parameters and coefficients."""
+        return self.fit.jacobian
+
+    @cached_property
+    def bound(self) -> NDArray[np.float64]:
+        """Bounds (M,) with what the sizes there leave open."""
+        return self.fit.allowed
+
+    @property
+    def limit(self) -> float:
+        """That of the record."""
+        return self.before.limit
+
+    @property
+    def linear_places(self) -> list[EffectPlace]:
+        """Those of the record that the fit has not."""
+        return [place for place in self.before.linear_places if place not in self.fit.places]
+
+    def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
+        """The rows about parameters and coefficients, linear about the fit."""
+        count = len(self.fit.point)
+        at = self.before.about(places, self.fit.point, np.zeros(width_of(places)))
+        matrix = np.hstack([self.nominal, at.jacobian[:, count:]])
+        rate = np.hstack([np.zeros_like(self.nominal), at.rate[:, count:]])
+        step = np.concatenate([point - self.point, coefficients])
+        return About(self.residual - matrix @ step, matrix, self.bound, rate)
+
+    def outlier_at(self, row: int) -> EffectPlace | None:
+        """A reading that is off, as of the record."""
+        return self.before.outlier_at(row)
+
+    def second_order_at(self, radius: float) -> float:
+        """As of the record."""
+        return self.before.second_order_at(radius)
+
+
+def width_of(places: Sequence[EffectPlace]) -> int:
+    """How many coefficients some effects have."""
+    return sum(coefficient_count(place) for place in places)
+
+
+def is_of_instrument(name: str, shared: Sequence[str] = (), own: Sequence[str] = ()) -> bool:
+    """Whether a parameter is shared: by what is asked, in which a star stands for anything, else by default."""
+    return not is_asked(name, own) and is_asked(name, (*shared, *OF_INSTRUMENT))
+
+
+def is_asked(name: str, asked: Sequence[str]) -> bool:
+    """Whether a parameter is meant by one of some names, in which a star stands for anything."""
+    return any(fnmatchcase(one, pattern) for pattern in asked for one in names_of(name))
+
+
+def names_of(name: str) -> tuple[str, ...]:
+    """What a parameter is called: as the model has it, in words, and without its mounting."""
+    bare = name.partition("@")[0]
+    return tuple(dict.fromkeys((name, bare, *NAMES.get(bare, (bare,))[:1])))
+
+
+def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Sequence[str] = ()) -> "Joint":
+    """The evidence of several records of one instrument, by their labels.
+
+    `shared` and `own` are names of parameters to be shared, or each record's own, other than by default; a star stands
+    for anything. The rows are linear about the fit of the model without effects to all records.
+
+    An InputError for a name that no record has, and for a parameter that is asked to be both.
+    """
+    known = dict.fromkeys(one for member in members.values() for name, _ in member.names for one in names_of(name))
+    for asked in (*shared, *own):
+        if not any(fnmatchcase(one, asked) for one in known):
+            option = "--shared" if asked in shared else "--own"
+            raise InputError(f"{option} {asked}: no parameter of these records; {nearest(asked, list(known))}")
+    every = dict.fromkeys(name for member in members.values() for name, _ in member.names)
+    if both := [name for name in every if is_asked(name, shared) and is_asked(name, own)]:
+        raise InputError(f"--shared and --own: {both[0]} cannot be both")
+    names: dict[str, tuple[str, str]] = {}
+    columns: list[list[str]] = []
+    common: dict[str, None] = {}
+    for label, member in members.items():
+        columns.append([])
+        for name, unit in member.names:
+            instrument = is_of_instrument(name, shared, own)
+            mine = name if instrument else f"{name} in {label}"
+            common |= {name: None} if instrument else {}
+            names[mine] = (mine, unit)
+            columns[-1].append(mine)
+    order = list(names)
+    chosen = [np.eye(len(order))[[order.index(name) for name in mine]].reshape(-1, len(order)) for mine in columns]
+    # The rows of each about its own fit give the point that is nearest to all of them.
+    pairs = list(zip(members.values(), chosen, strict=True))
+    matrix = np.vstack([one.nominal @ own_ / one.bound[:, None] for one, own_ in pairs])
+    right = np.concatenate([(one.residual + one.nominal @ one.point) / one.bound for one in members.values()])
+    made = Joint(
+        (), tuple(names.values()), estimated(matrix, right), (), tuple(members.values()), tuple(members),
+        tuple(common), tuple(chosen),
+    )  # fmt: skip
+    point = made.refit(()).estimate
+    return made.about_point(point)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(Evidence):
+    """Records of one instrument, one below the other; errors are in units of their bounds.
+
+    `members` are the evidences of the records, `labels` what these are called; `shared` are the names of the parameters
+    that have one value; `chosen` (P_k, P) picks those of each record out of all P.
+    """
+
+    members: tuple[Evidence, ...]
+    labels: tuple[str, ...]
+    shared: tuple[str, ...]
+    chosen: tuple[NDArray[np.float64], ...]
+
+    most_sets = None
+
+    def about_point(self, point: NDArray[np.float64]) -> "Joint":
+        """The same about other parameters (P,), with every effect that can be tried."""
+        fixed = (self.members, self.labels, self.shared, self.chosen)
+        return Joint((), self.names, point, Joint((), self.names, point, (), *fixed).every_place, *fixed)
+
+    # Rows
+
+    @cached_property
+    def starts(self) -> NDArray[np.int_]:
+        """First row of each record, and the number of all."""
+        return np.cumsum([0, *(len(member.residual) for member in self.members)])
+
+    def record_of(self, row: int) -> int:
+        """The number of the record of a row."""
+        return int(np.searchsorted(self.starts, row, side="right")) - 1
+
+    @cached_property
+    def searched(self) -> tuple[tuple[EffectPlace, ...], ...]:
+        """Effects of each record that are linear, and of which it leaves nothing open that counts."""
+        found = []
+        for member, chosen in zip(self.members, self.chosen, strict=True):
+            places = member.linear_places
+            at = member.about(places, chosen @ self.point, np.zeros(width_of(places)))
+            columns, rate = (np.abs(values[:, chosen.shape[0] :]) for values in (at.jacobian, at.rate))
+            told = (rate[:, b].max(initial=0.0) <= OPEN * columns[:, b].max(initial=0.0) for b in blocks_of(places))
+            found.append(tuple(place for place, is_told in zip(places, told, strict=True) if is_told))
+        return tuple(found)
+
+    @cached_property
+    def not_searched(self) -> tuple[str, ...]:
+        """Names of effects that are not sought in several records together."""
+        tried = {place.effect for places in self.searched for place in places} | {"outlier"}
+        return tuple(dict.fromkeys(p.effect for member in self.members for p in member.places if p.effect not in tried))
+
+    @cached_property
+    def every_place(self) -> tuple[EffectPlace, ...]:
+        """Effects in all records, in each alone, and shared parameters that differ in one."""
+        common = [place for place in self.searched[0] if all(place in places for places in self.searched[1:])]
+        alone = [in_record(p, label) for label, own in zip(self.labels, self.searched, strict=True) for p in own]
+        units = dict(self.names)
+        apart = [
+            Differs("parameter", name, record=label, unit=units[name])
+            for name in self.shared
+            for label, member in zip(self.labels, self.members, strict=True)
+            if name in dict(member.names)
+        ]
+        return (*common, *alone, *apart)
+
+    @cached_property
+    def _here(self) -> tuple[tuple[Mapping[EffectPlace, slice], NDArray], ...]:
+        """Columns of all effects of each record at the point, over the bounds."""
+        found = []
+        for member, chosen, places in zip(self.members, self.chosen, self.searched, strict=True):
+            blocks = blocks_of(places)
+            at = member.about(places, chosen @ self.point, np.zeros(width_of(places)))
+            found.append((dict(zip(places, blocks, strict=True)), at.jacobian / at.bound[:, None]))
+        return tuple(found)
+
+    @cached_property
+    def residual(self) -> NDArray[np.float64]:
+        """Errors (M,) of the model without effects at the point, over their bounds."""
+        return self.at((), self.point)[0]
+
+    @cached_property
+    def nominal(self) -> NDArray[np.float64]:
+        """Columns (M, P) of the parameters over the bounds."""
+        return self.at((), self.point)[1]
+
+    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Columns (M, K) of some effects at the point, over the bounds."""
+        found = [np.zeros((self.starts[-1], 0))]
+        for place in places:
+            columns = np.zeros((self.starts[-1], width_of([place])))
+            for k, label in enumerate(self.labels):
+                if isinstance(place, InRecord) and place.record != label:
+                    continue
+                rows, (blocks, own) = slice(self.starts[k], self.starts[k + 1]), self._here[k]
+                if isinstance(place, Differs):
+                    columns[rows, 0] = own[:, self._number(k, place.where)]
+                elif plain(place) in blocks:
+                    columns[rows] = own[:, len(self.chosen[k]) :][:, blocks[plain(place)]]
+                else:
+                    columns[rows] = self.at([place], self.point)[1][rows, len(self.point) :]
+            found.append(columns)
+        return np.hstack(found)
+
+    def _number(self, k: int, name: str) -> int:
+        """The number of a parameter among those of a record."""
+        return [own for own, _ in self.members[k].names].index(name)
+
+    def at(
+        self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Errors (M,), derivatives (M, P + K) and growth of the bounds (M, P + K), exact at a point and coefficients.
+
+        All are in units of the bounds.
+        """
+        blocks, count = blocks_of(places), len(self.point)
+        total = width_of(places)
+        c = np.zeros(total) if coefficients is None else coefficients
+        found: list[tuple[NDArray, NDArray, NDArray]] = []
+        for k, (member, chosen, label) in enumerate(zip(self.members, self.chosen, self.labels, strict=True)):
+            mine = [
+                (place, np.arange(block.start, block.stop))
+                for place, block in zip(places, blocks, strict=True)
+                if not isinstance(place, InRecord) or place.record == label
+            ]
+            apart = [(self._number(k, place.where), own) for place, own in mine if isinstance(place, Differs)]
+            effects = [(plain(place), own) for place, own in mine if not isinstance(place, Differs)]
+            x, own_columns = chosen @ point, np.concatenate([np.zeros(0, dtype=int), *(own for _, own in effects)])
+            for number, own in apart:
+                x[number] += c[own[0]]
+            rows = member.about([place for place, _ in effects], x, c[own_columns])
+            wide = []
+            for values in (rows.jacobian, rows.rate):
+                over = values / rows.bound[:, None]
+                all_columns = np.zeros((len(over), count + total))
+                all_columns[:, :count] = over[:, : len(x)] @ chosen
+                all_columns[:, count + own_columns] = over[:, len(x) :]
+                for number, own in apart:
+                    all_columns[:, count + own[0]] = over[:, number]
+                wide.append(all_columns)
+            found.append((rows.residual / rows.bound, wide[0], wide[1]))
+        residual, jacobian, rate = (np.concatenate(own) for own in zip(*found, strict=True))
+        return residual, jacobian, rate
+
+    # What the engine asks
+
+    @property
+    def limit(self) -> float:
+        """Radius up to which the model stands."""
+        return max(member.limit for member in self.members)
+
+    def room(self, fit: Fit) -> float:
+        """What digits add to the bounds, in units of these."""
+        return max(member.room(fit) / float(member.bound.min()) for member in self.members)
+
+    def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
+        """Intervals widened by what readings cannot tell."""
+        return tuple(ends) if isinstance(place, Differs) else self.members[0].told(plain(place), ends)
+
+    def named(self, place: EffectPlace) -> EffectPlace:
+        """An effect as its record names it: an outlier with the record's own number."""
+        if not isinstance(place, InRecord) or isinstance(place, Differs):
+            return place
+        return in_record(self.members[self.labels.index(place.record)].named(plain(place)), place.record)
+
+    def refit(self, places: Sequence[EffectPlace]) -> Fit:
+        """The exact models of all records with some effects, relinearised: least squares, then the Chebyshev fit."""
+        count, blocks = len(self.point), blocks_of(places)
+        x = np.append(self.point, np.zeros(width_of(places)))
+        bound, single = np.ones(self.starts[-1]), {}
+        for place, block in zip(places, blocks, strict=True):
+            if block.stop - block.start == 1:
+                single[place] = count + block.start
+
+        def fit_at(x: NDArray, estimate: NDArray, *, there: bool) -> Fit:
+            residual, jacobian, rate = self.at(places, x[:count], x[count:])
+            growths = growths_of(Paid.of(single, rate), rate, x)
+            if there:
+                growths = tuple(sorted(growths, key=lambda growth: -growth.now.sum()))
+                grown = growths[0].now if growths else 0.0
+                step, radius = np.zeros(len(x)), float((np.abs(residual) - grown).max(initial=0.0))
+            else:
+                radius, step, branch = least_radius(jacobian, residual, bound, growths)
+                step = self._own_centres(jacobian, residual, np.any(rate, axis=0, keepdims=True)[0], step)
+                growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
+            at = (x, step, residual, bound, jacobian)
+            return Fit(tuple(places), blocks, *at, radius, estimate, x[count:], (), growths)
+
+        for _ in range(MAX_ITERATIONS):
+            residual, jacobian, _ = self.at(places, x[:count], x[count:])
+            step = estimated(jacobian, residual)
+            x = x + step
+            if np.abs(step).max(initial=0.0) < CONVERGED:
+                break
+        estimate, best = x, fit_at(x, x, there=True)
+        for _ in range(MAX_MOVES):
+            fit = fit_at(x, estimate, there=False)
+            x = x + fit.step
+            moved = fit_at(x, estimate, there=True)
+            best = min(best, moved, key=lambda one: one.radius)
+            if moved.radius <= fit.radius + ATTAINED * max(1.0, fit.radius):
+                break
+        return best
+
+    def _own_centres(
+        self, jacobian: NDArray, residual: NDArray, paid: NDArray[np.bool_], step: NDArray
+    ) -> NDArray[np.float64]:
+        """A step (n,) to the least radius with what is each record's own at its best.
+
+        Records that do not decide the radius may stand anywhere within it, and would go to and fro between its corners.
+        What bounds are `paid` by stays.
+        """
+        rows = [slice(begin, end) for begin, end in pairwise(self.starts)]
+        acting = np.array([jacobian[own].any(axis=0) for own in rows])
+        moved = step.copy()
+        for k, own in enumerate(rows):
+            columns = np.flatnonzero(acting[k] & (acting.sum(axis=0) == 1) & ~paid)
+            if not len(columns):
+                continue
+            left = residual[own] - jacobian[own] @ moved
+            moved[columns] += chebyshev_radius(jacobian[own][:, columns], left, np.ones(len(left)))[1]
+        return moved
+
+    @property
+    def left_open(self) -> tuple[str, ...]:
+        """Parameters that all records together do not determine."""
+        if not self.names:
+            return ()
+        ends = self.baseline.ends(self.room(self.baseline), self.most_rows)
+        _, values, directions = np.linalg.svd(self.nominal, full_matrices=True)
+        kept = int((values > max(member.least_singular for member in self.members)).sum())
+        loose = np.abs(directions[kept:]).max(axis=0, initial=0.0) > LEAST_PART
+        wide = [
+            unit == "1" and high - low > 2.0 * LARGEST for (_, unit), (low, high) in zip(self.names, ends, strict=True)
+        ]
+        unbounded = ~np.isfinite(ends).all(axis=1)
+        return tuple(name for (name, _), is_open in zip(self.names, loose | wide | unbounded, strict=True) if is_open)
+
+    @property
+    def slack(self) -> float:
+        """What the linear model may be wrong by, in bounds: second order of the misfit, and what is left open."""
+        radius = self.baseline_radius
+        second = max(member.second_order_at(radius) for member in self.members)
+        return min(MOST_SLACK, LEAST_SLACK + second + OPEN * radius)
+
+    @cached_property
+    def classes(self) -> Classes:
+        """Effects by what they add to all records; those that have the same space are one class.
+
+        Only spaces with equal parts of two given vectors are compared.
+        """
+        places = self.seen
+        spaces = spaces_beyond(self.nominal, [self.columns_of([place]) for place in places])
+        rng = np.random.default_rng(0)
+        given = rng.normal(size=(self.starts[-1], 2))
+        marks = [np.linalg.norm(space.T @ given, axis=0) for space in spaces]
+        found: list[tuple[list[EffectPlace], NDArray, NDArray]] = []
+        for place, space, mark in zip(places, spaces, marks, strict=True):
+            if not space.shape[1]:
+                continue
+            near = (one for one in found if np.abs(one[2] - mark).max() < ALIKE and same_space(one[1], space))
+            if (same := next(near, None)) is not None:
+                same[0].append(place)
+            else:
+                found.append(([place], space, mark))
+        kept = [(first, tuple(others), space) for (first, *others), space, _ in found]
+        return Classes(*zip(*kept, strict=True)) if kept else Classes((), (), ())
+
+    def candidates(
+        self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
+    ) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of so many effects, outliers among them where records have such, that no bound refuses."""
+        places = self.classes.places if among is None else among
+        problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
+        outliers = MOST_OUTLIERS if all(m.outlier_at(0) is not None for m in self.members) else 0
+        for chosen in sets_of_size(problem, size, self.limit - 1.0 + self.slack, outliers, work):
+            yield (*(places[i] for i in chosen.effects), *(self._outlier(row) for row in chosen.outliers))
+
+    def _outlier(self, row: int) -> InRecord:
+        """A reading that is off."""
+        k = self.record_of(row)
+        place = self.members[k].outlier_at(int(row - self.starts[k]))
+        assert place is not None
+        return in_record(place, self.labels[k])
+
+    def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """The fit of a set of effects with possible sizes, where the model stands with it."""
+        work.programme(len(self.residual), len(self.point) + width_of(places))
+        fit = self.refit(places)
+        if fit.radius > self.limit:
+            return []
+        possible = with_possible_sizes(fit, self.limit, LARGEST_OF_BENCH)
+        return [] if possible is None else [possible]
+
+    def alone(self, place: EffectPlace) -> float:
+        """Radius that one effect leaves."""
+        return self.refit([place]).radius
+
+    def trials(self, fit: Fit) -> Iterator[Trial]:
+        """Each effect of a fit but outliers: parts of all records left out without it, with it, and with it shuffled.
+
+        Its signature is shuffled over the rows of a record on which it acts.
+        """
+        rng, count = np.random.default_rng(len(self.residual)), len(self.point)
+        error = fit.residual + fit.jacobian[:, count:] @ fit.coefficients
+        for place, block, _ in fit.ways:
+            if place.effect == "outlier":
+                continue
+            own = np.arange(count + block.start, count + block.stop)
+            without = self._predicted(np.delete(fit.jacobian, own, axis=1), error)
+            reached = self._predicted(fit.jacobian, error)
+            scored = np.isfinite(without) & np.isfinite(reached)
+            if not scored.any():
+                continue
+            shuffled = (
+                moved[scored & np.isfinite(moved)]
+                for moved in (self._predicted(self._shuffled(fit.jacobian, own, rng), error) for _ in range(SHUFFLES))
+            )
+            yield Trial((place,), (without[scored], reached[scored]), None, shuffled)
+
+    def _predicted(self, jacobian: NDArray, error: NDArray) -> NDArray[np.float64]:
+        """Errors (M,), in bounds, of parts of the records left out in turn; NaN where the others do not tell them."""
+        folds, found = np.concatenate([member.fold_of_rows() for member in self.members]), np.full(len(error), np.nan)
+        for fold in range(folds.max() + 1):
+            held = np.flatnonzero(folds == fold)
+            tried = predicted_errors(jacobian, error, np.ones(len(error)), np.flatnonzero(folds != fold), held)
+            if tried is not None:
+                found[held] = np.where(tried[1] <= MAX_LEVERAGE, tried[0], np.nan)
+        return found
+
+    def _shuffled(self, jacobian: NDArray, own: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+        """The derivatives with an effect's columns moved to other rows of the same record."""
+        moved = jacobian.copy()
+        for begin, end in pairwise(self.starts):
+            acting = begin + np.flatnonzero(jacobian[begin:end][:, own].any(axis=1))
+            moved[np.ix_(acting, own)] = jacobian[np.ix_(rng.permutation(acting), own)]
+        return moved
+
+    def alone_with(self, k: int, places: Sequence[EffectPlace]) -> Fit:
+        """One record by itself with those of some effects that act in it."""
+        label, member = self.labels[k], self.members[k]
+        mine = (p for p in places if not isinstance(p, InRecord) or p.record == label)
+        return member.refit([plain(place) for place in mine if not isinstance(place, Differs)])
+
+    def head(self) -> Mapping[str, Any]:
+        """Nothing: what is said of several records is no diagnosis of one."""
+        return {}

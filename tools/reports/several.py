@@ -1,0 +1,143 @@
+"""What several records of one instrument say together: lines for a terminal, and the page."""
+
+from collections.abc import Sequence
+
+from ..calibration.targets import NAMES
+from ..diagnosis.several import JointCause, Repeated, Several
+from ..document.blocks import Page, Section, Table, Tone
+from ..document.notation import Cell, sentence, unit_text
+from ..rounding import downwards, interval, residual, upwards
+from .makers import cited, versions
+from .pictures.several import drawable, repeatability_picture
+
+VERDICTS = {
+    "consistent": "consistent: one value for each parameter of the instrument does for all; nothing must differ",
+    "explained": "explained: one smallest set makes all records consistent together, and no other does",
+    "ambiguous": "ambiguous: several smallest sets would make all records consistent together",
+    "unexplained": "unexplained: shared parameters are falsified, and nothing that can be named mends it",
+    "insufficient": "insufficient: the records cannot tell together whether the simulation is wrong",
+}
+TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
+MOST_SETS = 6
+"""So many sets that remain are printed."""
+
+
+def lines(result: Several) -> list[str]:
+    """The verdict, whose what was found is, each record by itself, repeatability."""
+    said = [verdict_line(result), *(sentences(result))]
+    said += [f"not named: {text}" for text in result.not_named]
+    said += [f"caution: {text}" for text in result.caution]
+    if result.missing:
+        said.append(f"still open: {', '.join(result.missing)}")
+    if result.radius is not None:
+        with_them = (
+            "" if result.radius_with_causes is None else f", with the causes {residual(result.radius_with_causes)}"
+        )
+        said.append(
+            f"shared parameters, radius {residual(result.radius)}{with_them}: {', '.join(result.shared) or 'none'}"
+        )
+    for one in result.records:
+        alone = f"{one.record} by itself: {one.diagnosis.verdict}{_named(one.diagnosis.causes)}"
+        said.append(alone + ("" if one.left_out is None else f"; not judged with the others: {one.left_out}"))
+    for one in result.repeatability:
+        if one.of == "instrument" and one.at_least > 0.0:
+            most = "" if one.at_most is None else f", {upwards(one.at_most)} at most"
+            said.append(f"{words(one.name)} changes by {downwards(one.at_least)} {unit_text(one.unit)} at least{most}")
+    if result.not_searched and result.radius is not None:
+        said.append(f"not sought in several records together: {', '.join(result.not_searched)}")
+    return said
+
+
+def words(name: str) -> str:
+    """A parameter by its symbol, and in words where it has such."""
+    known = NAMES.get(name.partition("@")[0])
+    return name if known is None else f"{name}, {known[0]}"
+
+
+def _named(causes: Sequence[object]) -> str:
+    return "".join(f", {cause.place.title}" for cause in causes)  # type: ignore[attr-defined]
+
+
+def verdict_line(result: Several) -> str:
+    """The first line: the verdict; where records that say too little alone say enough together, that they do."""
+    said = VERDICTS[result.verdict]
+    alone = [one.diagnosis.verdict for one in result.records if one.left_out is None]
+    if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
+        said += "; each by itself is insufficient, together they are not"
+    return said
+
+
+def sentences(result: Several) -> list[str]:
+    """What is found, whose it is, with its sizes."""
+    said = []
+    for number, causes in enumerate((result.causes, *result.alternatives)[:MOST_SETS]):
+        head = "or: " if number else ""
+        said += [f"{head}{cause_text(cause)}" for cause in causes]
+    if len(result.alternatives) >= MOST_SETS:
+        said.append(f"... and {len(result.alternatives) - MOST_SETS + 1} sets more")
+    if result.verdict == "ambiguous":
+        of_run = [label for label, told in result.runs.items() if told == "yes"]
+        said += ["in every one of these sets something is the instrument's"] if result.instrument == "yes" else []
+        said += [f"in every one of these sets something is of the run {label} alone" for label in of_run]
+    return said
+
+
+def cause_text(cause: JointCause) -> str:
+    """A cause with its owner and its sizes."""
+    owner = "the instrument's" if cause.of == "instrument" else f"the run's, {cause.record} alone"
+    sizes = []
+    for p in cause.parameters:
+        value, low, high = interval(p.estimate, p.low, p.high)
+        sizes.append(f"{p.name} {value} {unit_text(p.unit)} ({low} to {high})")
+    same = f"; these records cannot tell it from {', '.join(cause.equivalents)}" if cause.equivalents else ""
+    return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
+
+
+def page(result: Several) -> Page:
+    """The page: together, each by itself, repeatability, what was shared."""
+    found = [sentence(text) for text in sentences(result)]
+    why = [sentence(text) for text in (*result.not_named, *result.caution)]
+    together = Section("Together", [*found, *why] or ["Nothing must differ."])
+    rows: list[list[Cell]] = [
+        [one.record, one.diagnosis.verdict, _named(one.diagnosis.causes)[2:], one.left_out or ""]
+        for one in result.records
+    ]
+    header = ["record", "verdict", "causes", "not judged with the others"]
+    alone = Section("Each by itself", table=Table(header, rows))
+    own = [f"Each record's own: {', '.join(result.own)}."] if result.own else []
+    not_sought = [f"Not sought in several records together: {', '.join(result.not_searched)}."] if result.radius else []
+    shared = Section(
+        "What is shared", [f"One value for all: {', '.join(result.shared) or 'no parameter'}.", *own, *not_sought]
+    )
+    return Page(
+        "Several records of one instrument",
+        sentence(verdict_line(result)),
+        [together, alone, *_repeatability(result.repeatability), shared],
+        TONES.get(result.verdict, "attention"),
+        {} if result.radius is None else {"radius with shared parameters": residual(result.radius)},
+        {**versions(), **{one.record: one.sha256 for one in result.records}},
+        cited("guaranteed", "simplex", "lawson", "left-out", "shuffles"),
+    )
+
+
+def _repeatability(found: Sequence[Repeated]) -> list[Section]:
+    if not found:
+        return []
+    labels = [record.record for record in found[0].records]
+    rows: list[list[Cell]] = []
+    for one in found:
+        cells: list[Cell] = []
+        for record in one.records:
+            value, low, high = interval(record.estimate, record.low, record.high)
+            cells.append(f"{value} ({low} to {high})" if record.estimate is not None else None)
+        most = None if one.at_most is None else upwards(one.at_most)
+        rows.append([words(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
+    header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
+    said = (
+        "Each record by itself, with the effects of the set that is named. Every value inside an interval is possible, "
+        "none outside: where two intervals do not meet, the parameter is no constant."
+    )
+    drawn = drawable(found)
+    caption = "A bar for each record, in their order from above; each row has a scale of its own."
+    picture = repeatability_picture(found) if drawn else None
+    return [Section("Repeatability", [said], picture, caption if drawn else "", Table(header, rows))]
