@@ -132,6 +132,9 @@ def diagnosed(
     if found.is_sample and unlisted.rivals:
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, (*(_as_simple(finding, unlisted) for finding in findings), *idle))
+    if untried := evidence.untried(found.size):
+        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
+        return _unexplained(evidence, told, (*(f"{one.title} would do; {untried}" for one in findings), *idle))
     best, judgement = findings[0], judgement_of(evidence, findings[0].fit)
     told |= {"findings": findings, "judgement": judgement}
     objections = tuple(text for witness in _heard(judgement) for text in witness.objections)

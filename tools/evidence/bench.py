@@ -52,6 +52,8 @@ from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain
 from .pairs import Pair
 
+PAIR = 2
+"""Effects of a set that is no larger than two that each act at a time of their own."""
 FIT_TOLERANCE = 1e-8
 """What the fit of an extended model adds to the tolerance of its radius."""
 
@@ -172,6 +174,12 @@ class Bench(Evidence):
         if fit is None:
             raise ValueError("the fit runs away")
         return fit
+
+    def untried(self, size: int) -> str | None:
+        """Two steps, slips, warm-ups or lags are never fitted together: where they might do, three effects are not."""
+        if size <= PAIR or not self.search.two_in_time(Work()):
+            return None
+        return "two effects that set in, settle or lag, each at its own time, might do with fewer, and were not tried"
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Effects fitted in each of the ways in which they can act: the best, and with it all others that stand, too.

@@ -250,6 +250,16 @@ class BenchSearch:
                         self._open_ways[frozenset(places)] = sorted(ways)
                         yield places
 
+    def two_in_time(self, work: Work) -> bool:
+        """Whether two effects that only add columns, each in a way of its own, might stand: no bound refuses them.
+
+        One alone does not, in two of its ways: of these only steps are two events.
+        """
+        ways, problem = self.ways, replace(self.problem(self.centre, [], self.ways), alike=0)
+        events = [self.additive[place][way].paid is None for place, way in ways]
+        pairs = (pair.effects for pair in sets_of_size(problem, 2, self.slack(self.centre), 0, work))
+        return any(ways[one][0] != ways[other][0] or events[one] for one, other in pairs)
+
     def acting(self, places: Sequence[EffectPlace]) -> dict[EffectPlace, Sequence[int]]:
         """The ways in which effects of a set that are not linear can act, as far as no bound refuses them."""
         known = frozenset(self.classes.whole_class(place)[0] for place in places)

@@ -425,6 +425,10 @@ class Evidence:
         """Why the record cannot be what it says."""
         return ()
 
+    def untried(self, size: int) -> str | None:
+        """Why sets of so many effects are not the smallest, though they stand: what might do was not tried."""
+        return None
+
     def would_need(self, places: Sequence[EffectPlace]) -> str:
         """What else would have to be true for these effects to be enough, in words; empty where nothing can be said."""
         return ""

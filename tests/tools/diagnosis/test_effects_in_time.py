@@ -12,6 +12,9 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Diagnosis
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials.case import Options
+from trihedron.tools.trials.draw import draw_case
+from trihedron.tools.trials.outcome import diagnosed as judged_diagnosis
 
 PLACE = "accelerometer-2"
 STEPS = 4000
@@ -114,3 +117,25 @@ def test_what_depends_on_an_input_is_no_wander():
     n = record.specific_force[:, 1] / GRAVITY
     result = diagnosed(record, 30.0 * NOISE_BOUND * n**5 - 20.0 * NOISE_BOUND * np.abs(n) ** 3)
     assert "bias-wander" not in {cause.place.effect for finding in result.findings for cause in finding.causes}
+
+
+def test_two_effects_in_time_get_no_name_from_three_that_look_like_them():
+    """A drift and the temperature stand for a bias that settles, beside a step: pairs in time are not tried."""
+    settling, stepped = (
+        draw_case(Options(effects=(name,), positions=(20, 60)), 31, 5) for name in ("warm-up", "bias-step")
+    )
+    both = replace(stepped, hidden=stepped.hidden + settling.hidden)
+    assert len(both.hidden) == 2
+    assert np.array_equal(stepped.instrument.alpha, settling.instrument.alpha)
+    result = judged_diagnosis(both, both.measured())
+    assert (result.verdict, result.causes) == ("unexplained", ())
+    assert any("two effects that set in, settle or lag" in text for text in result.not_named or ())
+
+
+def test_three_linear_effects_are_named_where_no_pair_in_time_does():
+    _, record = drawn(8, 40)
+    hours, n = hours_of(record), record.specific_force / GRAVITY
+    record.specific_force[:, 2] += GRAVITY * 60.0 * NOISE_BOUND * (n[:, 2] ** 3 + n[:, 0] * n[:, 1])
+    result = diagnosed(record, 60.0 * NOISE_BOUND * hours / hours[-1])
+    assert result.verdict == "explained"
+    assert {cause.place.effect for cause in result.causes} == {"bias-drift", "cubic", "cross-product"}
