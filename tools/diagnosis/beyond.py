@@ -20,6 +20,7 @@ from ..evidence.pairs import LEAST_AROUND, PIECES, Form, Pair, in_words
 from ..rounding import digits
 from .band import BandOfFunctions, Possible
 from .cause import Cause, Number, SizedParameter
+from .dependence import LARGEST_PART, NEAR
 from .laws import MOST_WORK, Law, Laws, words_of
 
 MOST_LAWS = 8
@@ -72,6 +73,10 @@ class FoundKnot(TypedDict):
 class BeyondCatalogue(StatedLaw):
     """What extends the model though it stands in no catalogue.
 
+    Where what is proven is not as straight as a table between its knots, and errors are at their bounds, no table
+    stands, or only one of so many knots that left-out readings say nothing of it. Then it is one with which a slightly
+    larger noise bound would do, and its intervals hold all tables that stand with one `NEAR` times as large.
+
     Attributes
     ----------
     kind : str
@@ -80,6 +85,8 @@ class BeyondCatalogue(StatedLaw):
         of what it is a function, and what that is multiplied by
     knots : tuple of FoundKnot or None
         of a table
+    noise_bound_needed : float or None
+        where it does not stand: the noise bound with which it would
     gain : Gain or None
         what it does to positions that were not used, simulated by the extended components
     """
@@ -88,6 +95,7 @@ class BeyondCatalogue(StatedLaw):
     quantity: str
     factor: str | None = None
     knots: tuple[FoundKnot, ...] | None = None
+    noise_bound_needed: Number | None = None
     gain: Gain | None = None
     fit: Any = Field(default=None, exclude=True)
 
@@ -130,8 +138,7 @@ class Beyond:
     @cached_property
     def table(self) -> Fit | None:
         """The model with a table of few knots that does; None where the place knows no table, or none does."""
-        for table in self._tables():
-            place = EffectPlace("lookup", self.pair.where, law=table.law)
+        for place in self._tables():
             try:
                 fits = self.evidence.mended([place], Work())
             except ValueError:
@@ -140,22 +147,51 @@ class Beyond:
                 return fits[0]
         return None
 
-    def _tables(self) -> Iterator[Table]:
+    def _tables(self) -> Iterator[EffectPlace]:
         """The table that suffices, or, where what does is none, through ever more knots, until one does."""
         pair, form = self.pair, self.form
-        quantity, factor = pair.quantity.replace(" ", "*"), pair.factor
         if form.kind == "jump":
-            yield Table(quantity, "jumps at", (form.at,), factor)
+            law = Table(pair.quantity.replace(" ", "*"), "jumps at", (form.at,), pair.factor).law
+            yield EffectPlace("lookup", pair.where, law=law)
             return
         around = form.kind == "around" or pair.circle
         counts = [form.count] if form.kind in ("pieces", "around") else []
         most = MOST_PART * len(np.unique(pair.values))
         for count in [*counts, *(k for k in (*PIECES, *MORE_PIECES) if LEAST_AROUND <= k <= most and k not in counts)]:
             one = form if counts == [count] else Form("around" if around else "pieces", count)
-            knots = np.sort(one.knots(pair.values))
-            zero = self.possible.functions(knots).zero
-            if len(zero) < len(knots):
-                yield Table(quantity, "around" if around else "at", tuple(knots.tolist()), factor, zero)
+            if (place := self._place_of(np.sort(one.knots(pair.values)), around=around)) is not None:
+                yield place
+
+    @property
+    def near_tables(self) -> list[Fit]:
+        """The model with tables with which a slightly larger noise bound would do, the nearest first.
+
+        Their knots have about as many values of the quantity between them, so that of each some are left where others
+        are left out.
+        """
+        pair, found = self.pair, []
+        values = np.unique(pair.values % TURN if pair.circle else pair.values)
+        for count in (count for count in PIECES if LEAST_AROUND <= count <= LARGEST_PART * len(values)):
+            parts = np.arange(count) / count if pair.circle else np.linspace(0.0, 1.0, count + 1)
+            place = self._place_of(np.unique(np.quantile(values, parts)), around=pair.circle)
+            try:
+                fit = self.evidence.refit([place]) if place else None
+            except ValueError:
+                # The place knows no table, or the fit runs away.
+                continue
+            if fit is not None and fit.radius < NEAR:
+                found.append(fit)
+        return sorted(found, key=lambda fit: fit.radius)
+
+    def _place_of(self, knots: NDArray, *, around: bool) -> EffectPlace | None:
+        """The table with these knots (K,); None where it would be nothing."""
+        pair, zero = self.pair, self.possible.functions(knots).zero
+        if len(zero) == len(knots):
+            return None
+        quantity, kind = pair.quantity.replace(" ", "*"), "around" if around else "at"
+        return EffectPlace(
+            "lookup", pair.where, law=Table(quantity, kind, tuple(knots.tolist()), pair.factor, zero).law
+        )
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -235,7 +271,8 @@ class Beyond:
 
     def _cause(self, fit: Fit) -> dict[str, Any]:
         """The effect of a centred fit, with intervals, as keys."""
-        (ends,) = fit.intervals(self.evidence.room(fit), self.evidence.most_rows)
+        more = 0.0 if fit.radius <= self.evidence.limit else (NEAR - 1.0) * float(fit.bound.min())
+        (ends,) = fit.intervals(self.evidence.room(fit) + more, self.evidence.most_rows)
         (values,), ends = fit.values(), self.evidence.told(fit.places[0], ends)
         inside = [min(max(value, low), high) for value, (low, high) in zip(values, ends, strict=True)]
         cause = Cause.found(fit.places[0], (), inside, ends)
@@ -265,25 +302,43 @@ class Beyond:
     def extension(self, rerun: bool) -> BeyondCatalogue | None:
         """What extends the model: the formula that predicts best what was left out, or a table where it does so better.
 
-        `rerun`: simulate what was held out again. None where neither a formula stands nor a table.
+        `rerun`: simulate what was held out again. Where none that stands predicts any of it, a table that does, with a
+        slightly larger noise bound. None where there is none at all.
         """
         fits = [law.fit for law in self.laws if not law.is_listed]
         if self.table is not None:
             fits.append(self.table)
+        errors = self._errors_alike(fits)
+        if not np.isfinite(errors).any():
+            near = [fit for fit in self.near_tables if self._folds(fit)]
+            fits, errors = (near, self._errors_alike(near)) if near else (fits, errors)
         if not fits:
             return None
-        errors = self._errors_alike(fits)
         # Formulas stand before the table: of those that predict about as well the first is the simplest.
-        chosen = next(k for k, error in enumerate(errors) if error <= AS_GOOD * min(errors))
-        fit = fits[chosen].centred(self.evidence.room(fits[chosen]), self.evidence.most_rows)
+        as_good = [fit for fit, error in zip(fits, errors, strict=True) if error <= AS_GOOD * min(errors)]
+        chosen, fit, gain = self._with_gain(as_good, rerun)
         cause = self._cause(fit)
         own: dict[str, Any] = {"kind": cause["effect"], "quantity": self.pair.quantity}
         if self.pair.factor:
             own["factor"] = self.pair.factor
+        bound = self.evidence.stated_bound
+        if fit.radius > self.evidence.limit and bound is not None:
+            own["noise_bound_needed"] = fit.radius * bound
         if cause["effect"] == "lookup" and (knots := _knots_of(cause["law"], cause["parameters"])):
             own["knots"] = knots
-        gain = self.evidence.gain(fit) if rerun else None
-        return BeyondCatalogue(**cause, **self._left_out(fits[chosen]), **own, gain=gain, fit=fit)
+        return BeyondCatalogue(**cause, **self._left_out(chosen), **own, gain=gain, fit=fit)
+
+    def _with_gain(self, fits: Sequence[Fit], rerun: bool) -> tuple[Fit, Fit, Gain | None]:
+        """Of fits the first, as it is and centred, of which what is held out can be simulated again; else the first."""
+        first: tuple[Fit, Fit, Gain | None] | None = None
+        for fit in fits:
+            centred = fit.centred(self.evidence.room(fit), self.evidence.most_rows)
+            gain = self.evidence.gain(centred) if rerun else None
+            first = first or (fit, centred, gain)
+            if gain is not None or not rerun:
+                return fit, centred, gain
+        assert first is not None
+        return first
 
 
 def _rms(errors: NDArray) -> float:

@@ -38,7 +38,7 @@ def lines(result: Diagnosis) -> list[str]:
         what = f"a table of {len(found.knots)} knots" if found.knots else found.words
         said.append(
             f"beyond the catalogue: {found.where} {what}, a function of {in_words(found.quantity)}, extends the model: "
-            f"radius {residual(found.radius)}{_left_out(found)}"
+            f"radius {residual(found.radius)}{_left_out(found)}{_needed(found)}"
         )
         if found.gain is not None:
             gain = found.gain
@@ -56,8 +56,16 @@ def beyond_words(result: Diagnosis) -> str:
         return ""
     what = "A table" if found.kind == "lookup" else f"The formula {found.words}"
     return (
-        f"{what}, a function of {in_words(found.quantity)}, extends it beyond the catalogue: a description, no cause."
+        f"{what}, a function of {in_words(found.quantity)}, extends it beyond the catalogue: a description, no cause"
+        f"{_needed(found)}."
     )
+
+
+def _needed(found: BeyondCatalogue) -> str:
+    """By how much larger a noise bound it would stand, where it does not."""
+    if found.noise_bound_needed is None:
+        return ""
+    return f"; it would stand with a noise bound of {upwards(found.noise_bound_needed, 3)}"
 
 
 def _sizes(law: StatedLaw) -> str:

@@ -7,19 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from independent_bench import SIGMA
+from outside_shapes import outside_case
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.models.effects.lookup import Table
+from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
 from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
-from trihedron.tools.diagnosis.dependence import dependence
+from trihedron.tools.diagnosis.dependence import NEAR, dependence
 from trihedron.tools.evidence.bench import Bench, bench_evidence
 from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
-from trihedron.tools.records import PositionRecord
+from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 
@@ -118,6 +121,34 @@ def test_what_the_search_can_prove_a_table_says_with_a_kernel():
         assert np.abs(scale * own - proven).max() < 1e-9 * np.abs(proven).max()
         assert pair.factor in ("hours", "temperature") or scale == pytest.approx(1.0)
         assert place.definition.kernel is not None
+
+
+@pytest.mark.acceptance
+def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_that_it_needs(tmp_path: Path):
+    """No straight pieces stand for a smooth function then; its intervals hold the truth, and it predicts."""
+    case = outside_case(tmp_path, 17, 165)
+    record = read_record(tmp_path / case.file)
+    assert isinstance(record, PositionRecord)
+    beyond = beyond_of(record)
+    assert beyond.table is None
+    assert [law for law in beyond.laws if not law.is_listed] == []
+    found = beyond.extension(rerun=True)
+    assert found is not None
+    assert 1.0 < found.radius < NEAR
+    assert found.noise_bound_needed == pytest.approx(found.radius * SIGMA)
+    assert found.left_out_rms is not None
+    assert found.left_out_rms < 1.5
+    assert found.gain is not None
+    assert found.gain.held_out_rms_after < 1.5 * SIGMA
+    # A bound that is a little larger is all that the table lacks, one that is a little smaller is too small.
+    wider, narrower = (
+        bench_evidence(record, noise_bound=found.noise_bound_needed * part).mended([found.place], Work())
+        for part in (1.001, 0.999)
+    )
+    assert len(wider) == 1
+    assert list(narrower) == []
+    for value, (low, high) in zip(found.values, found.intervals, strict=True):
+        assert low < value < high
 
 
 def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_the_model(tmp_path: Path):
