@@ -65,6 +65,12 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+@pytest.fixture
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made, and none is drawn, for tests of what stands beside them."""
+    monkeypatch.setattr("trihedron.tools.reports.pictures.svg_text", lambda figure, label: "<svg />")
+
+
 @pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the FMU of every component."""

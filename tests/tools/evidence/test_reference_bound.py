@@ -49,6 +49,17 @@ def without(record) -> Diagnosis:
     return diagnose(record, rerun=False)
 
 
+@pytest.fixture(scope="module")
+def least(without) -> float:
+    """What the effects that help need [arcmin]."""
+    return needed((without.not_named or ("",))[-1])
+
+
+@pytest.fixture(scope="module")
+def narrow(record, least) -> Diagnosis:
+    return diagnose(record, rerun=False, reference_bound=least)
+
+
 def too_large(found: Diagnosis) -> list[str]:
     """What is said of errors that all effects together leave."""
     return [text for text in found.not_named or () if "all effects of the catalogue together" in text]
@@ -71,7 +82,7 @@ def test_without_it_the_objection_says_what_the_true_attitude_would_have_to_err_
     assert without.reference_bound_arcmin is None
 
 
-def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(record, without):
+def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(record, least, narrow):
     found = diagnose(record, rerun=False, reference_bound=ERROR + 0.5)
     assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-scale-misalignment"])
     for (low, high), true in zip(found.causes[0].intervals, GAMMA.ravel(), strict=True):
@@ -82,10 +93,8 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
     assert found.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)
     proviso = "his holds if the true attitude errs by 8.5 arcmin at most at any row, as stated"
     # Less would be enough, and then the intervals would miss what is true.
-    least = needed((without.not_named or ("",))[-1])
     assert least < 0.7 * ERROR
     assert f"less than {least:.2f} would not do" in lines(found)[0]
-    narrow = diagnose(record, rerun=False, reference_bound=least)
     ends = zip(narrow.causes[0].intervals, GAMMA.ravel(), strict=True)
     assert not all(low <= true <= high for (low, high), true in ends)
     assert proviso in page(found).verdict
@@ -114,11 +123,9 @@ def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
     assert "as stated explain" in again
 
 
-def test_with_the_effects_that_help_what_they_need_is_enough(record, without):
-    stated = needed((without.not_named or ("",))[-1])
-    found = diagnose(record, rerun=False, reference_bound=stated)
-    assert not any("were that all" in text for text in found.not_named or ())
-    assert found.verdict == "explained"
+def test_with_the_effects_that_help_what_they_need_is_enough(narrow):
+    assert not any("were that all" in text for text in narrow.not_named or ())
+    assert narrow.verdict == "explained"
 
 
 def test_it_enters_at_both_ends_of_each_window_and_takes_nothing_from_what_the_record_shows():

@@ -157,6 +157,7 @@ def test_an_operators_page_with_its_proof_shows_no_bound_better_than_it_is():
     assert shown_too_well(plan().to_json(), watched) == []
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_a_campaigns_page_shows_no_bound_better_than_it_is(tmp_path: Path):
     """Quantiles, largest values and rates with their intervals, of 4 calibrations."""
     more = '[[compute]]\nquantiles = ["X4_guaranteed"]\n[[compute]]\nrate = "verdict"\nis = ["consistent"]\n'
@@ -269,6 +270,7 @@ def test_what_a_page_shows_inside_its_interval_is_found(part: str, end: str, fur
     assert len(wrong_on_page(text_of("bench, explained"), told)) == 1
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_headline_terminal_and_table_agree_on_the_bound():
     """With 3.541e-5 in JSON the headline said 3.5e-5, the terminal 3.5e-05 and the table 3.6e-5."""
     result = calibrate(clean(), noise_bound=1.7432e-5)
